@@ -1,0 +1,51 @@
+"""The errors a user can meet: what was given, what exists, what to try."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+
+class MyomorphError(Exception):
+    """Base of every error that is the input's fault; the command line exits 2 on it."""
+
+
+class UnknownName(MyomorphError, KeyError):
+    """A name that the model or the file does not have."""
+
+    def __init__(self, kind: str, name: str, existing: Iterable[str], where: str = "the model"):
+        self.kind, self.name, self.existing, self.where = kind, name, tuple(existing), where
+        super().__init__(kind, name, self.existing, where)
+
+    def __str__(self) -> str:
+        return f"unknown {self.kind} '{self.name}': {self.where} has {listing(self.name, self.existing)}"
+
+
+class BadFile(MyomorphError):
+    """A file that cannot be read, with the reason and what to try."""
+
+    def __init__(self, path: object, problem: str, hint: str = ""):
+        self.path, self.problem, self.hint = path, problem, hint
+        super().__init__(path, problem, hint)
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.problem}" + (f"; {self.hint}" if self.hint else "")
+
+
+class BadModel(MyomorphError):
+    """A model that is inconsistent, or that holds what would change the result and is not built."""
+
+
+class BadData(MyomorphError):
+    """Values that no step can use: wrong shape, not finite, no frames, no common time."""
+
+
+def listing(name: str, existing: Sequence[str], most: int = 6) -> str:
+    """Names that exist, those nearest to `name` first, cut to `most`."""
+    if not existing:
+        return "none"
+    near = difflib.get_close_matches(name, existing, n=most, cutoff=0.5)
+    rest = [other for other in existing if other not in near]
+    shown = (near + rest)[:most]
+    text = ", ".join(f"'{one}'" for one in shown)
+    return text + (f", ... ({len(existing)} in all)" if len(existing) > most else "")

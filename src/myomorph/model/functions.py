@@ -1,0 +1,152 @@
+"""Scalar functions of coordinates: what joints, couplers and moving points are made of.
+
+Every function a model file can hold is one of two kinds, so the kernels know only these two:
+piecewise polynomials of one coordinate (constants, lines, splines, couplers) and products of
+sines (OpenSim's `Sine`, the ellipsoid of the scapulothoracic joint).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.spatial import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewisePolynomial:
+    """f(x) = sum_j coefficients[i, j] (x - breaks[i])^j on piece i, the last break <= x.
+
+    Left of the first break the first piece holds. A single piece at break 0 is a polynomial; a
+    first break given twice makes its first piece the continuation to the left.
+
+    Attributes
+    ----------
+    breaks : (pieces,) ascending
+    coefficients : (pieces, degree + 1), the constant term first
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "breaks", frozen_array(self.breaks, (-1,)))
+        object.__setattr__(self, "coefficients", frozen_array(self.coefficients, (len(self.breaks), -1)))
+
+    @property
+    def arity(self) -> int:
+        """Number of coordinates the function takes: 0 for a constant, else 1."""
+        return 0 if self.coefficients.shape == (1, 1) else 1
+
+    def __call__(self, x: ArrayLike, order: int = 0) -> Array:
+        """Value (or the derivative of `order`) at x, any shape."""
+        x = np.asarray(x, dtype=np.float64)
+        piece = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, None)
+        h = x - self.breaks[piece]
+        total = np.zeros_like(h)
+        for j in range(self.coefficients.shape[1] - 1, order - 1, -1):
+            falling = float(np.prod(np.arange(j, j - order, -1)))
+            total = total * h + falling * self.coefficients[piece, j]
+        return total
+
+    def scaled(self, factor: float) -> PiecewisePolynomial:
+        """The function times a factor (OpenSim's `MultiplierFunction`)."""
+        return replace(self, coefficients=self.coefficients * factor)
+
+
+@dataclass(frozen=True, eq=False)
+class SineProduct:
+    """f(x_1, ..., x_n) = offset + factor * prod_i sin(frequencies[i] x_i + phases[i]), n = 1 or 2."""
+
+    factor: float
+    frequencies: Array
+    phases: Array
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frequencies", frozen_array(self.frequencies, (-1,)))
+        object.__setattr__(self, "phases", frozen_array(self.phases, (len(self.frequencies),)))
+
+    @property
+    def arity(self) -> int:
+        """Number of coordinates the function takes."""
+        return len(self.frequencies)
+
+    def __call__(self, *x: ArrayLike) -> Array:
+        """Value at the coordinates x_1, ..., x_n, any common shape."""
+        total: Array = np.asarray(self.factor, dtype=np.float64)
+        for one, frequency, phase in zip(x, self.frequencies, self.phases, strict=True):
+            total = total * np.sin(frequency * np.asarray(one, dtype=np.float64) + phase)
+        return total + self.offset
+
+    def scaled(self, factor: float) -> SineProduct:
+        """The function times a factor."""
+        return replace(self, factor=self.factor * factor, offset=self.offset * factor)
+
+
+Function = PiecewisePolynomial | SineProduct
+
+
+def constant(value: float) -> PiecewisePolynomial:
+    """f = value."""
+    return PiecewisePolynomial(np.zeros(1), np.array([[value]]))
+
+
+def linear(slope: float, intercept: float = 0.0) -> PiecewisePolynomial:
+    """f(x) = slope x + intercept."""
+    return PiecewisePolynomial(np.zeros(1), np.array([[intercept, slope]]))
+
+
+def polynomial(coefficients: ArrayLike) -> PiecewisePolynomial:
+    """f(x) = sum_j coefficients[j] x^j, the constant term first."""
+    return PiecewisePolynomial(np.zeros(1), np.atleast_2d(np.asarray(coefficients, dtype=np.float64)))
+
+
+def piecewise_linear(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
+    """Straight lines through the points (x, y), continued with the end slopes."""
+    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    slopes = np.diff(y) / np.diff(x)
+    return PiecewisePolynomial(x[:-1], np.column_stack([y[:-1], slopes]))
+
+
+def simm_spline(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
+    """Cubic spline with OpenSim's `SimmSpline` end conditions, continued by straight lines.
+
+    The third derivative at each end equals that of the cubic through the four end points
+    (Forsythe, Malcolm and Moler 1977); with two points it is a line, with three a parabola-like
+    cubic with equal second derivatives.
+
+    Parameters
+    ----------
+    x : (points,) strictly ascending abscissae
+    y : (points,) ordinates
+    """
+    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    n = len(x)
+    if n < 2:
+        return constant(float(y[0]) if n else 0.0)
+    h = np.diff(x)
+    slope = np.diff(y) / h
+    if n == 2:
+        return linear(slope[0], y[0] - slope[0] * x[0])
+    matrix = np.zeros((n, n))
+    right = np.zeros(n)
+    for i in range(1, n - 1):
+        matrix[i, i - 1 : i + 2] = h[i - 1], 2.0 * (h[i - 1] + h[i]), h[i]
+        right[i] = slope[i] - slope[i - 1]
+    matrix[0, :2] = -h[0], h[0]
+    matrix[-1, -2:] = h[-1], -h[-1]
+    if n > 3:
+        second = np.diff(slope) / (x[2:] - x[:-2])
+        right[0] = h[0] ** 2 * (second[1] - second[0]) / (x[3] - x[0])
+        right[-1] = -(h[-1] ** 2) * (second[-1] - second[-2]) / (x[-1] - x[-4])
+    sigma = np.linalg.solve(matrix, right)
+    b = np.empty(n)
+    b[:-1] = slope - h * (sigma[1:] + 2.0 * sigma[:-1])
+    b[-1] = slope[-1] + h[-1] * (sigma[-2] + 2.0 * sigma[-1])
+    pieces = np.column_stack([y[:-1], b[:-1], 3.0 * sigma[:-1], np.diff(sigma) / h])
+    before = [y[0], b[0], 0.0, 0.0]
+    after = [y[-1], b[-1], 0.0, 0.0]
+    return PiecewisePolynomial(np.concatenate([x[:1], x]), np.vstack([before, pieces, after]))

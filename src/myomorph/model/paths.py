@@ -1,0 +1,151 @@
+"""Muscles as values: the points and surfaces of their paths, and what makes their force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.functions import Function
+from myomorph.model.spatial import Array, Transform, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoint:
+    """A point fixed to a body: `location` (3,) in its frame [m].
+
+    With a `coordinate`, the path goes through it only while that coordinate is in `range`
+    (OpenSim's ConditionalPathPoint) [rad or m].
+    """
+
+    name: str
+    body: str
+    location: Array
+    coordinate: str = ""
+    range: tuple[float, float] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "location", frozen_array(self.location, (3,)))
+
+
+@dataclass(frozen=True, eq=False)
+class MovingPathPoint:
+    """A point whose place in its body's frame [m] is a function of coordinates.
+
+    Attributes
+    ----------
+    functions : of x, y and z
+    coordinates : name each function takes, "" where the function is constant
+    """
+
+    name: str
+    body: str
+    functions: tuple[Function, Function, Function]
+    coordinates: tuple[str, str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class WrapObject:
+    """A surface that muscle paths go around.
+
+    Attributes
+    ----------
+    kind : "cylinder" (axis z), "sphere", "ellipsoid" or "torus" (axis z)
+    pose : in the body's frame
+    size : cylinder (radius, length), sphere (radius,), ellipsoid (x, y, z), torus (inner, outer) [m];
+        an infinite cylinder has length inf
+    quadrant : "" for all, or the side that constrains the path: "+x", "-x", "+y", "-y", "+z", "-z"
+    """
+
+    name: str
+    body: str
+    kind: Literal["cylinder", "sphere", "ellipsoid", "torus"]
+    pose: Transform
+    size: tuple[float, ...]
+    quadrant: str = ""
+    active: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class PathWrap:
+    """A path's use of a wrap object, as OpenSim defines it.
+
+    Attributes
+    ----------
+    wrap_object : name, unique in the model
+    method : of ellipsoids: "hybrid", "midpoint" or "axial"
+    first, last : 0-based indices of the path points between which it may wrap; -1 for the ends
+    """
+
+    wrap_object: str
+    method: str = "hybrid"
+    first: int = -1
+    last: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class TendonWrap:
+    """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`.
+
+    Attributes
+    ----------
+    wrap_object : name of a sphere or (infinite) cylinder
+    after : index of the path point before the surface
+    side_body, side : the side site that chooses the way around; inside the surface it wraps inward
+    """
+
+    wrap_object: str
+    after: int
+    side_body: str = ""
+    side: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A muscle's way from origin to insertion.
+
+    Attributes
+    ----------
+    points : at least two, origin first
+    wraps : all `PathWrap` (OpenSim) or all `TendonWrap` (MuJoCo)
+    divisors : one per segment between points: its share in the length is 1 / divisor, 0 where the
+        path has a gap (MuJoCo pulleys); () means all 1
+    """
+
+    points: tuple[PathPoint | MovingPathPoint, ...]
+    wraps: tuple[PathWrap, ...] | tuple[TendonWrap, ...] = ()
+    divisors: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Muscle:
+    """A muscle-tendon unit.
+
+    Attributes
+    ----------
+    kind : the file's class, "Millard2012EquilibriumMuscle", "Thelen2003Muscle", ..., or "mujoco"
+    max_isometric_force : [N]
+    optimal_fiber_length, tendon_slack_length : [m]
+    pennation_at_optimal : [rad]
+    max_contraction_velocity : [optimal fiber lengths / s]
+    min_activation, max_activation : bounds of the activation
+    parameters : what else the class has, by the file's own names, e.g. "KshapeActive"
+    enabled : false where the file switches it off (`appliesForce`)
+    """
+
+    name: str
+    kind: str
+    path: Path
+    max_isometric_force: float
+    optimal_fiber_length: float
+    tendon_slack_length: float
+    pennation_at_optimal: float = 0.0
+    max_contraction_velocity: float = 10.0
+    min_activation: float = 0.01
+    max_activation: float = 1.0
+    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    groups: tuple[str, ...] = ()
+    enabled: bool = True
