@@ -1,0 +1,25 @@
+"""Where the recordings are: `MYOMORPH_DATA`, or the folder that lies beside the checkout."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+DATA = Path(os.environ.get("MYOMORPH_DATA", BESIDE))
+
+
+@pytest.fixture(scope="session")
+def data() -> Callable[[str], Path]:
+    """Path of a file of the data collection; the test is skipped where its data set is absent."""
+
+    def find(name: str) -> Path:
+        path = DATA / name
+        if not path.exists():
+            pytest.skip(f"needs the data set '{name.split('/')[0]}': set MYOMORPH_DATA to the folder that holds it")
+        return path
+
+    return find
