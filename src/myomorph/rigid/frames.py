@@ -1,0 +1,55 @@
+"""Frames split over the cores: kernels release the GIL, so plain threads suffice."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+
+CHUNK = 128
+"""Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing."""
+
+
+def thread_count() -> int:
+    """Threads to use: the environment variable MYOMORPH_THREADS, or all cores."""
+    asked = os.environ.get("MYOMORPH_THREADS", "")
+    return int(asked) if asked.isdigit() and int(asked) > 0 else os.cpu_count() or 1
+
+
+def over_frames(
+    task: Callable[[int, int], None],
+    frames: int,
+    progress: Callable[[int], None] | None = None,
+    chunk: int = CHUNK,
+) -> None:
+    """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads.
+
+    Parameters
+    ----------
+    task : fills its part of arrays that exist already; an exception ends the whole
+    frames : how many there are
+    progress : called with the number of frames just done, from the calling thread
+    chunk : frames a call
+    """
+    parts = [(start, min(start + chunk, frames)) for start in range(0, frames, chunk)]
+    threads = min(thread_count(), len(parts))
+    if threads <= 1:
+        for start, stop in parts:
+            task(start, stop)
+            if progress:
+                progress(stop - start)
+        return
+    # The first part runs alone: it compiles the kernels that the others then share.
+    task(*parts[0])
+    if progress:
+        progress(parts[0][1])
+    with ThreadPoolExecutor(threads) as pool:
+        running = {pool.submit(task, start, stop): stop - start for start, stop in parts[1:]}
+        try:
+            for done in as_completed(running):
+                done.result()
+                if progress:
+                    progress(running[done])
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise

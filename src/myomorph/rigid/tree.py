@@ -1,0 +1,207 @@
+"""The model compiled to flat arrays: bodies, moving axes, functions and couplers in tree order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.errors import BadModel
+from myomorph.model.functions import Function
+from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, Transform, axis_rotation
+from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
+
+ROTATION, TRANSLATION = 0, 1
+
+
+class TreeArrays(NamedTuple):
+    """What the kernels read. Body 0 is the ground; a parent comes before its children.
+
+    The pose of body b is its parent's, then for each of its axes k the constant `pre` of k and the
+    motion of k, then the constant `post` of b. Axes that do not move are folded into those.
+
+    Attributes
+    ----------
+    parent : (bodies,) -1 for the ground
+    axis_start : (bodies + 1,) the axes of body b are axis_start[b] ... axis_start[b + 1] - 1
+    pre_R, pre_p : (axes, 3, 3), (axes, 3)
+    pre_is_shift : (axes,) whether pre_R is the identity
+    post_R, post_p : (bodies, 3, 3), (bodies, 3)
+    axis_kind : (axes,) ROTATION or TRANSLATION
+    axis_vector : (axes, 3) unit vectors
+    axis_body : (axes,)
+    axis_function : (axes,) index in `functions`
+    axis_coordinate : (axes, 2) the coordinates the function takes, -1 for none
+    coupler_coordinate, coupler_function, coupler_source : (couplers,), (couplers,), (couplers, 2)
+        the dependent coordinate, its function and what it follows, in an order of evaluation
+    mass, mass_center, inertia : (bodies,), (bodies, 3), (bodies, 3, 3) about the mass center
+    gravity : (3,)
+    """
+
+    parent: Ints
+    axis_start: Ints
+    pre_R: Array
+    pre_p: Array
+    pre_is_shift: np.ndarray
+    post_R: Array
+    post_p: Array
+    axis_kind: Ints
+    axis_vector: Array
+    axis_body: Ints
+    axis_function: Ints
+    axis_coordinate: Ints
+    functions: FunctionArrays
+    coupler_coordinate: Ints
+    coupler_function: Ints
+    coupler_source: Ints
+    mass: Array
+    mass_center: Array
+    inertia: Array
+    gravity: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A model and its arrays.
+
+    Attributes
+    ----------
+    body_index : number of each body in the arrays, the ground 0
+    """
+
+    model: Model
+    arrays: TreeArrays
+    body_index: dict[str, int] = field(repr=False)
+
+    @cached_property
+    def defaults(self) -> Array:
+        """(coordinates,) default value of every coordinate [rad or m]."""
+        return np.array([coordinate.default for coordinate in self.model.coordinates])
+
+    @cached_property
+    def independent(self) -> Ints:
+        """Indices of the coordinates that no coupler drives."""
+        driven = self.model.dependent_coordinates
+        return np.array([i for i, name in enumerate(self.model.coordinate_names) if name not in driven], np.int64)
+
+    @cached_property
+    def supports(self) -> np.ndarray:
+        """(bodies, axes) whether an axis lies between the ground and a body."""
+        arrays = self.arrays
+        table = np.zeros((len(arrays.parent), len(arrays.axis_kind)), dtype=np.bool_)
+        for body in range(1, len(arrays.parent)):
+            table[body] = table[arrays.parent[body]]
+            table[body, arrays.axis_start[body] : arrays.axis_start[body + 1]] = True
+        return table
+
+    def coordinates_of(self, motion: Motion) -> Array:
+        """(frames, coordinates) a motion's values in the model's order.
+
+        What the motion does not have stands at its default; dependent coordinates follow couplers.
+        """
+        from myomorph.rigid.kinematics import couple_frames
+
+        columns = {name: i for i, name in enumerate(motion.names)}
+        values = np.tile(self.defaults, (len(motion), 1))
+        for j, name in enumerate(self.model.coordinate_names):
+            if name in columns:
+                values[:, j] = motion.values[:, columns[name]]
+        couple_frames(self.arrays, values)
+        return values
+
+
+def compile_tree(model: Model) -> Tree:
+    """The model as flat arrays; the same model compiles once.
+
+    Raises
+    ------
+    BadModel
+        where couplers go round in a circle
+    """
+    return _compile(model)
+
+
+@lru_cache(maxsize=8)
+def _compile(model: Model) -> Tree:
+    names = model.coordinate_names
+    body_index = {GROUND: 0} | {body.name: i + 1 for i, body in enumerate(model.bodies)}
+    joints = {joint.child: joint for joint in model.joints}
+    functions: list[Function] = []
+    axes: list[tuple[Transform, Axis, int]] = []
+    parent, axis_start, post = [-1], [0, 0], [Transform.identity()]
+    for body in model.bodies:
+        joint = joints[body.name]
+        pending = joint.parent_frame
+        for axis in joint.axes:
+            if axis.function.arity == 0:
+                pending = pending @ _fixed_motion(axis)
+                continue
+            to_origin = Transform(np.eye(3), axis.origin)
+            axes.append((pending @ to_origin, axis, body_index[body.name]))
+            functions.append(axis.function)
+            pending = to_origin.inverse()
+        parent.append(body_index[joint.parent])
+        axis_start.append(len(axes))
+        post.append(pending @ joint.child_frame.inverse())
+    ordered = _evaluation_order(model.couplers)
+    arrays = TreeArrays(
+        parent=np.array(parent, np.int64),
+        axis_start=np.array(axis_start, np.int64),
+        pre_R=_stack([pre.rotation for pre, _, _ in axes], (3, 3)),
+        pre_p=_stack([pre.translation for pre, _, _ in axes], (3,)),
+        pre_is_shift=np.array([bool(np.all(pre.rotation == np.eye(3))) for pre, _, _ in axes], np.bool_),
+        post_R=_stack([one.rotation for one in post], (3, 3)),
+        post_p=_stack([one.translation for one in post], (3,)),
+        axis_kind=np.array([ROTATION if axis.kind == "rotation" else TRANSLATION for _, axis, _ in axes], np.int64),
+        axis_vector=_stack([axis.vector / np.linalg.norm(axis.vector) for _, axis, _ in axes], (3,)),
+        axis_body=np.array([body for _, _, body in axes], np.int64),
+        axis_function=np.arange(len(axes), dtype=np.int64),
+        axis_coordinate=_sources([axis.coordinates for _, axis, _ in axes], names),
+        functions=compile_functions(functions + [coupler.function for coupler in ordered]),
+        coupler_coordinate=np.array([index_of("coordinate", one.dependent, names) for one in ordered], np.int64),
+        coupler_function=np.arange(len(axes), len(axes) + len(ordered), dtype=np.int64),
+        coupler_source=_sources([coupler.independents for coupler in ordered], names),
+        mass=np.array([0.0] + [body.mass for body in model.bodies]),
+        mass_center=_stack([np.zeros(3)] + [body.mass_center for body in model.bodies], (3,)),
+        inertia=_stack([np.zeros((3, 3))] + [body.inertia for body in model.bodies], (3, 3)),
+        gravity=np.array(model.gravity),
+    )
+    return Tree(model, arrays, body_index)
+
+
+def _stack(parts: list[Array], shape: tuple[int, ...]) -> Array:
+    return np.ascontiguousarray(np.array(parts, dtype=np.float64).reshape((len(parts), *shape)))
+
+
+def _fixed_motion(axis: Axis) -> Transform:
+    amount = float(axis.function(*(0.0 for _ in axis.coordinates[:1] or (0.0,))))
+    if axis.kind == "translation":
+        return Transform(np.eye(3), axis.vector * amount)
+    rotation = axis_rotation(axis.vector / np.linalg.norm(axis.vector), amount)
+    return Transform(rotation, axis.origin - rotation @ axis.origin)
+
+
+def _sources(names_of_each: list[tuple[str, ...]], names: tuple[str, ...]) -> Ints:
+    table = np.full((len(names_of_each), 2), -1, dtype=np.int64)
+    for row, given in zip(table, names_of_each, strict=True):
+        if len(given) > 2:
+            raise BadModel(f"a function of {len(given)} coordinates ({', '.join(given)}): at most two are built")
+        row[: len(given)] = [index_of("coordinate", name, names) for name in given]
+    return table
+
+
+def _evaluation_order(couplers: tuple[Coupler, ...]) -> list[Coupler]:
+    """Couplers so that each comes after those that drive what it follows."""
+    waiting, ordered = list(couplers), []
+    while waiting:
+        driven = {coupler.dependent for coupler in waiting}
+        ready = [coupler for coupler in waiting if not driven & set(coupler.independents)]
+        if not ready:
+            raise BadModel(f"couplers go round in a circle: {', '.join(sorted(driven))}")
+        ordered += ready
+        waiting = [coupler for coupler in waiting if coupler not in ready]
+    return ordered

@@ -1,0 +1,92 @@
+"""Poses and inverse dynamics against Pinocchio and MuJoCo, to 1e-9."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from trees import random_tree, to_mujoco, to_pinocchio
+
+from myomorph.model.series import Motion, Wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+TOLERANCE = 1e-9
+SEEDS = range(6)
+
+
+def moving(model, seed, frames=3):
+    rng = np.random.default_rng(1000 + seed)
+    values, velocities, accelerations = rng.normal(size=(3, frames, len(model.coordinates)))
+    return Motion(np.arange(frames) * 0.01, model.coordinate_names, values, velocities, accelerations)
+
+
+def pushed(model, motion, seed):
+    rng = np.random.default_rng(2000 + seed)
+    forces, points, torques = rng.normal(scale=10.0, size=(3, len(motion), 2, 3))
+    return Wrenches(
+        motion.time, ("left", "right"), (model.bodies[-1].name, model.bodies[4].name), forces, points, torques
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_poses_inverse_dynamics_and_jacobian_agree_with_pinocchio(seed):
+    pin = pytest.importorskip("pinocchio")
+    model = random_tree(seed)
+    motion = moving(model, seed)
+    wrenches = pushed(model, motion, seed)
+    theirs, ids = to_pinocchio(model)
+    data = theirs.createData()
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, motion.values)
+    tau = inverse_dynamics(model, motion, wrenches)
+    centers = center_of_mass(tree, poses)
+    for frame in range(len(motion)):
+        pin.forwardKinematics(theirs, data, motion.values[frame])
+        external = pin.StdVec_Force()
+        for _ in range(theirs.njoints):
+            external.append(pin.Force.Zero())
+        for e, name in enumerate(wrenches.bodies):
+            f, x, m = wrenches.forces[frame, e], wrenches.points[frame, e], wrenches.torques[frame, e]
+            about_ground = pin.Force(f, m + np.cross(x, f))
+            external[ids[name]] = external[ids[name]] + data.oMi[ids[name]].actInv(about_ground)
+        expected = pin.rnea(
+            theirs, data, motion.values[frame], motion.velocities[frame], motion.accelerations[frame], external
+        )
+        np.testing.assert_allclose(tau.values[frame], expected, atol=TOLERANCE)
+        for body in model.bodies:
+            pose = data.oMi[ids[body.name]]
+            np.testing.assert_allclose(
+                poses.origins[frame, tree.body_index[body.name]], pose.translation, atol=TOLERANCE
+            )
+            np.testing.assert_allclose(
+                poses.rotations[frame, tree.body_index[body.name]], pose.rotation, atol=TOLERANCE
+            )
+        np.testing.assert_allclose(centers[frame], pin.centerOfMass(theirs, data, motion.values[frame]), atol=TOLERANCE)
+        last = model.bodies[-1].name
+        pin.computeJointJacobians(theirs, data, motion.values[frame])
+        J = pin.getJointJacobian(theirs, data, ids[last], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        ours = poses.jacobian(frame, tree.body_index[last], poses.origins[frame, tree.body_index[last]])
+        np.testing.assert_allclose(ours, np.vstack([J[3:], J[:3]]), atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_poses_and_inverse_dynamics_agree_with_mujoco(seed):
+    mujoco = pytest.importorskip("mujoco")
+    model = random_tree(seed)
+    motion = moving(model, seed)
+    theirs = to_mujoco(model)
+    data = mujoco.MjData(theirs)
+    order = [theirs.joint(joint.name).dofadr[0] for joint in model.joints]
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, motion.values)
+    tau = inverse_dynamics(model, motion)
+    for frame in range(len(motion)):
+        data.qpos[order], data.qvel[order] = motion.values[frame], motion.velocities[frame]
+        data.qacc[order] = motion.accelerations[frame]
+        mujoco.mj_inverse(theirs, data)
+        np.testing.assert_allclose(tau.values[frame], data.qfrc_inverse[order], atol=TOLERANCE)
+        for body in model.bodies:
+            np.testing.assert_allclose(
+                poses.origins[frame, tree.body_index[body.name]], data.body(body.name).xpos, atol=TOLERANCE
+            )
