@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -54,8 +54,30 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
+class Table(Series):
+    """Columns as a file holds them: values (rows, columns) in the file's own units.
+
+    Attributes
+    ----------
+    in_degrees : angles are in degrees, as the file's header says
+    facts : the header's lines, key to text
+    warnings : what looks wrong, one line each
+    source : path of the file, "" for a table made in memory
+    """
+
+    in_degrees: bool = False
+    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    warnings: tuple[str, ...] = ()
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Markers(Series):
     """Marker positions: values (frames, markers, 3) in ground [m], NaN where unseen."""
+
+    def rotated(self, rotation: Array) -> Markers:
+        """The same markers seen in a frame whose axes are the rows of `rotation` (3, 3)."""
+        return Markers(self.time, self.names, self.values @ np.asarray(rotation).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +167,60 @@ class ForcePlate:
     points: Array
     torques: Array
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", frozen_array(self.corners, (4, 3)))
+        for name in ("forces", "points", "torques"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (-1, 3)))
+
+    def rotated(self, rotation: Array) -> ForcePlate:
+        """The same plate in a frame whose axes are the rows of `rotation` (3, 3)."""
+        turn = np.asarray(rotation).T
+        return replace(
+            self,
+            corners=self.corners @ turn,
+            forces=self.forces @ turn,
+            points=self.points @ turn,
+            torques=self.torques @ turn,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PlateRecording:
+    """What a file stores of one force plate, before it becomes forces in the ground frame.
+
+    Attributes
+    ----------
+    kind : the C3D type: 1 force, center of pressure and free moment; 2 force and moment;
+        3 eight sensor forces (Kistler); 4 as 2, but raw signals that `calibration` maps to 2
+    corners : (4, 3) in the laboratory, in the plate's quadrants ++, -+, --, +- [m]
+    origin : (3,) as the file writes it; from the sensors' origin to the center of the top surface in
+        the plate's axes (kinds 2 and 4), half distances of the sensors and depth (kind 3) [m]
+    channels : (samples, 6 or 8) [N, N m, m], for kind 4 in the file's units
+    channel_names : labels of the channels
+    calibration : (6, 6) from the channels of a kind 4 plate to [N, N m], or None
+    center_polynomial : (2, 6) Kistler's correction of the center of pressure (lengths in mm), or None
+    zero : first and last sample that the file names as unloaded, or None
+    """
+
+    name: str
+    kind: int
+    corners: Array
+    origin: Array
+    channels: Array
+    channel_names: tuple[str, ...] = ()
+    calibration: Array | None = None
+    center_polynomial: Array | None = None
+    zero: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", frozen_array(self.corners, (4, 3)))
+        object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
+        object.__setattr__(self, "channels", frozen_array(self.channels, (-1, -1)))
+        for name, shape in (("calibration", (6, 6)), ("center_polynomial", (2, 6))):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, frozen_array(given, shape))
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -153,6 +229,8 @@ class Trial:
     Attributes
     ----------
     markers : real, labelled markers
+    plates : force plates as forces in ground, once `contact` has made them from `plate_recordings`
+    plate_recordings : force plates as the file stores them
     plate_time : (samples,) clock of the plates and analog channels [s]
     other_points : points a program computed (angles, moments, joint centers), in the file's own units
     facts : what the file says of itself: subject, maker, units, rates
@@ -161,6 +239,7 @@ class Trial:
 
     markers: Markers | None = None
     plates: tuple[ForcePlate, ...] = ()
+    plate_recordings: tuple[PlateRecording, ...] = ()
     plate_time: Array = field(default_factory=lambda: np.zeros(0))
     analog: Analog | None = None
     emg: Emg | None = None
@@ -169,3 +248,22 @@ class Trial:
     facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     warnings: tuple[str, ...] = ()
     source: str = ""
+
+    def rotated(self, rotation: Array) -> Trial:
+        """The same trial in a frame whose axes, in the laboratory, are the rows of `rotation` (3, 3).
+
+        `other_points` stay as the file has them: angles and moments are not vectors of the laboratory.
+        """
+        turn = np.asarray(rotation, dtype=np.float64)
+        if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) or np.linalg.det(turn) < 0:
+            raise BadData(f"expected a rotation matrix (3, 3) with determinant 1, but got {turn.tolist()}")
+        return replace(
+            self,
+            markers=self.markers.rotated(turn) if self.markers is not None else None,
+            plates=tuple(plate.rotated(turn) for plate in self.plates),
+            plate_recordings=tuple(replace(plate, corners=plate.corners @ turn.T) for plate in self.plate_recordings),
+        )
+
+
+Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
