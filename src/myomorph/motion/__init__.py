@@ -1,0 +1,1 @@
+"""Markers to coordinates: inverse kinematics, filters, derivatives, clocks. Knows no forces."""

@@ -1,0 +1,146 @@
+"""Low-pass filter and derivatives, with OpenSim's conventions so that numbers agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.signal import lfilter
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+
+_NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
+
+
+def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
+    """Interpolating natural spline of degree 3 or 5 through every column of `values`.
+
+    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order
+    (degree + 1) / 2 ... degree - 1 vanish at both ends.
+
+    Parameters
+    ----------
+    time : (frames,) ascending, at least degree + 1
+    values : (frames, ...)
+
+    Raises
+    ------
+    BadData
+        with fewer frames, or values that are not finite
+    """
+    if len(time) <= degree:
+        raise BadData(f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}")
+    if not np.isfinite(values).all():
+        raise BadData(
+            "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose another time"
+        )
+    ends = [(order, np.full(values.shape[1:], at)) for order, at in _NATURAL[degree]]
+    return make_interp_spline(time, values, k=degree, bc_type=(ends, ends))
+
+
+def lowpass(values: Array, rate: float, cutoff: float) -> Array:
+    """Zero-lag low-pass: a third-order Butterworth forwards and backwards, as OpenSim's tools.
+
+    Each pass halves the power at `cutoff`, so the two together pass half the amplitude there (-6 dB);
+    OpenSim does not correct for that. Both ends are extended by half the length, turned about the end
+    points. A `cutoff` at or above half the rate is lowered to 0.49 of the rate, as OpenSim does.
+
+    Parameters
+    ----------
+    values : (frames, ...) equally spaced
+    rate : frames per second [Hz]
+    cutoff : [Hz]
+
+    Raises
+    ------
+    BadData
+        with fewer than four frames, a cutoff that is not positive, or values that are not finite
+    """
+    values = np.asarray(values, dtype=np.float64)
+    frames = len(values)
+    if not cutoff > 0.0:
+        raise BadData(f"cutoff {cutoff} Hz: expected a positive frequency")
+    if frames < 4:
+        raise BadData(f"a low-pass filter needs at least 4 frames, but got {frames}")
+    if not np.isfinite(values).all():
+        raise BadData("a low-pass filter needs finite values, but some are NaN or infinite")
+    pad = frames // 2
+    before = 2.0 * values[0] - values[pad:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -2 - pad : -1]
+    padded = np.concatenate([before, values, after])
+    once = _one_pass(padded, rate, min(cutoff, 0.49 * rate))
+    twice = _one_pass(once[::-1], rate, min(cutoff, 0.49 * rate))[::-1]
+    return twice[pad : pad + frames]
+
+
+def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
+    """Third-order Butterworth by the bilinear transform, its first three outputs equal to the input."""
+    w = np.tan(np.pi * cutoff / rate)
+    scale = (w + 1.0) * (w * w + w + 1.0)
+    b = w**3 * np.array([1.0, 3.0, 3.0, 1.0]) / scale
+    a = np.array(
+        [
+            1.0,
+            (3 * w**3 + 2 * w**2 - 2 * w - 3) / scale,
+            (3 * w**3 - 2 * w**2 - 2 * w + 3) / scale,
+            (w - 1) * (w * w - w + 1) / scale,
+        ]
+    )
+    # State of the transposed direct form whose past inputs and outputs are the first three samples.
+    state = np.zeros((3, *x.shape[1:]))
+    for i in range(3):
+        for j in range(i + 1, 4):
+            state[i] += (b[j] - a[j]) * x[2 - (j - i - 1)]
+    y, _ = lfilter(b, a, x[3:], axis=0, zi=state)
+    return np.concatenate([x[:3], y])
+
+
+def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
+    """The motion with velocities and accelerations, low-pass filtered first where a cutoff is given.
+
+    Natural quintic splines through every coordinate, as OpenSim's inverse dynamics. Each gap-free run
+    of frames is differentiated by itself; frames that are NaN stay NaN, and so do runs shorter than six.
+
+    Parameters
+    ----------
+    cutoff : of the low-pass filter [Hz]; None for none
+
+    Raises
+    ------
+    BadData
+        where no run of six frames is free of gaps
+    """
+    seen = np.isfinite(motion.values).all(axis=1)
+    values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))
+    runs = [run for run in _runs(seen) if run.stop - run.start > 5]
+    if not runs:
+        raise BadData(f"derivatives need six frames in a row without gaps: the motion has {int(seen.sum())} in all")
+    for run in runs:
+        time, part = motion.time[run], motion.values[run]
+        if cutoff is not None:
+            part = _lowpass_on(time, part, cutoff)
+        spline = natural_spline(time, part)
+        values[run] = part
+        velocities[run] = spline.derivative(1)(time)
+        accelerations[run] = spline.derivative(2)(time)
+    return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
+
+
+def _lowpass_on(time: Array, values: Array, cutoff: float) -> Array:
+    """`lowpass` of values at uneven times goes through a spline at even ones, as OpenSim's `Storage`."""
+    step = np.diff(time)
+    if step.max() - step.min() < 1e-3 * step.mean():
+        return lowpass(values, 1.0 / step.mean(), cutoff)
+    even = np.linspace(time[0], time[-1], int(np.ceil((time[-1] - time[0]) / step.min())) + 1)
+    filtered = lowpass(natural_spline(time, values)(even), 1.0 / (even[1] - even[0]), cutoff)
+    back: Array = natural_spline(even, filtered)(time)
+    return back
+
+
+def _runs(flags: np.ndarray) -> list[slice]:
+    """Slices of the unbroken runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

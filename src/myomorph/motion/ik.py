@@ -1,0 +1,345 @@
+"""Inverse kinematics: the coordinates whose markers lie nearest to those seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.model.errors import BadData, BadModel, listing
+from myomorph.model.model import Model, index_of
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array
+from myomorph.motion.least_squares import MarkerArrays, hold, new_work, solve_frame, solve_frames
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.frames import CHUNK, over_frames
+from myomorph.rigid.kinematics import couple_frames
+from myomorph.rigid.tree import Tree, compile_tree
+
+SCOUT = 16
+"""Frames between the poses that are tracked first, to start the chunks from."""
+
+
+@dataclass(frozen=True)
+class CoordinateTask:
+    """Pull of a coordinate towards a value, beside the markers.
+
+    Attributes
+    ----------
+    weight : of (coordinate - value)^2 [1/rad^2 or 1/m^2], where the markers' mean square counts 1 [1/m^2]
+    value : [rad or m], or None for the value in `InverseKinematicsOptions.coordinates` (a motion), or
+        the model's default where that has none
+    """
+
+    weight: float
+    value: float | None = None
+
+
+@dataclass(frozen=True)
+class InverseKinematicsOptions:
+    """What inverse kinematics may be told.
+
+    Attributes
+    ----------
+    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
+    only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
+    coordinate_tasks : tasks by coordinate name
+    coordinates : a motion that gives values to tasks and to locked coordinates
+    tolerance : a frame is solved when its last step moves no coordinate further [rad or m]
+    iterations : at most so many in a frame
+    posture_weight : pull towards the default pose of coordinates that no marker shows, relative to the
+        mean curvature of the marker cost; too small to be seen in the others
+    """
+
+    marker_weights: Mapping[str, float] = field(default_factory=dict)
+    only_weighted: bool = False
+    coordinate_tasks: Mapping[str, CoordinateTask] = field(default_factory=dict)
+    coordinates: Motion | None = None
+    tolerance: float = 1e-6
+    iterations: int = 100
+    posture_weight: float = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicsFit:
+    """Coordinates found, and how well they explain the markers.
+
+    Attributes
+    ----------
+    motion : all coordinates, NaN in frames without any marker
+    marker_names : the markers used
+    errors : (frames, markers) distance between model and recording [m], NaN where unseen
+    weights : (markers,)
+    converged : (frames,) whether the last step was within the tolerance
+    iterations : (frames,)
+    unused_markers : recorded markers that the model does not have, or that have no weight
+    missing_markers : model markers that the recording does not have
+    """
+
+    motion: Motion
+    marker_names: tuple[str, ...]
+    errors: Array
+    weights: Array
+    converged: np.ndarray
+    iterations: Ints
+    unused_markers: tuple[str, ...]
+    missing_markers: tuple[str, ...]
+
+    @property
+    def rms(self) -> Array:
+        """(frames,) root mean square of the marker errors [m], NaN where none was seen."""
+        seen = np.isfinite(self.errors)
+        total = np.where(seen, self.errors, 0.0) ** 2
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(total.sum(axis=1) / seen.sum(axis=1))
+
+    @property
+    def largest(self) -> Array:
+        """(frames,) largest marker error [m], NaN where none was seen."""
+        largest: Array = np.max(np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf)
+        return np.where(np.isfinite(largest), largest, np.nan)
+
+
+def inverse_kinematics(
+    model: Model,
+    markers: Markers,
+    options: InverseKinematicsOptions | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> KinematicsFit:
+    """Coordinates that minimise the distance of the markers, frame by frame.
+
+    In every frame,
+
+    sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2,
+
+    over the coordinates that are neither locked, prescribed nor driven by a coupler, clamped ones within
+    their range: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by
+    Levenberg-Marquardt steps with analytic Jacobians.
+
+    Parameters
+    ----------
+    markers : in the model's ground frame; unseen markers are NaN and do not count
+    options : see `InverseKinematicsOptions`
+    progress : called with the number of frames just done
+
+    Raises
+    ------
+    BadData
+        where model and recording share no marker, or no frame shows one
+    BadModel
+        where the model closes loops, which inverse kinematics cannot keep closed yet
+    UnknownName
+        where a weight or task names what the model does not have
+    """
+    options = options or InverseKinematicsOptions()
+    refuse_loops(model, "inverse kinematics")
+    tree = compile_tree(model)
+    names, weights = tracked_markers(model, markers, options)
+    observed = np.ascontiguousarray(markers.values[:, [markers.names.index(name) for name in names]])
+    if not np.isfinite(observed).all(axis=2).any():
+        raise BadData(f"none of the {len(markers)} frames shows a marker that the model has")
+    targets = coordinate_targets(tree, markers.time, options)
+    arrays = marker_arrays(tree, names, weights, options)
+    starts = scout(tree, arrays, observed, targets, options)
+
+    frames = len(markers)
+    values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
+    converged, iterations = np.empty(frames, np.bool_), np.empty(frames, np.int64)
+
+    def part(start: int, stop: int) -> None:
+        span = slice(start, stop)
+        solve_frames(
+            tree.arrays, arrays, observed[span], targets[span], tree.defaults, options.posture_weight,
+            options.tolerance, options.iterations, starts[start // CHUNK], values[span], errors[span],
+            converged[span], iterations[span],
+        )  # fmt: skip
+
+    over_frames(part, frames, progress)
+    blank = ~np.isfinite(errors).any(axis=1)
+    values[blank], converged[blank] = np.nan, False
+    return KinematicsFit(
+        motion=Motion(markers.time, model.coordinate_names, values),
+        marker_names=names,
+        errors=errors,
+        weights=weights,
+        converged=converged,
+        iterations=iterations,
+        unused_markers=tuple(name for name in markers.names if name not in names),
+        missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
+    )
+
+
+def refuse_loops(model: Model, step: str) -> None:
+    """Raise `BadModel` where a model closes kinematic loops that `step` cannot keep closed."""
+    if model.loops:
+        named = ", ".join(f"{loop.kind} '{loop.name}'" for loop in model.loops)
+        raise BadModel(
+            f"{step}: model '{model.name}' closes a loop with {named}, which is not built yet; "
+            "remove the constraint, or replace it by a joint, to go on without it"
+        )
+
+
+def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOptions) -> tuple[tuple[str, ...], Array]:
+    """Names and weights of the markers that model and recording share and that have a weight.
+
+    Raises
+    ------
+    BadData
+        where there is none
+    UnknownName
+        where a weight names a marker that neither has
+    """
+    either = dict.fromkeys(model.marker_names + markers.names)
+    for name in options.marker_weights:
+        index_of("marker", name, tuple(either), "the model or the recording")
+    default = 0.0 if options.only_weighted else 1.0
+    weighted = {
+        name: options.marker_weights.get(name, default) for name in model.marker_names if name in set(markers.names)
+    }
+    if not weighted:
+        first = model.marker_names[0] if model.marker_names else ""
+        raise BadData(
+            f"model and recording share no marker: the model has {listing('', model.marker_names)}; the recording has "
+            f"{listing(first, markers.names)}"
+        )
+    names = tuple(name for name, weight in weighted.items() if weight > 0.0)
+    if not names:
+        raise BadData(f"all {len(weighted)} markers that model and recording share have weight 0")
+    return names, np.array([weighted[name] for name in names])
+
+
+def coordinate_targets(tree: Tree, time: Array, options: InverseKinematicsOptions) -> Array:
+    """(frames, coordinates) value of every coordinate's task, or of a locked or prescribed coordinate."""
+    model = tree.model
+    targets = np.tile(tree.defaults, (len(time), 1))
+    if options.coordinates is not None:
+        given = options.coordinates
+        for name in set(given.names) & set(model.coordinate_names):
+            targets[:, model.coordinate_names.index(name)] = np.interp(time, given.time, given[name])
+    for j, coordinate in enumerate(model.coordinates):
+        if coordinate.prescribed is not None:
+            targets[:, j] = coordinate.prescribed(time)
+    for name, task in options.coordinate_tasks.items():
+        j = index_of("coordinate", name, model.coordinate_names)
+        if task.value is not None:
+            targets[:, j] = task.value
+    couple_frames(tree.arrays, targets)
+    return targets
+
+
+def marker_arrays(
+    tree: Tree, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions
+) -> MarkerArrays:
+    """Markers, the axes and coordinates that move them, and the variables with their bounds."""
+    model, arrays = tree.model, tree.arrays
+    marked = [model.marker(name) for name in names]
+    bodies = [tree.body_index[marker.body] for marker in marked]
+    reach_start, reach, axis_start, axes, slots = [0], [], [0], [], []
+    for body in bodies:
+        above = np.flatnonzero(tree.supports[body])
+        moved = np.unique(arrays.axis_coordinate[above])
+        moved = moved[moved >= 0]
+        axes.extend(above)
+        slots.extend(
+            np.where(arrays.axis_coordinate[above] >= 0, np.searchsorted(moved, arrays.axis_coordinate[above]), -1)
+        )
+        reach.extend(moved)
+        reach_start.append(len(reach))
+        axis_start.append(len(axes))
+    free = np.array(
+        [j for j in tree.independent if not model.coordinates[j].locked and model.coordinates[j].prescribed is None],
+        np.int64,
+    )
+    limits = [model.coordinates[j].range if model.coordinates[j].clamped else (-np.inf, np.inf) for j in free]
+    lower, upper = np.array(limits).reshape(-1, 2).T.copy()
+    task_weight = np.zeros(len(model.coordinates))
+    for name, task in options.coordinate_tasks.items():
+        task_weight[index_of("coordinate", name, model.coordinate_names)] = task.weight
+    return MarkerArrays(
+        body=np.array(bodies, np.int64),
+        location=np.array([marker.location for marker in marked]),
+        weight=weights,
+        reach_start=np.array(reach_start, np.int64),
+        reach=np.array(reach, np.int64),
+        axis_start=np.array(axis_start, np.int64),
+        axes=np.array(axes, np.int64),
+        axis_slot=np.array(slots, np.int64).reshape(-1, 2),
+        free=free,
+        lower=lower,
+        upper=upper,
+        task_weight=task_weight,
+    )
+
+
+def scout(
+    tree: Tree, arrays: MarkerArrays, observed: Array, targets: Array, options: InverseKinematicsOptions
+) -> Array:
+    """Where each chunk of frames starts, (chunks, coordinates): every `SCOUT`-th frame tracked in turn.
+
+    A frame whose cost jumps is tried again from several headings of the whole body, and the best pose
+    is kept, so that a bad first frame or a long gap does not spoil what follows.
+    """
+    work = new_work(tree.arrays, len(tree.defaults))
+    frames = len(observed)
+    starts = np.empty((-(-frames // CHUNK), len(tree.defaults)))
+    headings = _headings(tree, arrays)
+    pose, usual = tree.defaults.copy(), 0.0
+    for frame in range(0, frames, SCOUT):
+        if np.isfinite(observed[frame]).all(axis=1).any():
+            pose, cost = _settle(tree, arrays, observed[frame], targets[frame], options, pose, work)
+            if usual == 0.0 or cost > 4.0 * usual:
+                for heading in headings:
+                    # The body as a whole first, then all of it.
+                    other, _ = _settle(
+                        tree, _root_only(tree, arrays), observed[frame], targets[frame], options, heading, work
+                    )
+                    other, reached = _settle(tree, arrays, observed[frame], targets[frame], options, other, work)
+                    if reached < 0.999 * cost:
+                        pose, cost = other, reached
+            usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
+        if frame % CHUNK == 0:
+            starts[frame // CHUNK] = pose
+    return starts
+
+
+def _settle(
+    tree: Tree,
+    arrays: MarkerArrays,
+    seen: Array,
+    target: Array,
+    options: InverseKinematicsOptions,
+    start: Array,
+    work: tuple,
+) -> tuple[Array, float]:
+    pose = start.copy()
+    hold(arrays, target, pose)
+    _, _, cost = solve_frame(
+        tree.arrays, arrays, seen, target, tree.defaults, options.posture_weight, options.tolerance,
+        options.iterations, pose, work,
+    )  # fmt: skip
+    return pose, cost
+
+
+def _root_only(tree: Tree, arrays: MarkerArrays) -> MarkerArrays:
+    """The same problem with only the coordinates of joints to the ground free."""
+    kept = np.isin(arrays.free, _root_coordinates(tree))
+    return arrays._replace(free=arrays.free[kept], lower=arrays.lower[kept], upper=arrays.upper[kept])
+
+
+def _root_coordinates(tree: Tree) -> Ints:
+    on_ground = np.flatnonzero(tree.arrays.parent == 0)
+    used = tree.arrays.axis_coordinate[np.isin(tree.arrays.axis_body, on_ground)]
+    return np.unique(used[used >= 0])
+
+
+def _headings(tree: Tree, arrays: MarkerArrays) -> list[Array]:
+    """The default pose, and the same with each root rotation turned by a quarter, half and three quarters."""
+    poses = [tree.defaults.copy()]
+    for j in _root_coordinates(tree):
+        if j in arrays.free and tree.model.coordinates[j].motion == "rotational":
+            for quarter in (1, 2, 3):
+                pose = tree.defaults.copy()
+                pose[j] += quarter * np.pi / 2.0
+                poses.append(pose)
+    return poses

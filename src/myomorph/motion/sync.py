@@ -1,0 +1,115 @@
+"""Several clocks to one: markers, forces and EMG at common times."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import lowpass, natural_spline
+
+SeriesKind = TypeVar("SeriesKind", bound=Series)
+
+
+def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
+    """The frames with start <= time <= end [s], half a frame of rounding allowed.
+
+    Raises
+    ------
+    BadData
+        where no frame is left, saying what times exist
+    """
+    if len(series) == 0:
+        raise BadData("the recording has no frames")
+    slack = 0.01 * float(np.median(np.diff(series.time))) if len(series) > 1 else 1e-9
+    kept = (series.time >= start - slack) & (series.time <= end + slack)
+    if not kept.any():
+        raise BadData(
+            f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g} s "
+            f"to {series.time[-1]:g} s"
+        )
+    changes: dict[str, Any] = {"time": series.time[kept], "values": series.values[kept]}
+    if isinstance(series, Motion):
+        for name in ("velocities", "accelerations"):
+            given = getattr(series, name)
+            changes[name] = None if given is None else given[kept]
+    return replace(series, **changes)
+
+
+def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = None) -> Wrenches:
+    """External forces at other times, by natural cubic splines as OpenSim's `ExternalForce`.
+
+    Where centers of pressure are unknown (NaN, unloaded plate) the moment about the ground's origin is
+    interpolated instead of the point, which is the same wrench.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    cutoff : low-pass at this frequency first, with the filter of the kinematics [Hz]; None for none
+
+    Raises
+    ------
+    BadData
+        where `time` reaches beyond the recorded forces
+    """
+    if len(wrenches) == 0:
+        raise BadData("the external forces have no frames")
+    slack = 1.5 * float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1e-9
+    if time[0] < wrenches.time[0] - slack or time[-1] > wrenches.time[-1] + slack:
+        raise BadData(
+            f"external forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {time[0]:g} to "
+            f"{time[-1]:g} s: cut the motion with --time START END"
+        )
+    forces, points, torques = wrenches.forces, wrenches.points, wrenches.torques
+    unknown = np.isnan(points).any()
+    if unknown:
+        points = np.nan_to_num(points)
+        torques = np.nan_to_num(torques) + np.cross(points, forces)
+    if cutoff is not None:
+        forces, points, torques = (
+            lowpass(part, 1.0 / np.diff(wrenches.time).mean(), cutoff) for part in (forces, points, torques)
+        )
+    forces, torques = _splined(wrenches.time, forces, time), _splined(wrenches.time, torques, time)
+    if unknown:
+        nearest = np.clip(np.searchsorted(wrenches.time, time), 0, len(wrenches) - 1)
+        points = points[nearest]
+        torques = torques - np.cross(points, forces)
+    else:
+        points = _splined(wrenches.time, points, time)
+    return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
+
+
+def resample_emg(emg: Emg, time: Array) -> Emg:
+    """Envelopes at other times, linearly; NaN outside the recording."""
+    columns = [np.interp(time, emg.time, column, left=np.nan, right=np.nan) for column in emg.values.T]
+    return replace(emg, time=time, values=np.array(columns).T.reshape(len(time), len(emg.names)))
+
+
+def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, float]:
+    """Start and end [s] of what both recordings cover.
+
+    Raises
+    ------
+    BadData
+        where they have no time in common
+    """
+    start, end = max(first.time[0], wrenches.time[0]), min(first.time[-1], wrenches.time[-1])
+    if end <= start:
+        raise BadData(
+            f"motion ({first.time[0]:g} to {first.time[-1]:g} s) and forces ({wrenches.time[0]:g} to "
+            f"{wrenches.time[-1]:g} s) have no time in common"
+        )
+    return float(start), float(end)
+
+
+def _splined(time: Array, values: Array, at: Array) -> Array:
+    if len(time) < 4:
+        flat = values.reshape(len(time), -1)
+        columns = [np.interp(at, time, column) for column in flat.T]
+        return np.array(columns).T.reshape(len(at), *values.shape[1:])
+    inside: Array = natural_spline(time, values, degree=3)(np.clip(at, time[0], time[-1]))
+    return inside
