@@ -1,0 +1,137 @@
+"""What the readers of text tables share: bytes to text, cells to numbers, times that rise, whole files."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from myomorph.model.errors import BadFile
+from myomorph.model.spatial import Array
+
+BINARY_SHARE = 0.02
+
+
+def file_text(path: Path, hint: str) -> str:
+    """Text of a file, in UTF-8 or, failing that, Latin-1; raises `BadFile` on what is not text."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    if not raw[:4096].strip() and not raw.strip():
+        raise BadFile(path, "is empty", hint)
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = raw.decode("utf-16", errors="replace")
+    else:
+        head = raw[:65536]
+        odd = sum(head.count(bytes((code,))) for code in (0, 1, 2, 3, 4, 5, 6, 7, 8, 14, 15, 16, 17, 18, 19, 20))
+        if b"\0" in head or odd > BINARY_SHARE * len(head):
+            raise BadFile(path, "is a binary file, not text", hint)
+        try:
+            text = raw.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = raw.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def line_from(text: str, start: int) -> tuple[str, int]:
+    """First line at or after `start` that holds more than white space and commas, and where the next begins."""
+    while start < len(text):
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        line = text[start:end]
+        if line.strip(" \t\r,"):
+            return line, end + 1
+        start = end + 1
+    return "", len(text)
+
+
+def split_cells(line: str, delimiter: str | None) -> list[str]:
+    """Cells of a line; None splits at any white space."""
+    return line.split() if delimiter is None else line.rstrip("\r\n").split(delimiter)
+
+
+def number(cell: str) -> float:
+    """A cell as a number: blank and every spelling of NaN is nan; raises `ValueError` otherwise."""
+    cell = cell.strip().strip('"')
+    try:
+        return float(cell)
+    except ValueError:
+        low = cell.lower()
+        if not cell or "nan" in low or "#ind" in low or low in ("na", "n/a", "-", "--", "none", "null", "missing", "."):
+            return float("nan")
+        if "#inf" in low:
+            return float("-inf") if low.startswith("-") else float("inf")
+        return float(low.replace("d", "e") if "d" in low else low.replace(",", "."))
+
+
+def parse_cells(body: str, columns: int, delimiter: str | None, found: list[str], path: Path, hint: str) -> Array:
+    """Values (rows, columns) read cell by cell: blanks are NaN, rows that are too short are left out."""
+    rows: list[list[float]] = []
+    short = odd = 0
+    for line in body.splitlines():
+        if not line.strip(" \t,"):
+            continue
+        cells = split_cells(line, delimiter)
+        if len(cells) < columns and delimiter is not None and len(line.split()) == columns:
+            cells = line.split()
+        if len(cells) < columns:
+            short += 1
+            continue
+        try:
+            rows.append([number(cell) for cell in cells[:columns]])
+        except ValueError:
+            odd += 1
+    if short:
+        found.append(f"{short} rows were left out because they end too early")
+    if odd:
+        found.append(f"{odd} rows were left out because they hold text instead of numbers")
+    if not rows:
+        raise BadFile(path, "has column names, but no row of numbers", hint)
+    return np.array(rows, dtype=np.float64)
+
+
+def rising(time: Array) -> np.ndarray:
+    """Which entries (frames,) are finite and larger than every one kept before."""
+    finite = np.isfinite(time)
+    highest = np.maximum.accumulate(np.where(finite, time, -np.inf))
+    before = np.concatenate(([-np.inf], highest[:-1]))
+    return finite & (time > before)
+
+
+def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str, ...]:
+    """Names of which none occurs twice: a later one gets `_2`, `_3`, ..., which is told in `found`."""
+    taken = set(names)
+    seen: set[str] = set()
+    unique: list[str] = []
+    for name in names:
+        if name in seen:
+            copy = 2
+            while f"{name}_{copy}" in taken:
+                copy += 1
+            found.append(f"the {kind} '{name}' occurs more than once: a later one was named '{name}_{copy}'")
+            name = f"{name}_{copy}"
+            taken.add(name)
+        seen.add(name)
+        unique.append(name)
+    return tuple(unique)
+
+
+@contextmanager
+def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+    """A text file that appears under its name only when it is whole."""
+    target = Path(path)
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
+            yield stream
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
