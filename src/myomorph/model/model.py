@@ -253,6 +253,7 @@ class Model:
     gravity : (3,) in ground [m/s^2]
     source : path of the file it was read from, for messages and provenance
     kept : what the file holds that is not modelled
+    warnings : what reading the file found odd, one line each
     """
 
     name: str
@@ -270,6 +271,7 @@ class Model:
     ground_meshes: tuple[Mesh, ...] = ()
     kept: tuple[Kept, ...] = ()
     source: str = ""
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,)))

@@ -1,0 +1,28 @@
+"""A model file of any kind, told apart by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from myomorph.io.osim import read_osim
+from myomorph.model.errors import BadFile
+from myomorph.model.model import Model
+
+
+def read_model(path: str | Path) -> Model:
+    """The model in an OpenSim (`.osim`) or MuJoCo (`.xml`, `.mjcf`) file.
+
+    Raises
+    ------
+    BadFile
+        The file cannot be read, or its name ends in something else.
+    """
+    ending = Path(path).suffix.lower()
+    if ending == ".osim":
+        return read_osim(path)
+    if ending in (".xml", ".mjcf"):
+        # MuJoCo takes a moment to import, and OpenSim's users never need it.
+        from myomorph.io.mjcf import read_mjcf
+
+        return read_mjcf(path)
+    raise BadFile(path, f"is not a model: its name ends in '{ending}'", "expected .osim or .xml")
