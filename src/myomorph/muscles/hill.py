@@ -1,0 +1,415 @@
+"""Hill-type muscles with a rigid tendon: force per unit activation and passive force.
+
+With the tendon at its slack length, length and velocity of the path give those of the fiber, and
+the force along the tendon is linear in the activation a (F0 maximum isometric force, l and v
+normalized fiber length and velocity, alpha pennation):
+
+    F = a F0 f_L(l) f_V(v) cos(alpha) + F0 f_PE(l) cos(alpha)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from myomorph.model.errors import BadData, BadModel
+from myomorph.model.model import Model
+from myomorph.model.paths import Muscle
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.muscles.hill_classes import (
+    ACCELERATION,
+    DEGROOTE,
+    DEPRECATED_THELEN,
+    KINDS,
+    MILLARD,
+    MUJOCO,
+    RIGID,
+    SCHUTTE,
+    THELEN,
+    class_parameters,
+)
+from myomorph.muscles.hill_curves import Curve, CurveArrays, curve_value, pack_curves
+
+Convention = Literal["rigid-tendon", "opensim"]
+CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
+
+
+@dataclass(frozen=True, eq=False)
+class HillForces:
+    """What muscles can pull with, along their tendons.
+
+    Attributes
+    ----------
+    active : (frames, muscles) force per unit activation [N]
+    passive : (frames, muscles) passive force [N]
+    """
+
+    active: Array
+    passive: Array
+
+
+class HillArrays(NamedTuple):
+    """Muscles as the kernels read them.
+
+    Attributes
+    ----------
+    kind : (muscles,) number of the class
+    force, fiber, tendon : (muscles,) maximum isometric force [N], optimal fiber length [m] and
+        tendon slack length [m]
+    height : (muscles,) constant height of the fibers over the tendon's line [m]
+    shortest, shortest_along : (muscles,) least fiber length [m] and its part along the tendon [m]
+    cos_optimal : (muscles,) cosine of the pennation at optimal length
+    speed : (muscles,) maximum contraction velocity [m/s]
+    parameters : (muscles, 6) of the class
+    curve : (muscles, 3) active, velocity (or tendon) and passive curve, -1 for a formula
+    """
+
+    kind: NDArray[np.int64]
+    force: Array
+    fiber: Array
+    tendon: Array
+    height: Array
+    shortest: Array
+    shortest_along: Array
+    cos_optimal: Array
+    speed: Array
+    parameters: Array
+    curve: NDArray[np.int64]
+    curves: CurveArrays
+
+
+@lru_cache(maxsize=8)
+def compile_hill(model: Model) -> HillArrays:
+    """The model's muscles as flat arrays, in the model's order; the same model compiles once.
+
+    Raises
+    ------
+    BadModel
+        for a class whose curves are not known, or parameters no curve can be made of
+    """
+    curves: list[Curve] = []
+    index: dict[tuple[object, ...], int] = {}
+    rows = [_compile_muscle(muscle, curves, index) for muscle in model.muscles]
+    numbers = np.array([row[1] for row in rows], dtype=np.float64).reshape(len(rows), 8)
+    return HillArrays(
+        kind=np.array([row[0] for row in rows], np.int64),
+        **{name: np.ascontiguousarray(numbers[:, i]) for i, name in enumerate(_NUMBERS)},
+        parameters=np.array([row[2] for row in rows], dtype=np.float64).reshape(len(rows), 6),
+        curve=np.array([row[3] for row in rows], np.int64).reshape(len(rows), 3),
+        curves=pack_curves(curves),
+    )
+
+
+_NUMBERS = ("force", "fiber", "tendon", "height", "shortest", "shortest_along", "cos_optimal", "speed")
+
+
+def _compile_muscle(
+    muscle: Muscle, curves: list[Curve], index: dict[tuple[object, ...], int]
+) -> tuple[int, list[float], list[float], list[int]]:
+    if muscle.kind not in KINDS:
+        raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}: curves are known for {', '.join(KINDS)}")
+    if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
+        raise BadModel(
+            f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m and maximum "
+            f"contraction velocity {muscle.max_contraction_velocity:g}/s: both must be positive"
+        )
+    kind = KINDS[muscle.kind]
+    try:
+        numbers, makers = class_parameters(muscle, kind)
+        used = [_numbered(key, maker, curves, index) for key, maker in makers]
+    except BadModel as error:
+        raise BadModel(f"muscle '{muscle.name}': {error}") from error
+    height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
+    most = muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
+    most = np.pi / 2 if kind == ACCELERATION else most
+    clamped = kind in (THELEN, MILLARD, ACCELERATION)
+    shortest = (height / np.sin(most) if most > 1e-14 else 0.01 * muscle.optimal_fiber_length) if clamped else height
+    sizes = [
+        muscle.max_isometric_force,
+        muscle.optimal_fiber_length,
+        muscle.tendon_slack_length,
+        height,
+        shortest,
+        shortest * np.cos(most) if clamped else 0.0,
+        np.cos(muscle.pennation_at_optimal),
+        muscle.max_contraction_velocity * muscle.optimal_fiber_length,
+    ]
+    return kind, sizes, numbers + [0.0] * (6 - len(numbers)), used + [-1] * (3 - len(used))
+
+
+def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], int]) -> int:  # type: ignore[no-untyped-def]
+    """Number of the curve `maker(*key)`; muscles of equal parameters share one."""
+    if (maker, *key) not in index:
+        index[(maker, *key)] = len(curves)
+        curves.append(maker(*key))
+    return index[(maker, *key)]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def active_length_factor(H, m, x):
+    """f_L of muscle m at the normalized fiber length x."""
+    kind, p = H.kind[m], H.parameters[m]
+    if H.curve[m, 0] >= 0:
+        return curve_value(H.curves, H.curve[m, 0], x)
+    if kind == DEGROOTE:
+        x = (x - 1.0) / p[0] + 1.0
+        one = (x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)
+        two = (x - 0.716775413397760) / (-0.029947116970696 + 0.200356847296188 * x)
+        three = (x - 1.0) / 0.353553390593274
+        return (
+            0.8150671134243542 * np.exp(-0.5 * one * one)
+            + 0.433004984392647 * np.exp(-0.5 * two * two)
+            + 0.1 * np.exp(-0.5 * three * three)
+        )
+    if kind == MUJOCO:
+        low, high = p[0], p[1]
+        if x < low or x > high:
+            return 0.0
+        if x <= 1.0:
+            middle = 0.5 * (low + 1.0)
+            if x <= middle:
+                u = (x - low) / max(1e-15, middle - low)
+                return 0.5 * u * u
+            u = (1.0 - x) / max(1e-15, 1.0 - middle)
+            return 1.0 - 0.5 * u * u
+        middle = 0.5 * (1.0 + high)
+        if x <= middle:
+            u = (x - 1.0) / max(1e-15, middle - 1.0)
+            return 1.0 - 0.5 * u * u
+        u = (high - x) / max(1e-15, high - middle)
+        return 0.5 * u * u
+    return np.exp(-(x - 1.0) * (x - 1.0) / p[0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def velocity_factor(H, m, v):
+    """f_V of muscle m, fully active, at the normalized fiber velocity v (negative: shortening); never below 0."""
+    kind, p = H.kind[m], H.parameters[m]
+    if H.curve[m, 1] >= 0 and kind != SCHUTTE:
+        return max(curve_value(H.curves, H.curve[m, 1], v), 0.0)
+    if kind == THELEN:
+        shape, most = p[3], p[4]
+        if v <= -1.0:
+            return 0.0
+        if v <= 0.0:
+            return (1.0 + v) / (1.0 - v / shape)
+        k = (2.0 + 2.0 / shape) / (most - 1.0)
+        last = p[5] * most
+        f = (1.0 + v * k * most) / (1.0 + v * k)
+        if f < last:
+            return f
+        b = k * (most - last)
+        start = (last - 1.0) / b
+        return last + (v - start) / (1.0 / b + (last - 1.0) * k / (b * b))
+    if kind == DEGROOTE:
+        return max(-0.3211346127989808 * np.arcsinh(-8.149 * v - 0.374) + 0.8825327733249912, 0.0)
+    if kind == MUJOCO:
+        most = p[3]
+        if v <= -1.0:
+            return 0.0
+        if v <= 0.0:
+            return (v + 1.0) * (v + 1.0)
+        if v <= most - 1.0:
+            return most - (most - 1.0 - v) ** 2 / max(1e-15, most - 1.0)
+        return most
+    return 1.8 - 1.8 / (1.0 + np.exp((0.04 + v) / 0.18))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def passive_length_factor(H, m, x):
+    """f_PE of muscle m at the normalized fiber length x; never below 0."""
+    kind, p = H.kind[m], H.parameters[m]
+    if H.curve[m, 2] >= 0:
+        return min(max(curve_value(H.curves, H.curve[m, 2], x), 0.0), 10.0 if kind == RIGID else np.inf)
+    if kind == THELEN:
+        return (np.exp(p[2] * (x - 1.0) / p[1]) - 1.0) / (np.exp(p[2]) - 1.0) if x > 1.0 else 0.0
+    if kind == DEGROOTE:
+        least = np.exp(4.0 * (0.2 - 1.0) / p[1])
+        return p[2] * max((np.exp(4.0 * (x - 1.0) / p[1]) - least) / (np.exp(4.0) - least), 0.0)
+    if kind == MUJOCO:
+        middle = 0.5 * (1.0 + p[1])
+        if x <= 1.0:
+            return 0.0
+        u = (x - 1.0) / max(1e-15, middle - 1.0)
+        return p[2] * (0.5 * u * u if x <= middle else u - 0.5)
+    if kind == SCHUTTE:
+        return np.exp(8.0 * (x - 1.0) - 4.0)
+    if x > 1.0 + p[1]:
+        return 1.0 + p[2] / p[1] * (x - 1.0 - p[1])
+    return np.exp(p[2] * (x - 1.0) / p[1] - p[2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rigid_forces(H, m, length, speed, opensim):
+    """Active force per unit activation and passive force of muscle m, along the tendon [N].
+
+    Parameters
+    ----------
+    length, speed : of the path [m], [m/s]
+    opensim : whether to follow OpenSim's static optimization where it departs from the formula
+    """
+    kind, force, optimal = H.kind[m], H.force[m], H.fiber[m]
+    along = length - H.tendon[m]
+    if kind == MUJOCO:
+        x = along / optimal
+        active = force * active_length_factor(H, m, x) * velocity_factor(H, m, speed / H.speed[m])
+        return active, force * passive_length_factor(H, m, x)
+    h = H.height[m]
+    clamped = False
+    if kind <= ACCELERATION:
+        clamped = not along > H.shortest_along[m]
+        if clamped:
+            along = H.shortest_along[m]
+    elif kind != DEGROOTE or not opensim:
+        along = max(along, 0.0)
+    fiber = np.sqrt(along * along + h * h)
+    cosine = along / fiber if fiber > 0.0 else 1.0
+    x = fiber / optimal
+    passive = force * passive_length_factor(H, m, x) * max(cosine, 0.0)
+    if np.isnan(length) or np.isnan(speed):
+        return np.nan, np.nan
+    if opensim and kind in (DEPRECATED_THELEN, SCHUTTE):
+        return isometric_force(H, m, length) * velocity_factor(H, m, H.cos_optimal[m] * speed / H.speed[m]), 0.0
+    if clamped:
+        return 0.0, passive
+    v = speed * cosine / H.speed[m]
+    if opensim:
+        if kind == MILLARD:
+            cosine = _cosine_of_normalized(H, m, x)
+        elif kind == DEGROOTE:
+            cosine = 1.0
+        elif kind == RIGID:
+            v = speed / H.speed[m]
+    return force * max(active_length_factor(H, m, x), 0.0) * velocity_factor(H, m, v) * cosine, passive
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cosine_of_normalized(H, m, x):
+    """The pennation cosine OpenSim 4.6 takes for Millard2012EquilibriumMuscle in static optimization.
+
+    It divides the fibers' height [m] by the normalized instead of the actual fiber length.
+    """
+    if H.height[m] <= 0.0:
+        return 1.0
+    sine = H.height[m] / x
+    most = H.height[m] / H.shortest[m]
+    if not (x > H.shortest[m] and sine < most):
+        sine = most
+    return np.sqrt(1.0 - sine * sine)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tendon_factor(H, m, strain):
+    if H.kind[m] == SCHUTTE:
+        return curve_value(H.curves, H.curve[m, 1], strain) if strain > 0.0 else 0.0
+    toe = 0.609 * H.parameters[m, 3]
+    if strain > toe:
+        force = 1.712 / H.parameters[m, 3] * (strain - toe) + 0.333333
+    elif strain > 0.0:
+        force = 0.333333 * (np.exp(3.0 * strain / toe) - 1.0) / (np.exp(3.0) - 1.0)
+    else:
+        force = 0.0
+    return force + 0.001 * (1.0 + strain)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _imbalance(H, m, length, fiber):
+    """Tendon force less fiber force, normalized, of a fully active resting muscle."""
+    cosine = np.sqrt(max(1.0 - (H.height[m] / fiber) ** 2, 0.0))
+    x = fiber / H.fiber[m]
+    pull = max(active_length_factor(H, m, x), 0.0) + passive_length_factor(H, m, x)
+    return _tendon_factor(H, m, (length - fiber * cosine) / H.tendon[m] - 1.0) - pull * cosine
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def isometric_force(H, m, length):
+    """Force of a fully active resting muscle on an elastic tendon, passive force included [N].
+
+    Of the two deprecated classes; the fiber length is found by regula falsi (Illinois).
+    """
+    h, slack = H.height[m], H.tendon[m]
+    if length < slack:
+        return 0.0
+    longest = np.sqrt((length - slack) ** 2 + h * h)
+    if slack < 1e-13:
+        x = longest / H.fiber[m]
+        pull = max(active_length_factor(H, m, x), 0.0) + passive_length_factor(H, m, x)
+        return H.force[m] * pull * length / longest
+    low = max(h, 1e-6 * H.fiber[m])
+    high = longest
+    f_low, f_high = _imbalance(H, m, length, low), _imbalance(H, m, length, high)
+    if not (f_low > 0.0 and f_high < 0.0):
+        cosine = (length - slack) / longest if longest > 0.0 else 1.0
+        return H.force[m] * _tendon_factor(H, m, (length - longest * cosine) / slack - 1.0)
+    side = 0
+    fiber = high
+    for _ in range(100):
+        fiber = (f_low * high - f_high * low) / (f_low - f_high)
+        error = _imbalance(H, m, length, fiber)
+        if abs(error) < 1e-10 or high - low < 1e-13 * H.fiber[m]:
+            break
+        if error > 0.0:
+            low, f_low = fiber, error
+            if side == 1:
+                f_high *= 0.5
+            side = 1
+        else:
+            high, f_high = fiber, error
+            if side == -1:
+                f_low *= 0.5
+            side = -1
+    cosine = np.sqrt(max(1.0 - (h / fiber) ** 2, 0.0))
+    return H.force[m] * _tendon_factor(H, m, (length - fiber * cosine) / slack - 1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def hill_frames(H, lengths, speeds, opensim, active, passive):
+    """`rigid_forces` of all muscles over frames: lengths, speeds, active, passive (frames, muscles)."""
+    for frame in range(lengths.shape[0]):
+        for m in range(lengths.shape[1]):
+            active[frame, m], passive[frame, m] = rigid_forces(H, m, lengths[frame, m], speeds[frame, m], opensim)
+
+
+def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Convention = "rigid-tendon") -> HillForces:
+    """Force per unit activation and passive force of every muscle, along its tendon.
+
+    Parameters
+    ----------
+    lengths, velocities : (frames, muscles) of the muscle paths, in the model's order [m], [m/s]
+    convention : "rigid-tendon" is the formula at the top of this file for every class. "opensim" is
+        what OpenSim 4.6 takes in its static optimization, which departs from it in three classes:
+        Millard2012EquilibriumMuscle (pennation from the normalized length, so its cosine is nearly
+        1), DeGrooteFregly2016Muscle (no pennation cosine), and the two deprecated classes (force of
+        a resting muscle in equilibrium with its elastic tendon, passive force included, times a
+        generic force-velocity curve; their `passive` is then 0).
+
+    Returns
+    -------
+    HillForces
+        NaN where a length or velocity is NaN
+
+    Raises
+    ------
+    BadData
+        where the arrays do not have one column a muscle
+    BadModel
+        for a class whose curves are not known
+    """
+    arrays = compile_hill(model)
+    lengths = np.ascontiguousarray(lengths, dtype=np.float64)
+    velocities = np.ascontiguousarray(velocities, dtype=np.float64)
+    if lengths.ndim != 2 or lengths.shape[1] != len(model.muscles) or velocities.shape != lengths.shape:
+        raise BadData(
+            f"expected lengths and velocities of shape (frames, {len(model.muscles)}), "
+            f"but got {lengths.shape} and {velocities.shape}"
+        )
+    if convention not in CONVENTIONS:
+        raise BadData(f"unknown convention '{convention}': there are {', '.join(CONVENTIONS)}")
+    active, passive = np.empty_like(lengths), np.empty_like(lengths)
+    hill_frames(arrays, lengths, velocities, convention == "opensim", active, passive)
+    return HillForces(frozen_array(active), frozen_array(passive))
