@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +14,7 @@ from myomorph.io.text import (
     file_text,
     line_from,
     parse_cells,
+    quick_numbers,
     rising,
     split_cells,
     unique_names,
@@ -120,7 +120,7 @@ def _numbers(
         labels = [index] + [f"{name}_{k + 1}" for name in columns for k in range(width)]
         body, delimiter = body.replace(",", "\t"), "\t"
     named = [label for label in labels if label]
-    quick = _quick(body, delimiter, len(named))
+    quick = quick_numbers(body, delimiter, len(named))
     if quick is not None:
         return quick, named
     cells = split_cells(first, delimiter)
@@ -137,25 +137,6 @@ def _numbers(
             raise BadFile(path, f"has {len(labels)} column names, but {len(cells)} numbers in its first row", HINT)
     names = [label or f"unnamed_{column}" for column, label in enumerate(labels)]
     return parse_cells(body, len(names), delimiter, found, path, HINT), names
-
-
-def _quick(body: str, delimiter: str | None, columns: int) -> Array | None:
-    """Values (rows, columns) of a body without blanks or odd numbers, or None."""
-    if delimiter == ",":
-        body = body.replace(",", " ")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            flat = np.fromstring(body, dtype=np.float64, sep=" ")
-        except (DeprecationWarning, ValueError):
-            return None
-    if columns == 0 or flat.size == 0 or flat.size % columns:
-        return None
-    rows = flat.size // columns
-    lines = body.count("\n") + (not body.endswith("\n"))
-    if lines != rows and sum(1 for line in body.splitlines() if line.strip()) != rows:
-        return None
-    return flat.reshape(rows, columns)
 
 
 def _rows(table: Array, names: Sequence[str], found: list[str], path: Path) -> tuple[Array, Array]:

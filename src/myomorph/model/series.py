@@ -49,8 +49,15 @@ class Series:
 
     @property
     def rate(self) -> float:
-        """Frames per second (median), nan with fewer than two frames [Hz]."""
-        return float(1.0 / np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+        """Frames per second, nan with fewer than two frames [Hz].
+
+        The mean where no frame is missing (times are often rounded to a millisecond), else the median.
+        """
+        steps = np.diff(self.time)
+        if not len(steps):
+            return float("nan")
+        median = np.median(steps)
+        return float(1.0 / (median if steps.max() > 1.6 * median else steps.mean()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,235 @@
+"""TRC files: marker positions, to and from `Trial` and `Markers`."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.text import file_text, line_from, number, quick_numbers, rising, split_cells, unique_names, written
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.series import Markers, Trial
+from myomorph.model.spatial import Array
+
+HINT = "give a TRC file: 'DataRate ... Units' and its values, 'Frame# Time' and marker names, numbers"
+METERS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "mm": 1e-3, "millimeters": 1e-3, "cm": 1e-2, "dm": 1e-1, "in": 0.0254}
+FIELDS = (
+    "DataRate",
+    "CameraRate",
+    "NumFrames",
+    "NumMarkers",
+    "Units",
+    "OrigDataRate",
+    "OrigDataStartFrame",
+    "OrigNumFrames",
+)
+HEADER_LINES = 30
+
+
+def read_trc(path: str | os.PathLike[str]) -> Trial:
+    """Read a TRC file: markers in metres, a hidden one as NaN, with the header's facts and warnings.
+
+    Takes header values that are shifted by extra tabs, blanks and every spelling of NaN for hidden
+    markers, exact (0, 0, 0) for hidden markers, rows that end early, names without columns and
+    columns without names, commas for tabs, and counts that do not hold.
+
+    Raises
+    ------
+    BadFile : it is not a TRC file, or has no frame
+    """
+    path = Path(path)
+    text = file_text(path, HINT)
+    found: list[str] = []
+    facts, labels, start, delimiter = _header(text, path, found)
+    table, columns = _table(text, start, labels, delimiter, path, found)
+    labels = _marker_names(labels, (columns - 2) // 3, facts, found)
+    time, table = _clock(table, facts, path, found)
+    values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
+    values = _hidden(values, labels, found) * _unit(facts, values, found)
+    _check(facts, len(time), len(labels), found)
+    markers = Markers(time, unique_names(labels, "marker", found), values)
+    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+
+
+def _header(text: str, path: Path, found: list[str]) -> tuple[dict[str, str], list[str], int, str | None]:
+    """Facts, cells of the line of names, where the numbers begin, and the delimiter of cells."""
+    facts: dict[str, str] = {}
+    start, line = 0, ""
+    for _ in range(HEADER_LINES):
+        line, start = line_from(text, start)
+        first = line.replace(",", " ").split()[:1]
+        word = first[0].lower().strip('"') if first else ""
+        if word == "datarate":
+            values, start = line_from(text, start)
+            facts.update(_header_values(line, values))
+        elif word.startswith("frame") or word == "time":
+            break
+    else:
+        raise BadFile(path, "has no line 'Frame#  Time  marker names'", HINT)
+    if not facts:
+        found.append("the header has no line 'DataRate ...': units were guessed from the values")
+    delimiter = "\t" if "\t" in line else "," if "," in line else None
+    cells = [cell.strip().strip('"') for cell in split_cells(line, delimiter)]
+    if word == "time":
+        raise BadFile(path, "has no column 'Frame#'", HINT)
+    # The line of X1 Y1 Z1 may be missing; it never begins with a number.
+    below, after = line_from(text, start)
+    if re.search(r"\b[xyz]\d*\b", below, re.IGNORECASE) and not _begins_with_number(below):
+        start = after
+    return facts, cells[2:], start, delimiter
+
+
+def _begins_with_number(line: str) -> bool:
+    cells = line.replace(",", " ").split()
+    try:
+        return bool(cells) and np.isfinite(float(cells[0]))
+    except ValueError:
+        return False
+
+
+def _header_values(keys: str, values: str) -> dict[str, str]:
+    """Header keys to values, by order and not by column: extra tabs are common."""
+    names = keys.replace(",", " ").split() or list(FIELDS)
+    given = values.replace(",", " ").split()
+    facts = dict(zip(names, given, strict=False))
+    unit = next((text for text in given if text.lower() in METERS), None)
+    if unit is not None and facts.get("Units", "").lower() not in METERS:
+        facts["Units"] = unit
+    return facts
+
+
+def _table(
+    text: str, start: int, labels: list[str], delimiter: str | None, path: Path, found: list[str]
+) -> tuple[Array, int]:
+    """Values (frames, columns) with frame number and time first, NaN where a cell is blank."""
+    body = text[start:]
+    named = len([label for label in labels if label])
+    columns = 2 + 3 * named
+    quick = quick_numbers(body, delimiter, columns) if named else None
+    if quick is not None:
+        return quick, columns
+    first = line_from(body, 0)[0]
+    if delimiter not in first if delimiter else False:
+        delimiter = None
+    lines = [line for line in body.split("\n") if line.strip(" \t,")]
+    if not lines:
+        raise BadFile(path, "has marker names, but no frame", "the recording may have stopped before it began")
+    rows = [split_cells(line.rstrip(" \t,"), delimiter) for line in lines]
+    width = max(len(row) for row in rows)
+    if not body.endswith("\n") and len(rows) > 1 and len(rows[-1]) < len(split_cells(lines[-2], delimiter)):
+        rows.pop()
+        found.append("the last row ends too early and was left out: the file may have been cut off")
+    columns = max(columns, width) if named == 0 else columns
+    columns = 2 + 3 * ((columns - 2) // 3)
+    if width > columns and named:
+        found.append(f"{width - columns} columns behind the last marker were left out")
+    table = np.full((len(rows), columns), np.nan)
+    bad = np.zeros(len(rows), dtype=bool)
+    for index, row in enumerate(rows):
+        try:
+            table[index, : min(len(row), columns)] = [number(cell) for cell in row[:columns]]
+        except ValueError:
+            bad[index] = True
+    if bad.any():
+        found.append(f"{np.count_nonzero(bad)} rows were left out because they hold text instead of numbers")
+    if bad.all():
+        raise BadFile(path, "has marker names, but no frame of numbers", HINT)
+    return table[~bad], columns
+
+
+def _marker_names(cells: list[str], slots: int, facts: Mapping[str, str], found: list[str]) -> list[str]:
+    """Name of each marker of the table; a slot without a name becomes `unnamed_k`."""
+    names = [cell for cell in cells if cell]
+    stated = facts.get("NumMarkers", "")
+    positions = [column for column, cell in enumerate(cells) if cell]
+    aligned = positions and positions[0] == 0 and all(position % 3 == 0 for position in positions)
+    if aligned and stated.isdigit() and len(names) < int(stated) and positions[-1] // 3 + 1 > len(names):
+        # A blank name amid the others: the columns say which marker it is.
+        gaps = [cells[3 * slot] if 3 * slot < len(cells) else "" for slot in range(positions[-1] // 3 + 1)]
+        names = gaps[:slots] if slots >= len(gaps) else names
+    unnamed = max(slots - len(names), 0) + names.count("")
+    if unnamed:
+        found.append(f"{unnamed} markers have no name")
+    names += [""] * (slots - len(names))
+    return [name or f"unnamed_{slot + 1}" for slot, name in enumerate(names[:slots])]
+
+
+def _clock(table: Array, facts: Mapping[str, str], path: Path, found: list[str]) -> tuple[Array, Array]:
+    """Time (frames,) and the rows that belong to it."""
+    frame, time = table[:, 0], table[:, 1]
+    try:
+        rate = float(facts.get("DataRate", "nan"))
+    except ValueError:
+        rate = float("nan")
+    keep = rising(time)
+    if keep.all():
+        return time, table
+    if rate > 0 and np.all(np.diff(frame) > 0):
+        known = np.isfinite(time)
+        zero = time[known][0] - (frame[known][0] - frame[0]) / rate if known.any() else 0.0
+        counted = zero + (frame - frame[0]) / rate
+        if not known.any() or np.all(np.abs(counted - time)[known] <= 1.0 / rate + 1e-3):
+            found.append("the time column repeats or is blank: time was counted from frame numbers and DataRate")
+            return counted, table
+    if not keep.any():
+        raise BadFile(path, "its time column holds no number", HINT)
+    found.append(f"{np.count_nonzero(~keep)} frames were left out because their time does not increase")
+    return time[keep], table[keep]
+
+
+def _hidden(values: Array, names: list[str], found: list[str]) -> Array:
+    """The same positions with NaN for infinite, partly blank and exactly zero ones."""
+    values = np.where(np.isinf(values), np.nan, values)
+    zero = np.all(values == 0.0, axis=2)
+    if zero.any():
+        worst = names[int(np.argmax(zero.sum(axis=0)))]
+        found.append(
+            f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0) and were taken as hidden (most of '{worst}')"
+        )
+    hidden = zero | np.isnan(values).any(axis=2)
+    return np.where(hidden[:, :, None], np.nan, values)
+
+
+def _unit(facts: dict[str, str], values: Array, found: list[str]) -> float:
+    """Metres in one unit of the file."""
+    stated = facts.get("Units", "").strip('"').lower()
+    if stated in METERS:
+        return METERS[stated]
+    size = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
+    guess = "mm" if size > 20.0 else "m"
+    found.append(f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}")
+    return METERS[guess]
+
+
+def _check(facts: Mapping[str, str], frames: int, markers: int, found: list[str]) -> None:
+    for key, have, what in (("NumFrames", frames, "frames"), ("NumMarkers", markers, "markers")):
+        stated = facts.get(key, "")
+        if stated.isdigit() and int(stated) != have:
+            found.append(f"the header says {stated} {what}, the file has {have}")
+
+
+def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm") -> None:
+    """Write markers as a TRC file that OpenSim opens (blank where hidden), whole or not at all.
+
+    Raises
+    ------
+    BadData : `units` is not a unit of length that TRC files use
+    """
+    if units not in METERS:
+        raise BadData(f"unknown unit '{units}' for a TRC file: there are 'mm', 'cm', 'm'")
+    frames, count = markers.values.shape[:2]
+    rate = f"{markers.rate:.6f}" if frames > 1 else "1"
+    labels = "".join(f"\tX{one}\tY{one}\tZ{one}" for one in range(1, count + 1))
+    with written(path) as stream:
+        stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n" + "\t".join(FIELDS) + "\n")
+        stream.write(f"{rate}\t{rate}\t{frames}\t{count}\t{units}\t{rate}\t1\t{frames}\n")
+        stream.write("Frame#\tTime\t" + "".join(f"{name}\t\t\t" for name in markers.names).rstrip("\t") + "\n")
+        stream.write(f"\t{labels}\n\n")
+        flat = (markers.values / METERS[units]).reshape(frames, 3 * count)
+        for frame in range(frames):
+            cells = ["" if value != value else f"{value:.9g}" for value in flat[frame].tolist()]
+            stream.write("\t".join((str(frame + 1), f"{markers.time[frame]:.9g}", *cells)) + "\n")
