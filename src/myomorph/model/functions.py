@@ -90,17 +90,17 @@ Function = PiecewisePolynomial | SineProduct
 
 
 def constant(value: float) -> PiecewisePolynomial:
-    """f = value."""
+    """The function that is `value` everywhere."""
     return PiecewisePolynomial(np.zeros(1), np.array([[value]]))
 
 
 def linear(slope: float, intercept: float = 0.0) -> PiecewisePolynomial:
-    """f(x) = slope x + intercept."""
+    """The line slope x + intercept."""
     return PiecewisePolynomial(np.zeros(1), np.array([[intercept, slope]]))
 
 
 def polynomial(coefficients: ArrayLike) -> PiecewisePolynomial:
-    """f(x) = sum_j coefficients[j] x^j, the constant term first."""
+    """The polynomial sum_j coefficients[j] x^j, the constant term first."""
     return PiecewisePolynomial(np.zeros(1), np.atleast_2d(np.asarray(coefficients, dtype=np.float64)))
 
 

@@ -107,7 +107,7 @@ def solve_frame(T, K, observed, target, posture, posture_weight, tolerance, most
     Returns whether the last step was within `tolerance`, the iterations, and the cost
     sum_m w_m |x_m - y_m|^2 / sum_m w_m + sum_j v_j (c_j - target_j)^2 + posture term.
     """
-    R, p, w, o, dphi, H, g, L, step, trial, block = work
+    R, p, w, o, dphi, H, g, L, step, trial, _ = work
     F = K.free
     damping = 1e-9
     for i in range(F.shape[0]):

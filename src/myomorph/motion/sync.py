@@ -29,7 +29,7 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
     kept = (series.time >= start - slack) & (series.time <= end + slack)
     if not kept.any():
         raise BadData(
-            f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g} s "
+            f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g} "
             f"to {series.time[-1]:g} s"
         )
     changes: dict[str, Any] = {"time": series.time[kept], "values": series.values[kept]}

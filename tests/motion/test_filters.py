@@ -1,0 +1,119 @@
+"""Filter and derivatives against OpenSim, and their laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Motion, Wrenches
+from myomorph.motion.filters import differentiate, lowpass, natural_spline
+from myomorph.motion.sync import common_time, cut, resample_wrenches
+
+
+def test_lowpass_equals_opensim():
+    opensim = pytest.importorskip("opensim")
+    rng = np.random.default_rng(0)
+    frames, rate = 101, 128.0
+    # A step that is a power of two, so that OpenSim takes the samples as they are.
+    signal = np.cumsum(rng.normal(size=frames))
+    storage = opensim.Storage()
+    labels = opensim.ArrayStr()
+    labels.append("time")
+    labels.append("x")
+    storage.setColumnLabels(labels)
+    for i, value in enumerate(signal):
+        row = opensim.StateVector()
+        row.setStates(i / rate, opensim.Vector(1, float(value)))
+        storage.append(row)
+    storage.pad(frames // 2)
+    storage.lowpassIIR(6.0)
+    column = opensim.ArrayDouble()
+    # From time 0 on: without the extension before it.
+    storage.getDataColumn("x", column)
+    theirs = np.array([column.get(i) for i in range(frames)])
+    np.testing.assert_allclose(lowpass(signal, rate, 6.0), theirs, atol=1e-9)
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_natural_spline_equals_opensim(degree):
+    opensim = pytest.importorskip("opensim")
+    rng = np.random.default_rng(degree)
+    time = np.sort(rng.uniform(0, 2, 40))
+    values = rng.normal(size=40)
+    theirs = opensim.GCVSpline()
+    theirs.setDegree(degree)
+    for x, y in zip(time, values, strict=True):
+        theirs.addPoint(x, y)
+    ours = natural_spline(time, values, degree)
+    at = np.linspace(time[0], time[-1], 101)
+    scale = np.abs(ours(at)).max()
+    np.testing.assert_allclose(ours(at), [theirs.calcValue(opensim.Vector(1, x)) for x in at], atol=1e-6 * scale)
+    first = opensim.StdVectorInt()
+    first.push_back(0)
+    expected = [theirs.calcDerivative(first, opensim.Vector(1, x)) for x in at]
+    np.testing.assert_allclose(ours.derivative()(at), expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_lowpass_keeps_slow_motion_and_halves_the_cutoff():
+    t = np.arange(2000) / 1000.0
+    slow, at_cutoff = np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 20.0 * t)
+    np.testing.assert_allclose(lowpass(slow, 1000.0, 20.0), slow, atol=2e-3)
+    assert np.abs(lowpass(at_cutoff, 1000.0, 20.0)[500:1500]).max() == pytest.approx(0.5, abs=0.01)
+
+
+def test_derivatives_of_a_known_motion_and_over_a_gap():
+    t = np.arange(200) / 100.0
+    values = np.column_stack([np.sin(3 * t), np.cos(2 * t)])
+    values[80:90, 1] = np.nan
+    motion = differentiate(Motion(t, ("a", "b"), values))
+    seen = np.isfinite(values).all(axis=1)
+    assert np.isnan(motion.velocities[80:90]).all()
+    inside = seen.copy()
+    inside[[0, 1, 2, 77, 78, 79, 90, 91, 92, -3, -2, -1]] = False
+    np.testing.assert_allclose(motion.velocities[inside, 0], 3 * np.cos(3 * t[inside]), atol=1e-4)
+    np.testing.assert_allclose(motion.accelerations[inside, 1], -4 * np.cos(2 * t[inside]), atol=1e-2)
+
+
+def test_too_few_frames_are_refused():
+    with pytest.raises(BadData, match="six frames"):
+        differentiate(Motion(np.arange(4.0), ("a",), np.zeros((4, 1))))
+    with pytest.raises(BadData, match="at least 4"):
+        lowpass(np.zeros(3), 100.0, 6.0)
+
+
+def wrenches_with_unknown_points(frames=50):
+    rng = np.random.default_rng(0)
+    time = np.arange(frames) / 500.0
+    forces, points, torques = np.cumsum(rng.normal(size=(3, frames, 1, 3)), axis=1)
+    return Wrenches(time, ("plate",), ("foot",), forces, points, torques)
+
+
+def test_unknown_centers_of_pressure_leave_the_wrench_alone():
+    known = wrenches_with_unknown_points()
+    forces = known.forces.copy()
+    forces[:10] = 0.0
+    torques = known.torques.copy()
+    torques[:10] = 0.0
+    points = known.points.copy()
+    points[:10] = np.nan
+    unloaded = Wrenches(known.time, known.names, known.bodies, forces, points, torques)
+    moved = resample_wrenches(unloaded, known.time)
+    about_ground = moved.torques + np.cross(np.nan_to_num(moved.points), moved.forces)
+    expected = torques + np.cross(np.nan_to_num(points), forces)
+    np.testing.assert_allclose(about_ground, expected, atol=1e-12)
+
+
+def test_forces_that_end_too_early_are_refused():
+    wrenches = wrenches_with_unknown_points()
+    with pytest.raises(BadData, match="--time"):
+        resample_wrenches(wrenches, np.arange(0.0, 1.0, 0.01))
+
+
+def test_cut_and_common_time():
+    motion = Motion(np.arange(100) / 100.0, ("a",), np.zeros((100, 1)))
+    assert len(cut(motion, 0.1, 0.2)) == 11
+    with pytest.raises(BadData, match=r"runs from 0 to 0\.99"):
+        cut(motion, 5.0, 6.0)
+    start, end = common_time(motion, wrenches_with_unknown_points())
+    assert (start, end) == (0.0, pytest.approx(0.098))

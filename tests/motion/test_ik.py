@@ -1,0 +1,187 @@
+"""Inverse kinematics recovers known motions, keeps its bounds, and survives gaps and bad starts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.functions import linear, simm_spline
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Loop, Marker, Model
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Transform
+from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+
+def walker():
+    """A floating trunk with two legs of hip (3) and knee (1), the knee caps coupled, four markers a body."""
+    rng = np.random.default_rng(0)
+    still = Transform.identity()
+    bodies = [Body("trunk", 40.0, np.zeros(3), np.eye(3))]
+    root = ["root_rz", "root_rx", "root_ry", "root_tx", "root_ty", "root_tz"]
+    x, y, z = np.eye(3)
+    turns = tuple(Axis("rotation", v, linear(1.0), (n,)) for v, n in zip((z, x, y), root[:3], strict=True))
+    shifts = tuple(Axis("translation", v, linear(1.0), (n,)) for v, n in zip((x, y, z), root[3:], strict=True))
+    joints = [Joint("root", "FreeJoint", GROUND, "trunk", still, still, shifts + turns, tuple(root))]
+    coordinates = [Coordinate(n) for n in root[:3]] + [Coordinate(n, "translational") for n in root[3:]]
+    couplers = []
+    for side, sign in (("r", 1.0), ("l", -1.0)):
+        hip = Transform(np.eye(3), np.array([0.0, -0.1, 0.1 * sign]))
+        names = tuple(f"hip_{a}_{side}" for a in ("z", "x", "y"))
+        axes = tuple(Axis("rotation", v, linear(1.0), (n,)) for v, n in zip((z, x, y), names, strict=True))
+        joints.append(Joint(f"hip_{side}", "CustomJoint", "trunk", f"thigh_{side}", hip, still, axes, names))
+        knee = Transform(np.eye(3), np.array([0.0, -0.4, 0.0]))
+        slide = simm_spline([-2.0, -1.0, 0.0, 1.0], [0.02, 0.01, 0.0, 0.0])
+        axes = (Axis("translation", x, slide, (f"knee_{side}",)), Axis("rotation", z, linear(1.0), (f"knee_{side}",)))
+        joints.append(
+            Joint(f"knee_{side}", "CustomJoint", f"thigh_{side}", f"shank_{side}", knee, still, axes, (f"knee_{side}",))
+        )
+        cap = (Axis("rotation", z, linear(1.0), (f"cap_{side}",)),)
+        joints.append(
+            Joint(f"cap_{side}", "PinJoint", f"thigh_{side}", f"cap_{side}", knee, still, cap, (f"cap_{side}",))
+        )
+        couplers.append(Coupler(f"cap_{side}", f"cap_{side}", linear(0.7, 0.1), (f"knee_{side}",)))
+        bodies += [Body(f"{b}_{side}", 5.0, np.zeros(3), np.eye(3) * 0.1) for b in ("thigh", "shank", "cap")]
+        coordinates += [Coordinate(n) for n in names] + [
+            Coordinate(f"knee_{side}", range=(-2.0, 0.1)),
+            Coordinate(f"cap_{side}"),
+        ]
+    markers = tuple(
+        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.15, size=3)) for body in bodies for i in range(4)
+    )
+    return Model(
+        "walker",
+        tuple(bodies),
+        tuple(joints),
+        tuple(coordinates),
+        np.array([0, -9.81, 0]),
+        markers,
+        couplers=tuple(couplers),
+    )
+
+
+def walking(model, frames=300, seed=0):
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames) / 100.0
+    n = len(model.coordinates)
+    values = 0.3 * np.sin(t[:, None] * rng.uniform(2, 6, n) + rng.uniform(0, 6, n))
+    knees = [i for i, name in enumerate(model.coordinate_names) if name.startswith("knee")]
+    values[:, knees] -= 0.5
+    return Motion(
+        t, model.coordinate_names, compile_tree(model).coordinates_of(Motion(t, model.coordinate_names, values))
+    )
+
+
+def seen(model, motion):
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, motion.values)
+    bodies = np.array([tree.body_index[m.body] for m in model.markers])
+    return Markers(motion.time, model.marker_names, poses.points(bodies, np.array([m.location for m in model.markers])))
+
+
+def test_a_known_motion_is_recovered():
+    model = walker()
+    motion = walking(model)
+    fit = inverse_kinematics(model, seen(model, motion))
+    assert fit.converged.all()
+    np.testing.assert_allclose(fit.motion.values, motion.values, atol=1e-5)
+    assert np.nanmax(fit.errors) < 1e-5
+
+
+def test_a_turned_body_is_found_from_the_default_pose():
+    model = walker()
+    motion = walking(model)
+    values = motion.values.copy()
+    values[:, 2] += np.pi
+    values[:, 3] += 7.0
+    turned = Motion(motion.time, motion.names, values)
+    fit = inverse_kinematics(model, seen(model, turned))
+    assert np.nanmax(fit.errors) < 1e-5
+
+
+def test_the_optimum_is_stationary_in_noise():
+    """No single coordinate can be moved to lower the cost: the gradient is zero where it should be."""
+    model = walker()
+    markers = seen(model, walking(model, 40))
+    rng = np.random.default_rng(1)
+    noisy = replace(markers, values=markers.values + rng.normal(scale=0.01, size=markers.values.shape))
+    fit = inverse_kinematics(model, noisy, InverseKinematicsOptions(tolerance=1e-9, posture_weight=0.0))
+    tree = compile_tree(model)
+
+    def cost(values):
+        moved = Motion(fit.motion.time, model.coordinate_names, values)
+        x = seen(model, replace(moved, values=tree.coordinates_of(moved))).values
+        return ((x - noisy.values) ** 2).sum(axis=2).mean(axis=1)
+
+    step = 1e-4
+    best = cost(fit.motion.values)
+    for j in tree.independent:
+        for sign in (-1, 1):
+            values = fit.motion.values.copy()
+            values[:, j] += sign * step
+            assert (cost(values) > best).all()
+
+
+def test_gaps_do_not_move_the_rest():
+    model = walker()
+    motion = walking(model)
+    markers = seen(model, motion)
+    values = markers.values.copy()
+    values[50:70, :2] = np.nan
+    values[100:110] = np.nan
+    fit = inverse_kinematics(model, replace(markers, values=values))
+    blank = np.zeros(300, bool)
+    blank[100:110] = True
+    assert np.isnan(fit.motion.values[blank]).all()
+    assert not fit.converged[blank].any()
+    np.testing.assert_allclose(fit.motion.values[~blank], motion.values[~blank], atol=1e-5)
+    assert np.isnan(fit.errors[50:70, :2]).all()
+
+
+def test_clamped_coordinates_stay_in_range_and_locked_ones_at_their_value():
+    model = walker()
+    motion = walking(model)
+    changed = []
+    for c in model.coordinates:
+        if c.name == "knee_r":
+            c = replace(c, clamped=True, range=(-0.5, 0.1))
+        if c.name == "hip_y_l":
+            c = replace(c, locked=True, default=0.2)
+        changed.append(c)
+    bounded = replace(model, coordinates=tuple(changed))
+    fit = inverse_kinematics(bounded, seen(model, motion))
+    knee = fit.motion["knee_r"]
+    assert knee.min() >= -0.5 - 1e-9
+    assert (np.abs(knee + 0.5) < 1e-6).sum() > 50
+    assert (fit.motion["hip_y_l"] == 0.2).all()
+    assert fit.converged.all()
+
+
+def test_coordinate_tasks_pull_and_weights_choose():
+    model = walker()
+    markers = seen(model, walking(model))
+    strong = InverseKinematicsOptions(coordinate_tasks={"knee_l": CoordinateTask(1e6, -1.0)})
+    np.testing.assert_allclose(inverse_kinematics(model, markers, strong).motion["knee_l"], -1.0, atol=1e-3)
+    few = InverseKinematicsOptions(marker_weights={"trunk_0": 1.0, "trunk_1": 2.0, "trunk_2": 1.0}, only_weighted=True)
+    fit = inverse_kinematics(model, markers, few)
+    assert fit.marker_names == ("trunk_0", "trunk_1", "trunk_2")
+    np.testing.assert_allclose(fit.motion["knee_l"], 0.0, atol=1e-6)
+
+
+def test_what_does_not_match_is_refused_by_name():
+    model = walker()
+    markers = seen(model, walking(model, 10))
+    renamed = replace(markers, names=tuple(f"other{i}" for i in range(len(markers.names))))
+    with pytest.raises(BadData, match=r"share no marker.*trunk_0.*other0"):
+        inverse_kinematics(model, renamed)
+    with pytest.raises(BadData, match="none of the 10 frames"):
+        inverse_kinematics(model, replace(markers, values=np.full(markers.values.shape, np.nan)))
+    with pytest.raises(UnknownName, match="'trunk_9'"):
+        inverse_kinematics(model, markers, InverseKinematicsOptions(marker_weights={"trunk_9": 1.0}))
+    loop = Loop("shoulder", "PointConstraint", "trunk", "cap_r", Transform.identity(), Transform.identity())
+    with pytest.raises(BadModel, match="PointConstraint 'shoulder'"):
+        inverse_kinematics(replace(model, loops=(loop,)), markers)
