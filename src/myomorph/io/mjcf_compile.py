@@ -1,0 +1,66 @@
+"""Compile an MJCF file in a process of its own: `python -m myomorph.io.mjcf_compile JOB BINARY ANSWER`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+MOST_MEMORY = 16 * 1024**3
+
+
+def main(job: str, binary: str, answer: str) -> None:
+    """Compile what `job` names into `binary`, and say in `answer` what went wrong and what has no mass."""
+    _limit_memory()
+    task = json.loads(Path(job).read_text(encoding="utf-8"))
+    weightless: list[str] = []
+    error = ""
+    try:
+        spec = mujoco.MjSpec.from_file(task["path"])
+        _drop_pictures(spec)
+        weightless = _drop_meshes(spec, task["missing"])
+        mujoco.mj_saveModel(spec.compile(), binary, None)
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as problem:
+        error = str(problem) or type(problem).__name__
+    Path(answer).write_text(json.dumps({"error": error, "weightless": weightless}), encoding="utf-8")
+
+
+def _drop_pictures(spec: Any) -> None:
+    """Textures and skins only draw: without them a missing picture cannot stop a model."""
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for one in [*spec.textures, *spec.skins]:
+        spec.delete(one)
+
+
+def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
+    """Take out the meshes whose files are missing, with their geoms; bodies that lose mass by it."""
+    gone = {mesh.name for mesh in spec.meshes if mesh.file in missing}
+    fields = {field.name for field in spec.hfields if field.file in missing}
+    weightless = []
+    for body in spec.bodies:
+        for geom in list(body.geoms):
+            if (geom.meshname and geom.meshname in gone) or (geom.hfieldname and geom.hfieldname in fields):
+                if not body.explicitinertial and body.name not in weightless:
+                    weightless.append(body.name)
+                spec.delete(geom)
+    for mesh in [one for one in spec.meshes if one.name in gone]:
+        spec.delete(mesh)
+    for field in [one for one in spec.hfields if one.name in fields]:
+        spec.delete(field)
+    return [name for name in weightless if name != "world"]
+
+
+def _limit_memory() -> None:
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
