@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from myomorph.io.osim_bodies import read_body, read_markers, read_meshes, read_wrap_objects
+from myomorph.io.osim_constraints import read_constraints
 from myomorph.io.osim_document import OLDEST, Node, read_document, unique
 from myomorph.io.osim_forces import read_forces
-from myomorph.io.osim_constraints import read_constraints
 from myomorph.io.osim_frames import OFFSET_KINDS, Frames
-from myomorph.io.osim_joints import ReadJoint, read_joint, reversed_joint
+from myomorph.io.osim_joints import ReadJoint, free_joint, read_joint, reversed_joint
+from myomorph.io.osim_kept import kept_elsewhere, warnings_of
 from myomorph.model.errors import BadFile, BadModel
-from myomorph.model.model import GROUND, Body, Coordinate, Joint, Kept, Mesh, Model
+from myomorph.model.model import GROUND, Body, Coordinate, Joint, Loop, Marker, Mesh, Model
 from myomorph.model.paths import WrapObject
+from myomorph.model.spatial import Transform
 
 
 def read_osim(path: str | Path) -> Model:
@@ -41,26 +45,29 @@ def read_osim(path: str | Path) -> Model:
         elif one.kind == "Body":
             bodies.append(one)
     joints = _joints(node, bodies, frames)
-    ordered, tree, coordinates = _tree(node, [read_body(one) for one in bodies], joints)
+    tree = _tree(node, [read_body(one) for one in bodies], joints)
     wraps, wrap_names = _wraps(node, ground, bodies, frames)
-    names = tuple(one.name for one in coordinates)
+    names = tuple(one.name for one in tree.coordinates)
     forces = read_forces(node, frames, names, wrap_names)
     couplers, loops, constraints = read_constraints(node, frames, names)
+    kept = (*constraints, *forces.kept, *kept_elsewhere(node, bodies))
+    for line in (*_massless(tree.bodies), *warnings_of(kept)):
+        document.warn(line)
     return Model(
         node.name or Path(path).stem,
-        ordered,
-        tree,
-        coordinates,
+        tuple(tree.bodies),
+        tuple(tree.joints),
+        tuple(tree.coordinates),
         node.vector("gravity", (0.0, -9.80665, 0.0)),
         _markers(node, frames),
         forces.muscles,
         wraps,
         forces.actuators,
         couplers,
-        loops,
+        (*tree.loops, *loops),
         frames.all(),
         _ground_meshes(ground),
-        (*constraints, *forces.kept, *_rest(node)),
+        kept,
         str(path),
         tuple(document.warnings),
     )
@@ -86,37 +93,60 @@ def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
     return [replace(one, joint=replace(one.joint, name=name)) for one, name in zip(found, names, strict=True)]
 
 
-def _tree(
-    node: Node, bodies: list[Body], joints: list[ReadJoint]
-) -> tuple[tuple[Body, ...], tuple[Joint, ...], tuple[Coordinate, ...]]:
-    """Bodies in tree order, a joint for each, and the coordinates in the file's order."""
-    placed = {GROUND}
-    ordered: list[Body] = []
-    tree: dict[str, Joint] = {}
-    waiting = list(joints)
+@dataclass
+class Tree:
+    """Bodies in tree order, a joint for each, the coordinates in the file's order, and the cut loops."""
+
+    bodies: list[Body]
+    joints: list[Joint]
+    coordinates: list[Coordinate]
+    loops: list[Loop]
+
+
+def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
+    """The tree as OpenSim makes it: loose bodies float, loops are cut and their ends welded."""
     by_name = {body.name: body for body in bodies}
     if len(by_name) != len(bodies):
         names = [body.name for body in bodies]
         twice = next(name for name in names if names.count(name) > 1)
         raise BadModel(f"{node.document.path}: two bodies are named '{twice}'")
-    while waiting:
+    placed = {GROUND}
+    tree = Tree([], [], [one for joint in joints for one in joint.coordinates], [])
+    waiting = list(joints)
+    while len(placed) <= len(bodies):
         step = next((one for one in waiting if (one.joint.parent in placed) != (one.joint.child in placed)), None)
         if step is None:
-            break
-        waiting.remove(step)
+            step = _base(node, by_name, placed, waiting)
+            tree.coordinates += step.coordinates
+        else:
+            waiting.remove(step)
         joint = step.joint if step.joint.parent in placed else reversed_joint(step.joint)
         placed.add(joint.child)
-        tree[joint.name] = joint
-        ordered.append(by_name[joint.child])
-    loose = [one.joint.name for one in waiting]
-    if loose:
-        raise BadModel(f"{node.document.path}: joints {', '.join(loose)} close a loop, which is not built")
-    free = [name for name in by_name if name not in placed]
-    if free:
-        raise BadModel(f"{node.document.path}: no joint leads from the ground to the bodies {', '.join(free)}")
-    order = {one.name: i for i, one in enumerate(ordered)}
-    coordinates = tuple(one for joint in joints for one in joint.coordinates)
-    return tuple(ordered), tuple(sorted(tree.values(), key=lambda one: order[one.child])), coordinates
+        tree.joints.append(joint)
+        tree.bodies.append(by_name[joint.child])
+    for one in waiting:
+        _cut(node, one.joint, tree)
+    return tree
+
+
+def _base(node: Node, bodies: dict[str, Body], placed: set[str], waiting: list[ReadJoint]) -> ReadJoint:
+    children = {one.joint.child for one in waiting}
+    loose = [name for name in bodies if name not in placed]
+    base = next((name for name in loose if name not in children), loose[0])
+    node.document.warn(f"no joint leads to body '{base}': it floats freely, as in OpenSim")
+    return free_joint(base)
+
+
+def _cut(node: Node, joint: Joint, tree: Tree) -> None:
+    """A joint that closes a loop leads to a massless copy of its child, welded to it."""
+    if joint.parent == joint.child or joint.child == GROUND:
+        raise BadModel(f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'")
+    name = f"{joint.child}_slave_{sum(one.name.startswith(f'{joint.child}_slave_') for one in tree.bodies)}"
+    node.document.warn(f"joint '{joint.name}' closes a loop: it was cut at body '{joint.child}'")
+    still = Transform.identity()
+    tree.bodies.append(Body(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+    tree.joints.append(replace(joint, child=name))
+    tree.loops.append(Loop(f"{name}_weld", "WeldConstraint", joint.child, name, still, still))
 
 
 def _wraps(
@@ -129,7 +159,8 @@ def _wraps(
     holders += [one for one in node.items("components") if one.kind in OFFSET_KINDS]
     found = [wrap for one in holders for wrap in read_wrap_objects(one, frames)]
     names = [one.name for one in found]
-    wraps, meant = [], {}
+    wraps: list[WrapObject] = []
+    meant: dict[str, str] = {}
     for wrap in found:
         own = wrap.name if names.count(wrap.name) == 1 else f"{wrap.body}/{wrap.name}"
         wraps.append(replace(wrap, name=own))
@@ -137,11 +168,13 @@ def _wraps(
     return tuple(wraps), meant
 
 
-def _markers(node: Node, frames: Frames) -> tuple:
+def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:
     markers = read_markers(node, frames)
     names = unique([one.name for one in markers], "marker", node.document)
     return tuple(replace(one, name=name) for one, name in zip(markers, names, strict=True))
 
 
-def _rest(node: Node) -> tuple[Kept, ...]:
-    return ()
+def _massless(bodies: list[Body]) -> list[str]:
+    if bodies and sum(body.mass for body in bodies) == 0.0:
+        return ["all bodies have zero mass: the model moves, but has no dynamics"]
+    return []

@@ -162,7 +162,7 @@ class Node:
             return default
         parts = [part for part in NUMBER.split(found.text or "") if part]
         try:
-            values = np.array([INFINITE.get(part.lower(), None) or float(part) for part in parts])
+            values = np.array([INFINITE.get(part.lower()) or float(part) for part in parts])
         except ValueError:
             raise self.bad(f"'{tag}' is '{(found.text or '').strip()[:60]}'", "expected numbers", found) from None
         if np.isnan(values).any() or not (infinite or np.isfinite(values).all()):
@@ -211,7 +211,7 @@ def read_document(path: str | Path, wanted: tuple[str, ...], what: str) -> Node:
         data = next((element for element in root if isinstance(element.tag, str)), root)
     if data.tag not in wanted:
         raise BadFile(path, f"holds <{data.tag}>", f"expected {what}")
-    defaults = {}
+    defaults: dict[str, etree._Element] = {}
     for section in (*data.findall("defaults"), *root.findall("defaults")):
         for element in section:
             defaults.setdefault(RENAMED.get(str(element.tag), str(element.tag)), element)

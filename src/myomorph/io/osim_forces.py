@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from myomorph.io.osim_actuators import KINDS, placed_actuator, read_actuator
 from myomorph.io.osim_document import Node, unique
 from myomorph.io.osim_frames import Frames
+from myomorph.io.osim_kept import kept_force
 from myomorph.io.osim_muscles import PathReader, is_muscle, read_muscle
 from myomorph.model.model import Actuator, Kept
 from myomorph.model.paths import Muscle
@@ -24,13 +26,23 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
     """Muscles, actuators and the rest of a model's forces."""
     paths = PathReader(frames, coordinates, wraps)
     groups = _groups(model)
-    muscles = [read_muscle(one, paths, groups.get(one.name, ())) for one in model.items("ForceSet") if is_muscle(one)]
+    muscles, actuators, kept = [], [], []
+    for one in (*model.items("ForceSet"), *model.items("ActuatorSet")):
+        if is_muscle(one):
+            muscles.append(read_muscle(one, paths, groups.get(one.name, ())))
+        elif one.kind in KINDS:
+            actuators.append(placed_actuator(one, read_actuator(one), frames, coordinates))
+        else:
+            kept.append(kept_force(one))
     names = unique([one.name for one in muscles], "muscle", model.document)
     muscles = [replace(one, name=name) for one, name in zip(muscles, names, strict=True)]
-    return Forces(tuple(muscles), (), ())
+    names = unique([one.name for one in actuators], "actuator", model.document)
+    actuators = [replace(one, name=name) for one, name in zip(actuators, names, strict=True)]
+    return Forces(tuple(muscles), tuple(actuators), tuple(kept))
 
 
 def _groups(model: Node) -> dict[str, tuple[str, ...]]:
+    """Groups of each member, in the file's order."""
     found: dict[str, tuple[str, ...]] = {}
     forces = model.child("ForceSet", "ActuatorSet")
     if forces is None:

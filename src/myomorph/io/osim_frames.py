@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from myomorph.io.osim_document import Node, joined
@@ -59,7 +61,7 @@ class Frames:
         body, pose = self.place(node.socket("parent_frame", "body"), node)
         return body, pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
 
-    def _find(self, text: str, user: Node, where: dict[str, object], kind: str) -> str:
+    def _find(self, text: str, user: Node, where: Mapping[str, object], kind: str) -> str:
         path = joined(user.path, text)
         if path in where:
             return path
@@ -123,10 +125,10 @@ class Frames:
         return AXES[text.lstrip("+-")], -1.0 if text.startswith("-") else 1.0
 
     def all(self) -> tuple[Frame, ...]:
-        """Every named offset frame, placed in its body."""
+        """Every named offset frame but those of the joints, placed in its body."""
         frames: dict[str, Frame] = {}
         for path, node in self._offsets.items():
-            if node.name and node.name not in frames:
+            if node.name and node.name not in frames and not path.startswith("/jointset/"):
                 body, pose = self._at(path)
                 frames[node.name] = Frame(node.name, body, pose)
         return tuple(frames.values())

@@ -19,8 +19,17 @@ from myomorph.model.functions import (
 )
 from myomorph.model.spatial import Array
 
-KNOWN = ("Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "PiecewiseLinearFunction")
-KNOWN += ("MultiplierFunction", "Sine", "GCVSpline", "StepFunction")
+KNOWN = (
+    "Constant",
+    "LinearFunction",
+    "PolynomialFunction",
+    "SimmSpline",
+    "PiecewiseLinearFunction",
+    "MultiplierFunction",
+    "Sine",
+    "GCVSpline",
+    "StepFunction",
+)
 
 
 def read_function(node: Node, user: Node) -> Function:
@@ -60,7 +69,7 @@ def read_function(node: Node, user: Node) -> Function:
             return simm_spline(x, y)
         return piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _natural_spline(node, x, y)
     owner = f"{user.kind} '{user.name}'" if user.name else user.kind
-    raise BadModel(f"{node.document.path}: {owner} uses a {kind}, which is not built: it has to be one of {KNOWN}")
+    raise BadModel(f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are")
 
 
 def _points(node: Node) -> tuple[Array, Array]:

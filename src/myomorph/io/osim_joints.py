@@ -13,7 +13,7 @@ from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_functions import read_function
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function, SineProduct, constant, linear
-from myomorph.model.model import Axis, Coordinate, Joint
+from myomorph.model.model import GROUND, Axis, Coordinate, Joint
 from myomorph.model.spatial import Array, Transform
 
 X, Y, Z = np.eye(3)
@@ -69,8 +69,10 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
         axes, given = _custom(node, given)
     else:
         names = _named(node, given, CURVED.get(kind, len(SIMPLE.get(kind, ()))))
-        given = tuple(replace(one, name=name) for one, name in zip(given, names, strict=True))
         axes = _simple(kind, names) if kind in SIMPLE else _curved(node, names)
+        given = tuple(
+            replace(one, name=name, motion=_motion(axes, name)) for one, name in zip(given, names, strict=True)
+        )
     (parent, parent_frame, parent_name), (child, child_frame, child_name) = _ends(node, frames, old_child)
     joint = Joint(
         node.name or kind.lower(),
@@ -84,9 +86,15 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
         parent_name,
         child_name,
     )
-    return ReadJoint(joint, _with_motion(node, joint, given))
+    return ReadJoint(joint, given)
 
 
+def _motion(axes: tuple[Axis, ...], coordinate: str) -> Motion:
+    turns = any(axis.kind == "rotation" and coordinate in axis.coordinates for axis in axes)
+    return "rotational" if turns else "translational"
+
+
+Motion = Literal["rotational", "translational", "coupled"]
 End = tuple[str, Transform, str]
 
 
@@ -129,22 +137,38 @@ def _coordinate(node: Node) -> Coordinate:
         node.document.warn(
             f"coordinate '{node.name}' is prescribed but free to satisfy constraints: read as prescribed"
         )
+    default, clamped = node.number("default_value", 0.0), node.flag("clamped", False)
+    if clamped and not low - 1e-8 < default < high + 1e-8:
+        node.document.warn(
+            f"coordinate '{node.name}' is clamped to {low:g} .. {high:g}, but its default is {default:g}"
+        )
     return Coordinate(
         node.name,
         "rotational",
-        node.number("default_value", 0.0),
+        default,
         (float(low), float(high)),
-        node.flag("clamped", False),
+        clamped,
         node.flag("locked", False),
         prescribed,
         node.number("default_speed_value", 0.0),
     )
 
 
+def free_joint(child: str) -> ReadJoint:
+    """The joint that OpenSim adds where none leads to a body."""
+    name = f"free_{child}"
+    names = [f"{name}_coord_{i}" for i in range(6)]
+    axes = _simple("FreeJoint", names)
+    still = Transform.identity()
+    joint = Joint(name, "FreeJoint", GROUND, child, still, still, axes, tuple(names))
+    return ReadJoint(joint, tuple(Coordinate(one, _motion(axes, one), range=(-10.0, 10.0)) for one in names))
+
+
 def _named(node: Node, given: tuple[Coordinate, ...], needed: int) -> list[str]:
-    if len(given) != needed:
+    if given and len(given) != needed:
         raise node.bad(f"has {len(given)} coordinates", f"a {node.kind} has {needed}")
-    return [one.name or f"{node.name}_coord_{i}" for i, one in enumerate(given)]
+    names = [one.name for one in given] or [""] * needed
+    return [name or f"{node.name}_coord_{i}" for i, name in enumerate(names)]
 
 
 def _simple(kind: str, names: list[str]) -> tuple[Axis, ...]:
@@ -155,32 +179,38 @@ def _simple(kind: str, names: list[str]) -> tuple[Axis, ...]:
 
 
 def _custom(node: Node, given: tuple[Coordinate, ...]) -> tuple[tuple[Axis, ...], tuple[Coordinate, ...]]:
+    """Axes of a custom joint, and its coordinates in the order in which the axes name them."""
     spatial = node.child("SpatialTransform")
     if spatial is None:
         raise node.bad("has no SpatialTransform")
     transforms = {one.get("name", ""): spatial.node(one) for one in spatial.element.findall("TransformAxis")}
     usual = dict(zip(SPATIAL, (X, Y, Z, X, Y, Z), strict=True))
-    axes, order = [], []
+    axes: list[Axis] = []
+    motions: dict[str, Motion] = {}
     for name in SPATIAL:
-        axis = transforms.get(name)
-        if axis is None:
+        transform = transforms.get(name)
+        if transform is None:
             axes.append(Axis(_kind(name), usual[name], constant(0.0)))
             continue
-        names = axis.words("coordinates")
-        order += [one for one in names if one not in order]
-        axes.append(_transform_axis(node, axis, name, usual[name], names))
-    vectors = [axis.vector for axis in axes]
-    for three in (vectors[:3], vectors[3:]):
-        if abs(np.linalg.det(np.array(three))) < 1e-10:
-            raise node.bad("has axes that are not independent of each other")
+        names = transform.words("coordinates")
+        axis, pure = _transform_axis(node, transform, name, usual[name], names)
+        axes.append(axis)
+        for one in names:
+            if pure:
+                motions[one] = "rotational" if axis.kind == "rotation" else "translational"
+            motions.setdefault(one, "coupled")
+    for three in (axes[:3], axes[3:]):
+        vectors = [axis.vector for axis in three]
+        if min(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3])) for i in range(3)) < 1e-5:
+            raise node.bad(f"two of its {three[0].kind} axes are parallel")
     known = [one.name for one in given]
-    for one in order:
+    for one in motions:
         if one not in known:
             raise UnknownName("coordinate", one, known, f"{node.document.path}: joint '{node.name}'")
-    ordered = tuple(given[known.index(one)] for one in order)
-    unused = [one for one in known if one not in order]
+    unused = [one for one in known if one not in motions]
     if unused:
         raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")
+    ordered = tuple(replace(given[known.index(one)], motion=motion) for one, motion in motions.items())
     return (*axes[3:], *axes[:3]), ordered
 
 
@@ -188,22 +218,28 @@ def _kind(name: str) -> Literal["rotation", "translation"]:
     return "rotation" if name.startswith("rotation") else "translation"
 
 
-def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: list[str]) -> Axis:
+def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: list[str]) -> tuple[Axis, bool]:
+    """One axis, and whether a coordinate is its very amount (slope 1 or -1), as OpenSim sees it."""
     vector = axis.vector("axis", tuple(usual))
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise joint.bad(f"its axis {name} has no direction")
     inner = axis.inner("function")
     if inner is None:
-        inner = next((axis.node(one) for one in axis.element if str(one.tag) not in ("coordinates", "axis")), None)
-        inner = None if inner is None or inner.kind in ("function", "coordinate") else inner
-    if inner is None:
-        function: Function = linear(1.0) if len(names) == 1 else constant(0.0)
-    else:
+        bare = [axis.node(one) for one in axis.element if str(one.tag) not in ("coordinates", "axis", "function")]
+        inner = bare[0] if bare else None
+    if inner is not None:
         function = read_function(inner, joint)
+    else:
+        function = constant(0.0)
+        if names:
+            joint.document.warn(
+                f"joint '{joint.name}': axis {name} has a coordinate but no function, so it does not move"
+            )
     if function.arity > len(names):
         raise joint.bad(f"its axis {name} has a {inner.kind if inner else 'function'} but no coordinate")
-    return Axis(_kind(name), vector / length, function, tuple(names[: function.arity]))
+    pure = inner is not None and inner.kind == "LinearFunction" and abs(_slope(function)) == 1.0
+    return Axis(_kind(name), vector / length, function, tuple(names[: function.arity])), pure
 
 
 def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
@@ -236,21 +272,6 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
         winging = np.array([-np.sin(angle), np.cos(angle), 0.0])
         axes.append(Axis("rotation", winging, linear(1.0), (names[3],), origin))
     return tuple(axes)
-
-
-def _with_motion(node: Node, joint: Joint, given: tuple[Coordinate, ...]) -> tuple[Coordinate, ...]:
-    """Coordinates with what they measure: pure motion on an axis (slope of +-1), or coupled."""
-    found = []
-    for coordinate in given:
-        motion: Literal["rotational", "translational", "coupled"] = "coupled"
-        for axis in sorted(joint.axes, key=lambda one: one.kind):
-            if coordinate.name not in axis.coordinates:
-                continue
-            slope = _slope(axis.function)
-            if slope in (1.0, -1.0):
-                motion = "rotational" if axis.kind == "rotation" else "translational"
-        found.append(replace(coordinate, motion=motion))
-    return tuple(found)
 
 
 def _slope(function: Function) -> float:

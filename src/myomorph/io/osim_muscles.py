@@ -39,9 +39,22 @@ NOT_PARAMETERS = frozenset(
         "Vmax",
     }
 )
-CURVES = ("ActiveForceLengthCurve", "ForceVelocityCurve", "FiberForceLengthCurve", "TendonForceLengthCurve")
-CURVES += ("FiberCompressiveForceLengthCurve", "FiberCompressiveForceCosPennationCurve")
-CURVES += ("MuscleFirstOrderActivationDynamicModel", "MuscleFixedWidthPennationModel")
+CURVES = (
+    "ActiveForceLengthCurve",
+    "ForceVelocityCurve",
+    "FiberForceLengthCurve",
+    "TendonForceLengthCurve",
+    "FiberCompressiveForceLengthCurve",
+    "FiberCompressiveForceCosPennationCurve",
+    "MuscleFirstOrderActivationDynamicModel",
+    "MuscleFixedWidthPennationModel",
+)
+FREE_CURVES = (
+    "tendon_force_length_curve",
+    "active_force_length_curve",
+    "passive_force_length_curve",
+    "force_velocity_curve",
+)
 
 
 class PathReader:
@@ -125,9 +138,8 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
         Its class is not built.
     """
     if node.kind not in DEFAULTS:
-        raise BadModel(
-            f"{node.document.path}: muscle '{node.name}' is a {node.kind}, which is not built: {', '.join(DEFAULTS)} are"
-        )
+        known = ", ".join(DEFAULTS)
+        raise BadModel(f"{node.document.path}: muscle '{node.name}' is a {node.kind}, which is not built: {known} are")
     low, high = _controls(node)
     speed = node.number("Vmax", 10.0) if node.kind == "Thelen2003Muscle_Deprecated" else 10.0
     pennation = node.number("pennation_angle_at_optimal", node.number("pennation_angle", 0.0))
@@ -145,7 +157,14 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
         MappingProxyType(_parameters(node)),
         groups,
         node.flag("appliesForce", not node.flag("isDisabled", False)),
+        MappingProxyType(_free_curves(node)),
     )
+
+
+def _free_curves(node: Node) -> dict[str, Function]:
+    """Curves that older classes keep as functions of normalized length or velocity."""
+    found = {tag: node.inner(tag) for tag in FREE_CURVES}
+    return {tag: read_function(inner, node) for tag, inner in found.items() if inner is not None}
 
 
 def _controls(node: Node) -> tuple[float, float]:

@@ -134,6 +134,7 @@ class Muscle:
     min_activation, max_activation : bounds of the activation
     parameters : what else the class has, by the file's own names, e.g. "KshapeActive"
     enabled : false where the file switches it off (`appliesForce`)
+    curves : where the file brings its own, by its names, e.g. "active_force_length_curve"
     """
 
     name: str
@@ -149,3 +150,4 @@ class Muscle:
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     groups: tuple[str, ...] = ()
     enabled: bool = True
+    curves: Mapping[str, Function] = field(default_factory=lambda: MappingProxyType({}))
