@@ -1,0 +1,34 @@
+"""The rooms import downwards only, and hold no drawer for what belongs nowhere."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DRAWERS = {"utils", "util", "common", "helpers", "core", "misc"}
+
+
+def test_imports_go_down_only():
+    pytest.importorskip("importlinter", reason="needs the extra 'lint'")
+    program = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
+    done = subprocess.run(
+        [sys.executable, "-c", program, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_no_drawers():
+    found = [path for path in (ROOT / "src").rglob("*") if path.stem in DRAWERS]
+    assert found == []
+
+
+def test_import_is_light():
+    """`import myomorph` loads nothing that takes time, and neither does the root of the command line."""
+    program = "import sys, myomorph, myomorph.cli; print(*sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & {"numba", "scipy", "mujoco", "xarray", "matplotlib", "pydantic"}
