@@ -129,16 +129,24 @@ def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str
     taken = set(names)
     seen: set[str] = set()
     unique: list[str] = []
+    renamed: list[tuple[str, str]] = []
     for name in names:
         if name in seen:
             copy = 2
             while f"{name}_{copy}" in taken:
                 copy += 1
-            found.append(f"the {kind} '{name}' occurs more than once: a later one was named '{name}_{copy}'")
+            renamed.append((name, f"{name}_{copy}"))
             name = f"{name}_{copy}"
             taken.add(name)
         seen.add(name)
         unique.append(name)
+    if len(renamed) == 1:
+        found.append(f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'")
+    elif renamed:
+        twice = ", ".join(dict.fromkeys(f"'{name}'" for name, _ in renamed))
+        found.append(
+            f"{len(renamed)} names of a {kind} occur again ({twice}): later ones were named like '{renamed[0][1]}'"
+        )
     return tuple(unique)
 
 
