@@ -1,0 +1,83 @@
+"""`myomorph`: the program, its exit statuses, and what it says when something is wrong."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+
+from myomorph.model.errors import MyomorphError
+
+DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    0 done; 2 bad input, told in one line; 1 our fault; 130 interrupted with Ctrl-C.
+
+    Parameters
+    ----------
+    arguments : what follows the program's name; None takes them from the process
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in given
+    given = [one for one in given if one != "--debug"]
+    try:
+        with warnings.catch_warnings():
+            if not debug:
+                warnings.simplefilter("ignore")
+            return _run(given)
+    except KeyboardInterrupt:
+        return _say("interrupted: nothing half-written was left behind", INTERRUPTED)
+    except BrokenPipeError:
+        return _closed_pipe()
+    except MyomorphError as error:
+        return _say(f"error: {error}", BAD_INPUT, debug)
+    except OSError as error:
+        return _say(f"error: {_about_file(error)}", BAD_INPUT, debug)
+    except MemoryError:
+        return _say("error: not enough memory: cut the recording with --time START END", BAD_INPUT, debug)
+    except Exception as error:
+        text = f"this is a fault of Myomorph, not of your files: {type(error).__name__}: {error}; "
+        text += "please report it" + ("" if debug else ", with what the same command prints with --debug")
+        return _say(text, OUR_FAULT, debug)
+
+
+def _run(given: list[str]) -> int:
+    from cyclopts.exceptions import CycloptsError
+
+    from myomorph.cli.app import app
+
+    try:
+        status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        error.verbose = False
+        command = next((one for one in given[:1] if not one.startswith("-")), "")
+        known = command in app
+        where = f"myomorph {command} --help" if known else "myomorph --help"
+        return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
+    return status if isinstance(status, int) else DONE
+
+
+def _say(text: str, status: int, debug: bool = False) -> int:
+    """Print one line, whatever the text holds, and return the status."""
+    if debug:
+        traceback.print_exc()
+    sys.stderr.write(" ".join(text.split()) + "\n")
+    sys.stderr.flush()
+    return status
+
+
+def _about_file(error: OSError) -> str:
+    """An operating system's error as one line that names the file."""
+    reason = error.strerror or str(error)
+    return f"{error.filename}: {reason}" if error.filename is not None else reason
+
+
+def _closed_pipe() -> int:
+    """End quietly, as other programs do, where whoever read our output has gone (`| head`)."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return DONE

@@ -1,0 +1,72 @@
+"""What a result was made from: inputs by their hashes, options, version and date."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input of a step.
+
+    Attributes
+    ----------
+    role : what it was used as: "model", "markers", "loads", ...
+    name : path of the file, or a name for a value that was made in memory
+    sha256 : of the file's bytes, or of the value
+    """
+
+    role: str
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What one step's result was made from.
+
+    Attributes
+    ----------
+    step : "ik", "id", "muscles", "tension"
+    sources : the inputs
+    options : what the step was told, by option name; values are numbers, texts, None or lists of them
+    version : of Myomorph
+    date : when it was made, ISO 8601 with time zone
+    """
+
+    step: str
+    sources: tuple[Source, ...]
+    options: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    version: str = ""
+    date: str = ""
+
+    @property
+    def key(self) -> str:
+        """Hash of all that determines the result: equal keys mean an equal result, whatever name or date."""
+        parts = [self.step, self.version, sorted(self.options.items())]
+        parts.append(sorted((source.role, source.sha256) for source in self.sources))
+        return hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
+
+    def to_json(self) -> str:
+        """The provenance as a line of JSON."""
+        return json.dumps(asdict(self) | {"options": dict(self.options), "key": self.key}, default=str)
+
+    @staticmethod
+    def from_json(text: str) -> Provenance:
+        """The provenance that `to_json` wrote.
+
+        Raises
+        ------
+        ValueError
+            where the text is something else
+        """
+        try:
+            found = json.loads(text)
+            sources = tuple(Source(one["role"], one["name"], one["sha256"]) for one in found["sources"])
+            return Provenance(found["step"], sources, found["options"], found["version"], found["date"])
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"not a provenance: {error}") from None

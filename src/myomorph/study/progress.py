@@ -1,0 +1,75 @@
+"""How far work has come: a bar with the time left, on work that takes longer than two seconds."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+PATIENCE = 2.0
+"""Work shorter than this says nothing [s]."""
+
+Advance = Callable[[int], None]
+
+
+@contextmanager
+def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
+    """Show how far a piece of work has come, on standard error.
+
+    Where that is a terminal, a bar with the time left appears once the work has taken `PATIENCE`; else one
+    line tells at the end what was done and how long it took. Shorter work stays silent.
+
+    Parameters
+    ----------
+    title : what is done
+    total : how many `unit` there are
+
+    Yields
+    ------
+    function to call with the number of units just done
+    """
+    started = time.monotonic()
+    bar: Progress | None = None
+    done = 0
+    interactive = sys.stderr.isatty()
+
+    def advance(count: int) -> None:
+        nonlocal bar, done
+        done += count
+        if bar is not None:
+            bar.update(bar.task_ids[0], completed=done)
+        elif interactive and time.monotonic() - started > PATIENCE:
+            bar = _bar(title, total, done)
+
+    try:
+        yield advance
+    except BaseException:
+        if bar is not None:
+            bar.stop()
+        raise
+    if bar is not None:
+        bar.stop()
+    took = time.monotonic() - started
+    if took > PATIENCE and not interactive:
+        sys.stderr.write(f"{title}: {total} {unit} in {took:.1f} s\n")
+
+
+def _bar(title: str, total: int, done: int) -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=Console(stderr=True),
+    )
+    bar.add_task(title, total=total, completed=done)
+    bar.start()
+    return bar
