@@ -20,6 +20,9 @@ from myomorph.rigid.tree import Tree, compile_tree
 SCOUT = 16
 """Frames between the poses that are tracked first, to start the chunks from."""
 
+SCOUT_TOLERANCE = 1e-3
+"""Last step of such a pose [rad or m]: a start need not be exact."""
+
 
 @dataclass(frozen=True)
 class CoordinateTask:
@@ -115,7 +118,7 @@ def inverse_kinematics(
 
     over the coordinates that are neither locked, prescribed nor driven by a coupler, clamped ones within
     their range: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by
-    Levenberg-Marquardt steps with analytic Jacobians.
+    damped Newton steps with analytic first and second derivatives.
 
     Parameters
     ----------
@@ -231,22 +234,10 @@ def coordinate_targets(tree: Tree, time: Array, options: InverseKinematicsOption
 def marker_arrays(
     tree: Tree, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions
 ) -> MarkerArrays:
-    """Markers, the axes and coordinates that move them, and the variables with their bounds."""
-    model, arrays = tree.model, tree.arrays
+    """Markers, their bodies and weights, and the variables with their bounds."""
+    model = tree.model
     marked = [model.marker(name) for name in names]
     bodies = [tree.body_index[marker.body] for marker in marked]
-    reach_start, reach, axis_start, axes, slots = [0], [], [0], [], []
-    for body in bodies:
-        above = np.flatnonzero(tree.supports[body])
-        moved = np.unique(arrays.axis_coordinate[above])
-        moved = moved[moved >= 0]
-        axes.extend(above)
-        slots.extend(
-            np.where(arrays.axis_coordinate[above] >= 0, np.searchsorted(moved, arrays.axis_coordinate[above]), -1)
-        )
-        reach.extend(moved)
-        reach_start.append(len(reach))
-        axis_start.append(len(axes))
     free = np.array(
         [j for j in tree.independent if not model.coordinates[j].locked and model.coordinates[j].prescribed is None],
         np.int64,
@@ -260,11 +251,6 @@ def marker_arrays(
         body=np.array(bodies, np.int64),
         location=np.array([marker.location for marker in marked]),
         weight=weights,
-        reach_start=np.array(reach_start, np.int64),
-        reach=np.array(reach, np.int64),
-        axis_start=np.array(axis_start, np.int64),
-        axes=np.array(axes, np.int64),
-        axis_slot=np.array(slots, np.int64).reshape(-1, 2),
         free=free,
         lower=lower,
         upper=upper,
@@ -283,7 +269,8 @@ def scout(
     work = new_work(tree.arrays, len(tree.defaults))
     frames = len(observed)
     starts = np.empty((-(-frames // CHUNK), len(tree.defaults)))
-    headings = _headings(tree, arrays)
+    turning = _turning(tree, arrays)
+    headings = _headings(tree, turning)
     pose, usual = tree.defaults.copy(), 0.0
     for frame in range(0, frames, SCOUT):
         if np.isfinite(observed[frame]).all(axis=1).any():
@@ -296,6 +283,7 @@ def scout(
                     )
                     other, reached = _settle(tree, arrays, observed[frame], targets[frame], options, other, work)
                     if reached < 0.999 * cost:
+                        other[turning] -= 2.0 * np.pi * np.round((other - tree.defaults)[turning] / (2.0 * np.pi))
                         pose, cost = other, reached
             usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
         if frame % CHUNK == 0:
@@ -315,7 +303,7 @@ def _settle(
     pose = start.copy()
     hold(arrays, target, pose)
     _, _, cost = solve_frame(
-        tree.arrays, arrays, seen, target, tree.defaults, options.posture_weight, options.tolerance,
+        tree.arrays, arrays, seen, target, tree.defaults, options.posture_weight, SCOUT_TOLERANCE,
         options.iterations, pose, work,
     )  # fmt: skip
     return pose, cost
@@ -333,13 +321,18 @@ def _root_coordinates(tree: Tree) -> Ints:
     return np.unique(used[used >= 0])
 
 
-def _headings(tree: Tree, arrays: MarkerArrays) -> list[Array]:
+def _turning(tree: Tree, arrays: MarkerArrays) -> list[int]:
+    """Root coordinates that may turn all the way round."""
+    free = set(arrays.free[np.isinf(arrays.lower) & np.isinf(arrays.upper)])
+    return [j for j in _root_coordinates(tree) if j in free and tree.model.coordinates[j].motion == "rotational"]
+
+
+def _headings(tree: Tree, turning: list[int]) -> list[Array]:
     """The default pose, and the same with each root rotation turned by a quarter, half and three quarters."""
     poses = [tree.defaults.copy()]
-    for j in _root_coordinates(tree):
-        if j in arrays.free and tree.model.coordinates[j].motion == "rotational":
-            for quarter in (1, 2, 3):
-                pose = tree.defaults.copy()
-                pose[j] += quarter * np.pi / 2.0
-                poses.append(pose)
+    for j in turning:
+        for quarter in (1, 2, 3):
+            pose = tree.defaults.copy()
+            pose[j] += quarter * np.pi / 2.0
+            poses.append(pose)
     return poses
