@@ -1,0 +1,183 @@
+"""Tendons around spheres and cylinders in the way of MuJoCo: one surface between two sites.
+
+The path lies in a plane: for a sphere the one through both points and its center, for a cylinder
+the one across its axis, along which the path then climbs evenly. In the plane it is straight, an
+arc of the circle, straight. The path takes the near way round, and only where the surface is in its
+way; but where the center lies within the triangle of both points and a side point outside of the
+surface, it takes the way over that side in any case. A side point inside of the surface makes the
+path run through the inside of the ring and touch it at one point (a pulley seen from within). These
+are the rules of MuJoCo 4.0 (`tendon/spatial/geom` in its documentation, found out by experiment);
+versions before 4.0 went over the side of the side point also where the center lies outside.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+SPHERE, CYLINDER = 0, 1
+TINY = 1e-15
+
+
+@njit(cache=True, nogil=True)
+def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
+    """Arc length on the surface between two points, or -1 where the path does not touch it.
+
+    Parameters
+    ----------
+    p0, p1 : (3,) the points before and after the surface [m]
+    kind : SPHERE or CYLINDER (infinite, its axis is the third column of `R`)
+    radius : [m]
+    R, x : (3, 3), (3,) pose of the surface
+    side : (3,) the side point; read where `has_side`
+    out : (2, 3) filled with the points where the path meets and leaves the surface
+
+    All in one frame. On -1 `out` is left as it was.
+    """
+    a0, a1, a2 = p0[0] - x[0], p0[1] - x[1], p0[2] - x[2]
+    b0, b1, b2 = p1[0] - x[0], p1[1] - x[1], p1[2] - x[2]
+    la = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+    if la < TINY or b0 * b0 + b1 * b1 + b2 * b2 < TINY * TINY:
+        return -1.0
+    if kind == SPHERE:
+        e0, e1, e2 = a0 / la, a1 / la, a2 / la
+        n0, n1, n2 = _plane_normal(e0, e1, e2, a0, a1, a2, b0, b1, b2)
+        f0, f1, f2 = n1 * e2 - n2 * e1, n2 * e0 - n0 * e2, n0 * e1 - n1 * e0
+    else:
+        e0, e1, e2 = R[0, 0], R[1, 0], R[2, 0]
+        f0, f1, f2 = R[0, 1], R[1, 1], R[2, 1]
+    ax, ay = a0 * e0 + a1 * e1 + a2 * e2, a0 * f0 + a1 * f1 + a2 * f2
+    bx, by = b0 * e0 + b1 * e1 + b2 * e2, b0 * f0 + b1 * f1 + b2 * f2
+    sx, sy, within = 0.0, 0.0, False
+    if has_side:
+        s0, s1, s2 = side[0] - x[0], side[1] - x[1], side[2] - x[2]
+        sx, sy = _unit(s0 * e0 + s1 * e1 + s2 * e2, s0 * f0 + s1 * f1 + s2 * f2)
+        within = s0 * s0 + s1 * s1 + s2 * s2 < radius * radius
+    if within:
+        found, tx, ty = _touch_inside(ax, ay, bx, by, radius)
+        arc, ux, uy = 0.0, tx, ty
+    else:
+        arc, tx, ty, ux, uy = _around(ax, ay, bx, by, radius, sx, sy, has_side)
+        found = arc >= 0.0
+    if not found:
+        return -1.0
+    z, w, h = 0.0, 0.0, 0.0
+    if kind == CYLINDER:
+        za = a0 * R[0, 2] + a1 * R[1, 2] + a2 * R[2, 2]
+        rise = b0 * R[0, 2] + b1 * R[1, 2] + b2 * R[2, 2] - za
+        before, after = math.hypot(tx - ax, ty - ay), math.hypot(ux - bx, uy - by)
+        h = rise * arc / (before + arc + after)
+        z = za + rise * before / (before + arc + after)
+        w = z + h
+    for end in range(2):
+        out[end, 0] = x[0] + tx * e0 + ty * f0 + z * R[0, 2]
+        out[end, 1] = x[1] + tx * e1 + ty * f1 + z * R[1, 2]
+        out[end, 2] = x[2] + tx * e2 + ty * f2 + z * R[2, 2]
+        tx, ty, z = ux, uy, w
+    return math.sqrt(arc * arc + h * h)
+
+
+@njit(cache=True, nogil=True)
+def _plane_normal(e0, e1, e2, a0, a1, a2, b0, b1, b2):
+    """Unit normal of the plane of a and b; of one of the planes of a where they are in line."""
+    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+    if length < TINY:
+        if abs(e1) > abs(e0) and abs(e1) > abs(e2):
+            n0, n1, n2 = e1, e2 - e0, -e1
+        elif abs(e2) > abs(e0) and abs(e2) > abs(e1):
+            n0, n1, n2 = -e2, e2, e0 - e1
+        else:
+            n0, n1, n2 = e1 - e2, -e0, e0
+        length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+    return n0 / length, n1 / length, n2 / length
+
+
+@njit(cache=True, nogil=True)
+def _unit(x, y):
+    length = math.hypot(x, y)
+    if length < TINY:
+        return 1.0, 0.0
+    return x / length, y / length
+
+
+@njit(cache=True, nogil=True)
+def _around(ax, ay, bx, by, r, sx, sy, has_side):
+    """Arc length around the outside of a circle at the origin, and its two ends; -1 for no wrap."""
+    aa, bb, rr = ax * ax + ay * ay, bx * bx + by * by, r * r
+    dx, dy = bx - ax, by - ay
+    dd = dx * dx + dy * dy
+    if aa < rr or bb < rr or r < TINY or dd < TINY:
+        return -1.0, 0.0, 0.0, 0.0, 0.0
+    turned = ax * by - ay * bx
+    left, right = ax * sy - ay * sx, sx * by - sy * bx
+    far = has_side and left * turned < 0.0 and right * turned < 0.0
+    if not far:
+        t = min(1.0, max(0.0, -(dx * ax + dy * ay) / dd))
+        nx, ny = ax + t * dx, ay + t * dy
+        if nx * nx + ny * ny > rr:
+            return -1.0, 0.0, 0.0, 0.0, 0.0
+    # Clockwise is 1; where both ways are as long, the side point chooses.
+    turn = 1.0 if turned < 0.0 or (turned == 0.0 and left < 0.0) else -1.0
+    if far:
+        turn = -turn
+    ha, hb = turn * r * math.sqrt(aa - rr), turn * r * math.sqrt(bb - rr)
+    tx, ty = (ax * rr + ay * ha) / aa, (ay * rr - ax * ha) / aa
+    ux, uy = (bx * rr - by * hb) / bb, (by * rr + bx * hb) / bb
+    turned = turn * (tx * uy - ty * ux)
+    angle = math.atan2(abs(turned), tx * ux + ty * uy)
+    if turned > 0.0:
+        angle = 2.0 * math.pi - angle
+    return r * angle, tx, ty, ux, uy
+
+
+@njit(cache=True, nogil=True)
+def _touch_inside(ax, ay, bx, by, r):
+    """Where the path from a to b touches a ring from within: it leaves at the angle it came in.
+
+    With theta the angle between path and radius at the point of touch, the law of sines in both
+    triangles gives asin(r sin(theta) / |a|) + asin(r sin(theta) / |b|) + (angle between a and b)
+    = 2 theta.
+    """
+    la, lb = math.hypot(ax, ay), math.hypot(bx, by)
+    dx, dy = bx - ax, by - ay
+    dd = dx * dx + dy * dy
+    if la <= r or lb <= r or r < TINY:
+        return False, 0.0, 0.0
+    if dd > TINY:
+        t = -(dx * ax + dy * ay) / dd
+        if 0.0 < t < 1.0 and math.hypot(ax + t * dx, ay + t * dy) <= r:
+            return False, 0.0, 0.0
+    cosine = (la * la + lb * lb - dd) / (2.0 * la * lb)
+    if cosine < -1.0 + TINY:
+        return False, 0.0, 0.0
+    mx, my = _unit(0.5 * (ax + bx), 0.5 * (ay + by))
+    if cosine > 1.0 - TINY:
+        return True, r * mx, r * my
+    between = math.acos(cosine)
+    A, B = r / la, r / lb
+    low, high = 0.0, 0.5 * math.pi
+    # Without a root the points are too far round: the tie is broken in the middle.
+    if math.asin(A) + math.asin(B) - 2.0 * high + between > 0.0:
+        return True, r * mx, r * my
+    theta = high
+    for _ in range(60):
+        s, c = math.sin(theta), math.cos(theta)
+        value = math.asin(A * s) + math.asin(B * s) - 2.0 * theta + between
+        if value > 0.0:
+            low = theta
+        else:
+            high = theta
+        if abs(value) < 1e-14:
+            break
+        slope = A * c / math.sqrt(1.0 - A * A * s * s) + B * c / math.sqrt(1.0 - B * B * s * s) - 2.0
+        step = theta - value / slope
+        theta = step if low < step < high else 0.5 * (low + high)
+    s = math.sin(theta)
+    if ax * by - ay * bx > 0.0:
+        x, y, turn = ax / la, ay / la, theta - math.asin(A * s)
+    else:
+        x, y, turn = bx / lb, by / lb, theta - math.asin(B * s)
+    c, s = math.cos(turn), math.sin(turn)
+    return True, r * (c * x - s * y), r * (s * x + c * y)

@@ -1,0 +1,143 @@
+"""MuJoCo's tendon wrapping: the path of one surface against MuJoCo and against the laws of a taut string."""
+
+import numpy as np
+import pytest
+
+from myomorph.model.spatial import axis_rotation
+from myomorph.muscles.wrap_tendon import CYLINDER, SPHERE, wrap_tendon
+
+mujoco = pytest.importorskip("mujoco")
+SCENE = """
+<mujoco>
+  <compiler angle="radian"/>
+  <default><geom contype="0" conaffinity="0" density="1000"/></default>
+  <worldbody>
+    <geom name="wrap" type="{kind}" size="{radius} 1" pos="0.1 -0.2 0.3" euler="0.4 -0.7 0.9"/>
+    <body name="a"><joint name="ax" type="slide" axis="1 0 0"/><joint name="ay" type="slide" axis="0 1 0"/>
+      <joint name="az" type="slide" axis="0 0 1"/><geom size="0.01"/><site name="a"/></body>
+    <body name="b"><joint name="bx" type="slide" axis="1 0 0"/><joint name="by" type="slide" axis="0 1 0"/>
+      <joint name="bz" type="slide" axis="0 0 1"/><geom size="0.01"/><site name="b"/></body>
+    <body name="s"><joint name="sx" type="slide" axis="1 0 0"/><joint name="sy" type="slide" axis="0 1 0"/>
+      <joint name="sz" type="slide" axis="0 0 1"/><geom size="0.01"/><site name="s"/></body>
+  </worldbody>
+  <tendon><spatial name="t"><site site="a"/><geom geom="wrap" {side}/><site site="b"/></spatial></tendon>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module", params=["sphere", "cylinder"])
+def kind(request):
+    return request.param
+
+
+def scene(kind, radius, has_side):
+    side = 'sidesite="s"' if has_side else ""
+    m = mujoco.MjModel.from_xml_string(SCENE.format(kind=kind, radius=radius, side=side))
+    return m, mujoco.MjData(m)
+
+
+def ours(m, d, kind, radius, has_side):
+    out = np.zeros((2, 3))
+    a, b, side = d.site_xpos
+    R, x = d.geom_xmat[0].reshape(3, 3).copy(), d.geom_xpos[0].copy()
+    code = SPHERE if kind == "sphere" else CYLINDER
+    arc = wrap_tendon(a.copy(), b.copy(), code, radius, R, x, side.copy(), has_side, out)
+    if arc < 0:
+        return arc, np.linalg.norm(b - a), out
+    return arc, np.linalg.norm(out[0] - a) + arc + np.linalg.norm(b - out[1]), out
+
+
+@pytest.mark.parametrize("side", ["none", "outside", "inside"])
+def test_lengths_and_points_equal_mujoco(kind, side):
+    radius = 0.3
+    m, d = scene(kind, radius, side != "none")
+    rng = np.random.default_rng(1)
+    center = np.array([0.1, -0.2, 0.3])
+    wrapped = 0
+    for _ in range(400):
+        d.qpos[:6] = np.tile(center, 2) + rng.uniform(-0.7, 0.7, 6)
+        away = rng.standard_normal(3)
+        d.qpos[6:] = center + away / np.linalg.norm(away) * (rng.uniform(0.31, 0.9) if side == "outside" else 0.1)
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_tendon(m, d)
+        arc, length, out = ours(m, d, kind, radius, side != "none")
+        assert length == pytest.approx(d.ten_length[0], abs=1e-9)
+        assert (arc >= 0) == (d.ten_wrapnum[0] == 4)
+        if arc >= 0:
+            wrapped += 1
+            np.testing.assert_allclose(out, d.wrap_xpos.reshape(-1, 3)[1:3], atol=3e-6)
+    assert 30 < wrapped < 400
+
+
+def test_points_in_line_with_the_center_equal_mujoco():
+    """Any plane will do there: MuJoCo's choice is followed."""
+    m, d = scene("sphere", 0.3, False)
+    for direction in np.vstack([np.eye(3), [[1, 2, 3], [-3, 1, 2], [1, -3, 2]]]):
+        unit = direction / np.linalg.norm(direction)
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, m.geom_quat[0])
+        step = R.reshape(3, 3) @ unit
+        center = np.array([0.1, -0.2, 0.3])
+        d.qpos[:3], d.qpos[3:6] = center + 0.5 * step, center - 0.75 * step
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_tendon(m, d)
+        arc, length, _ = ours(m, d, "sphere", 0.3, False)
+        assert arc > 0
+        assert length == pytest.approx(d.ten_length[0], abs=1e-9)
+
+
+def random_cases(kind, count, seed=5):
+    rng = np.random.default_rng(seed)
+    found = 0
+    while found < count:
+        p0, p1, x = rng.uniform(-1, 1, (3, 3))
+        R = axis_rotation((0.6, 0.0, 0.8), rng.uniform(-3, 3))
+        radius = rng.uniform(0.1, 0.5)
+        out = np.zeros((2, 3))
+        arc = wrap_tendon(p0, p1, kind, radius, R, x, np.zeros(3), False, out)
+        if arc > 0.01:
+            found += 1
+            yield p0, p1, radius, R, x, out, arc
+
+
+@pytest.mark.parametrize("code", [SPHERE, CYLINDER])
+def test_a_taut_string_is_tangent_and_shortest(code):
+    """The straight parts touch the surface; moving an end changes the length by its unit vector."""
+    for p0, p1, radius, R, x, out, _ in random_cases(code, 50):
+
+        def length(p0, radius=radius, R=R, x=x, p1=p1):
+            points = np.zeros((2, 3))
+            arc = wrap_tendon(p0, p1, code, radius, R, x, np.zeros(3), False, points)
+            return np.linalg.norm(points[0] - p0) + arc + np.linalg.norm(points[1] - p1)
+
+        for end, point in zip((p0, p1), out, strict=True):
+            normal = (point - x) if code == SPHERE else (np.eye(3) - np.outer(R[:, 2], R[:, 2])) @ (point - x)
+            assert np.linalg.norm(normal) == pytest.approx(radius, abs=1e-12)
+            assert normal @ (end - point) == pytest.approx(0.0, abs=1e-12)
+        unit = (p0 - out[0]) / np.linalg.norm(p0 - out[0])
+        h = 1e-6
+        slope = [(length(p0 + h * step) - length(p0 - h * step)) / (2 * h) for step in np.eye(3)]
+        np.testing.assert_allclose(slope, unit, atol=1e-6)
+
+
+@pytest.mark.parametrize("code", [SPHERE, CYLINDER])
+def test_a_rigid_motion_moves_the_path_along(code):
+    turn, shift = axis_rotation((0.0, 0.6, 0.8), 0.9), np.array([0.3, -2.0, 1.0])
+    for p0, p1, radius, R, x, out, arc in random_cases(code, 20, seed=6):
+        moved = np.zeros((2, 3))
+        again = wrap_tendon(
+            turn @ p0 + shift, turn @ p1 + shift, code, radius, turn @ R, turn @ x + shift, np.zeros(3), False, moved
+        )
+        assert again == pytest.approx(arc, abs=1e-9)
+        np.testing.assert_allclose(moved, out @ turn.T + shift, atol=1e-9)
+
+
+def test_no_wrap_inside_or_away():
+    out = np.zeros((2, 3))
+    R, x, none = np.eye(3), np.zeros(3), np.zeros(3)
+    assert wrap_tendon(np.array([0.1, 0, 0]), np.array([2.0, 0, 0]), SPHERE, 1.0, R, x, none, False, out) == -1
+    assert wrap_tendon(np.array([2.0, 2, 0]), np.array([-2.0, 2, 0]), SPHERE, 1.0, R, x, none, False, out) == -1
+    assert wrap_tendon(np.array([2.0, 0, 0]), np.array([-2.0, 0.1, 0]), SPHERE, 0.0, R, x, none, False, out) == -1
+    assert np.all(out == 0.0)
