@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from myomorph.io.osim import read_osim
@@ -9,7 +10,7 @@ from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 
 
-def read_model(path: str | Path) -> Model:
+def read_model(path: str | os.PathLike[str]) -> Model:
     """The model in an OpenSim (`.osim`) or MuJoCo (`.xml`, `.mjcf`) file.
 
     Raises

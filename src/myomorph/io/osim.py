@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from myomorph.model.paths import WrapObject
 from myomorph.model.spatial import Transform
 
 
-def read_osim(path: str | Path) -> Model:
+def read_osim(path: str | os.PathLike[str]) -> Model:
     """The model of an OpenSim file.
 
     Raises

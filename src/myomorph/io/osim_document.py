@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import posixpath
 import re
 from collections.abc import Iterator
@@ -191,8 +192,8 @@ class Node:
         return str(etree.tostring(self.element, encoding="unicode", with_tail=False))
 
 
-def read_document(path: str | Path, wanted: tuple[str, ...], what: str) -> Node:
-    """The object of one of the classes `wanted` that an OpenSim file holds.
+def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: str) -> Node:
+    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file holds.
 
     Raises
     ------
@@ -209,7 +210,7 @@ def read_document(path: str | Path, wanted: tuple[str, ...], what: str) -> Node:
             raise BadFile(path, f"OpenSimDocument Version is '{text}'", "expected a number such as 40000")
         version = int(text)
         data = next((element for element in root if isinstance(element.tag, str)), root)
-    if data.tag not in wanted:
+    if wanted and data.tag not in wanted:
         raise BadFile(path, f"holds <{data.tag}>", f"expected {what}")
     defaults: dict[str, etree._Element] = {}
     for section in (*data.findall("defaults"), *root.findall("defaults")):

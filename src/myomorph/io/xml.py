@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +34,8 @@ class XmlFile:
     warnings: tuple[str, ...] = ()
 
 
-def read_xml(path: str | Path) -> XmlFile:
-    """Parse an XML file, overlooking stray characters as OpenSim's parser does, and nothing worse.
+def read_xml(path: str | os.PathLike[str]) -> XmlFile:
+    """Parse an XML file, overlooking a few slips as OpenSim's parser does, and nothing worse.
 
     Raises
     ------
@@ -53,18 +54,20 @@ def read_xml(path: str | Path) -> XmlFile:
         root = _parse(_tidied(content))
     except etree.XMLSyntaxError as error:
         raise BadFile(path, _said(error), "is the file cut off, or of another kind?") from None
-    return XmlFile(root, path, (f"not well-formed XML ({_said(problem)}): the characters in question were overlooked",))
+    return XmlFile(root, path, (f"not well-formed XML ({_said(problem)}): that was overlooked",))
 
 
 def _tidied(content: bytes) -> bytes:
-    """The same document with what careless editors leave in it taken out: odd bytes, bare ampersands."""
+    """The same document with what careless editors leave in it taken out: odd bytes, a stray last tag."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
     text = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)
-    text = AMPERSAND.sub("&amp;", COMMENT.sub("", NOT_XML.sub(" ", text)))
-    return text.encode("utf-8")
+    text = COMMENT.sub(lambda found: "\n" * found.group().count("\n"), NOT_XML.sub(" ", text))
+    if "<OpenSimDocument" not in text:
+        text = re.sub(r"</OpenSimDocument>\s*$", "", text)
+    return AMPERSAND.sub("&amp;", text).encode("utf-8")
 
 
 def _content(path: Path) -> bytes:

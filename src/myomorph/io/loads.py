@@ -1,0 +1,203 @@
+"""External loads (OpenSim's ExternalLoads XML and its table) as wrenches in ground."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.osim_document import Node, read_document
+from myomorph.io.osim_joints import plain_name
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadFile, BadModel, UnknownName
+from myomorph.model.model import GROUND
+from myomorph.model.series import Table, Wrenches
+from myomorph.model.spatial import Array
+
+UNASSIGNED = ("", "Unassigned", "NULL")
+PosesOf = Callable[[str, Array], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class LoadEntry:
+    """One force of an external loads file, before its numbers are read.
+
+    Attributes
+    ----------
+    body : the body it acts on
+    force_body, point_body : the bodies whose frames its force (and torque) and its point are given in
+    force, point, torque : what the names of the three columns begin with, "" where there are none
+    data : the table that holds the columns
+    """
+
+    name: str
+    body: str
+    force_body: str
+    point_body: str
+    force: str
+    point: str
+    torque: str
+    data: Path
+
+
+def read_load_entries(
+    path: str | os.PathLike[str], motion_file: str | os.PathLike[str] | None = None
+) -> tuple[LoadEntry, ...]:
+    """The forces that an external loads file names, those it switches off left out.
+
+    Parameters
+    ----------
+    motion_file : the table to use instead of the one the file names
+
+    Raises
+    ------
+    BadFile
+        The file is not an OpenSim document of external loads, or a force lacks what it needs.
+    """
+    loads = read_document(path, ("ExternalLoads",), "external loads (ExternalLoads)")
+    shared = loads.text("", "datafile")
+    entries = []
+    for node in loads.items("objects"):
+        if not node.flag("appliesForce", not node.flag("isDisabled", False)):
+            continue
+        own = node.text("", "data_source_name")
+        source = shared if shared not in UNASSIGNED else "" if own in UNASSIGNED else own
+        data = Path(motion_file) if motion_file is not None else _data_file(loads, source)
+        entries.append(_old_entry(node, data) if node.kind == "PrescribedForce" else _entry(node, data))
+    return tuple(entries)
+
+
+def _data_file(loads: Node, name: str) -> Path:
+    folder = loads.document.path.parent
+    if not name:
+        raise loads.bad("names no data file", "give the force table beside it")
+    given = folder / name.replace("\\", "/")
+    beside = folder / given.name
+    for choice in (given, beside):
+        if choice.is_file():
+            return choice
+    raise loads.bad(f"its data file '{name}' does not exist", "give the force table beside it")
+
+
+def _entry(node: Node, data: Path) -> LoadEntry:
+    force, point, torque = (
+        "" if (text := node.text("", f"{one}_identifier")) in UNASSIGNED else text
+        for one in ("force", "point", "torque")
+    )
+    body = plain_name(node.text("", "applied_to_body"))
+    if not body:
+        raise node.bad("names no body in applied_to_body")
+    if not force and not torque:
+        raise node.bad("identifies neither a force nor a torque")
+    if point and not force:
+        raise node.bad("identifies a point but no force")
+    return LoadEntry(
+        node.name or body,
+        body,
+        plain_name(node.text("", "force_expressed_in_body") or GROUND),
+        plain_name(node.text("", "point_expressed_in_body") or GROUND),
+        force,
+        point,
+        torque,
+        data,
+    )
+
+
+def _old_entry(node: Node, data: Path) -> LoadEntry:
+    """Before 2.3.1 each column was named by a function; its last letter was the axis."""
+    columns: list[str] = []
+    for what in ("forceFunctions", "pointFunctions", "torqueFunctions"):
+        names = [one.get("name", "") for one in node.element.findall(f"FunctionSet[@name='{what}']/objects/*")]
+        first = names[0] if names else ""
+        if first.startswith("#"):
+            first = read_sto(data).names[int(first[1:]) - 1]
+        columns.append(first[:-1])
+    body = plain_name(node.socket("frame", "body_name", "body"))
+    if not body or not (columns[0] or columns[2]):
+        raise node.bad("names no body, or neither a force nor a torque")
+    force, point, torque = columns
+    return LoadEntry(node.name or body, body, GROUND, GROUND, force, point, torque, data)
+
+
+def read_external_loads(
+    path: str | os.PathLike[str],
+    motion_file: str | os.PathLike[str] | None = None,
+    poses: PosesOf | None = None,
+) -> Wrenches:
+    """The wrenches of an external loads file, in ground, over the times of its table.
+
+    Parameters
+    ----------
+    motion_file : the table to use instead of the one the file names
+    poses : rotations (frames, 3, 3) and origins (frames, 3) in ground of a body at given times, needed
+        only where a force or point is given in a moving body's frame, or a force has no point
+
+    Raises
+    ------
+    BadFile
+        The XML or its table cannot be read.
+    UnknownName
+        The table lacks the columns.
+    BadModel
+        A body's motion is needed but not given.
+    """
+    entries = read_load_entries(path, motion_file)
+    tables = {data: read_sto(data) for data in dict.fromkeys(entry.data for entry in entries)}
+    if not tables:
+        raise BadFile(path, "applies no force")
+    if len(tables) > 1:
+        raise BadFile(path, f"takes its forces from {len(tables)} tables", "put them into one table")
+    (table,) = tables.values()
+    shape = (len(table), len(entries), 3)
+    forces, points, torques = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    for i, entry in enumerate(entries):
+        if entry.force:
+            forces[:, i] = _in_ground(_columns(table, entry.force, entry), entry.force_body, poses, table.time, entry)
+            points[:, i] = _point(table, entry, poses)
+        if entry.torque:
+            torques[:, i] = _in_ground(_columns(table, entry.torque, entry), entry.force_body, poses, table.time, entry)
+    names = tuple(entry.name for entry in entries)
+    return Wrenches(table.time, names, tuple(entry.body for entry in entries), forces, points, torques)
+
+
+def _columns(table: Table, identifier: str, entry: LoadEntry) -> Array:
+    """The three columns of an identifier: identifier + x, y, z, or the only three that begin with it."""
+    exact = [f"{identifier}{axis}" for axis in "xyz"]
+    found = exact if set(exact) <= set(table.names) else [one for one in table.names if one.startswith(identifier)]
+    if len(found) != 3:
+        where = f"{entry.data} (where force '{entry.name}' needs three columns that begin so, and {len(found)} do)"
+        raise UnknownName("column", f"{identifier}x", table.names, where)
+    return np.column_stack([table[name] for name in found])
+
+
+def _in_ground(vectors: Array, body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> Array:
+    if body == GROUND:
+        return vectors
+    rotations, _ = _poses(body, poses, time, entry)
+    turned: Array = np.einsum("fij,fj->fi", rotations, vectors)
+    return turned
+
+
+def _point(table: Table, entry: LoadEntry, poses: PosesOf | None) -> Array:
+    """Points of application in ground; without an identifier OpenSim takes the body's origin."""
+    if not entry.point:
+        return _poses(entry.body, poses, table.time, entry)[1]
+    given = _columns(table, entry.point, entry)
+    if entry.point_body == GROUND:
+        return given
+    rotations, origins = _poses(entry.point_body, poses, table.time, entry)
+    return np.einsum("fij,fj->fi", rotations, given) + origins
+
+
+def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> tuple[Array, Array]:
+    if body == GROUND:
+        return np.broadcast_to(np.eye(3), (len(time), 3, 3)), np.zeros((len(time), 3))
+    if poses is None:
+        raise BadModel(
+            f"external force '{entry.name}' is given in the frame (or at the origin) of body '{body}': "
+            "its place in ground needs the motion of that body, which is not given here"
+        )
+    return poses(body, time)
