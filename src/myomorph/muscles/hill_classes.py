@@ -54,7 +54,7 @@ def class_parameters(muscle: Muscle, kind: int) -> tuple[list[float], list[Recip
     Parameters
     ----------
     muscle : `parameters` hold OpenSim's property names; those of Millard's curves may be prefixed
-        with the curve's class and a dot, which tells apart names that two curves share
+        with the curve's class and a slash, which tells apart names that two curves share
     kind : number of the class
     """
     given = muscle.parameters
@@ -82,7 +82,7 @@ def class_parameters(muscle: Muscle, kind: int) -> tuple[list[float], list[Recip
 
 def _millard_curves(muscle: Muscle, kind: int) -> list[Recipe]:
     def read(curve: str, name: str) -> float | None:
-        return muscle.parameters.get(f"{curve}.{name}", muscle.parameters.get(name))
+        return muscle.parameters.get(f"{curve}/{name}", muscle.parameters.get(name))
 
     def values(curve: str, properties: Mapping[str, float]) -> dict[str, float]:
         found = {name: read(curve, name) for name in properties}

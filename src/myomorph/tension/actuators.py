@@ -1,0 +1,238 @@
+"""Ideal actuators: the generalized forces of unit controls, and reserves where none are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.model import GROUND, Actuator, Joint, Model
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.tree import ROTATION, Tree
+
+TORQUE, POINT, POINT_TO_POINT = 0, 1, 2
+_KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
+
+RESERVE, RESIDUAL = "reserve_", "residual_"
+
+
+class BodyActuators(NamedTuple):
+    """Actuators that push or turn bodies, as the kernel reads them.
+
+    Attributes
+    ----------
+    kind : (actuators,)
+    body, other : (actuators,) numbers in the tree; -1 where nothing reacts
+    point, other_point, direction : (actuators, 3)
+    global_point, global_direction : (actuators,)
+    start : (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    coordinate : (entries,) the coordinates it can have a part in
+    supports : (bodies, axes) whether an axis lies between the ground and a body
+    """
+
+    kind: NDArray[np.int64]
+    body: NDArray[np.int64]
+    other: NDArray[np.int64]
+    point: Array
+    other_point: Array
+    direction: Array
+    global_point: NDArray[np.bool_]
+    global_direction: NDArray[np.bool_]
+    start: NDArray[np.int64]
+    coordinate: NDArray[np.int64]
+    supports: NDArray[np.bool_]
+
+
+def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
+    """Torque, point and point-to-point actuators as flat arrays, in the order given.
+
+    Raises
+    ------
+    UnknownName
+        where one names a body that the model does not have
+    BadModel
+        where one has no direction
+    """
+    bodies, others, coordinates, start = [], [], [], [0]
+    reached = _coordinates_by_body(tree)
+    for actuator in actuators:
+        body = _body_number(tree, actuator, actuator.body)
+        other = _body_number(tree, actuator, actuator.other_body) if actuator.other_body else -1
+        if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
+            raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
+        bodies.append(body)
+        others.append(other)
+        # What both bodies hang on moves them alike, but need not cancel: a force pair has two points.
+        touched = reached[body] | (reached[other] if other >= 0 else set())
+        coordinates.extend(sorted(touched))
+        start.append(len(coordinates))
+    lengths = [np.linalg.norm(one.direction) or 1.0 for one in actuators]
+    return BodyActuators(
+        kind=np.array([_KINDS[one.kind] for one in actuators], np.int64),
+        body=np.array(bodies, np.int64),
+        other=np.array(others, np.int64),
+        point=np.array([one.point for one in actuators], dtype=np.float64).reshape(-1, 3),
+        other_point=np.array([one.other_point for one in actuators], dtype=np.float64).reshape(-1, 3),
+        direction=np.array(
+            [one.direction / length for one, length in zip(actuators, lengths, strict=True)], dtype=np.float64
+        ).reshape(-1, 3),
+        global_point=np.array([one.point_is_global for one in actuators], np.bool_),
+        global_direction=np.array([one.direction_is_global for one in actuators], np.bool_),
+        start=np.array(start, np.int64),
+        coordinate=np.array(coordinates, np.int64),
+        supports=np.ascontiguousarray(tree.supports),
+    )
+
+
+def _body_number(tree: Tree, actuator: Actuator, name: str) -> int:
+    if name not in tree.body_index:
+        raise UnknownName("body", name, tuple(tree.body_index), f"actuator '{actuator.name}': the model")
+    return tree.body_index[name]
+
+
+def _coordinates_by_body(tree: Tree) -> list[set[int]]:
+    found = []
+    for supported in tree.supports:
+        used = tree.arrays.axis_coordinate[supported]
+        found.append({int(j) for j in used.ravel() if j >= 0})
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place(P, a, R, p, point, body, out):
+    """A point of an actuator in ground."""
+    for i in range(3):
+        if P.global_point[a]:
+            out[i] = point[i]
+        else:
+            out[i] = p[body, i] + R[body, i, 0] * point[0] + R[body, i, 1] * point[1] + R[body, i, 2] * point[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def body_directions(T, P, coordinates, out):
+    """Generalized force per unit of force or torque of every body actuator.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) consistent values
+    out : (frames, entries) filled: the entries of `P`
+    """
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    column = np.empty(coordinates.shape[1])
+    x, y, d = np.empty(3), np.empty(3), np.empty(3)
+    for frame in range(coordinates.shape[0]):
+        body_poses(T, coordinates[frame], R, p, w, o, dphi)
+        for a in range(P.kind.shape[0]):
+            for e in range(P.start[a], P.start[a + 1]):
+                column[P.coordinate[e]] = 0.0
+            b, other = P.body[a], P.other[a]
+            for i in range(3):
+                d[i] = P.direction[a, i]
+            if not P.global_direction[a]:
+                for i in range(3):
+                    x[i] = R[b, i, 0] * d[0] + R[b, i, 1] * d[1] + R[b, i, 2] * d[2]
+                d[:] = x
+            if P.kind[a] == TORQUE:
+                _add_torque(T, P, w, dphi, b, d, 1.0, column)
+                if other >= 0:
+                    _add_torque(T, P, w, dphi, other, d, -1.0, column)
+            elif P.kind[a] == POINT:
+                _place(P, a, R, p, P.point[a], b, x)
+                _add_force(T, P, w, o, dphi, b, x, d, 1.0, column)
+            else:
+                _place(P, a, R, p, P.point[a], b, x)
+                _place(P, a, R, p, P.other_point[a], max(other, 0), y)
+                # A positive force drives the points apart.
+                length = np.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
+                for i in range(3):
+                    d[i] = (x[i] - y[i]) / length
+                _add_force(T, P, w, o, dphi, b, x, d, 1.0, column)
+                if other >= 0:
+                    _add_force(T, P, w, o, dphi, other, y, d, -1.0, column)
+            for e in range(P.start[a], P.start[a + 1]):
+                out[frame, e] = column[P.coordinate[e]]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_torque(T, P, w, dphi, body, d, sign, column):
+    for k in range(w.shape[0]):
+        if P.supports[body, k] and T.axis_kind[k] == ROTATION:
+            power = sign * (w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2])
+            for s in range(2):
+                if T.axis_coordinate[k, s] >= 0:
+                    column[T.axis_coordinate[k, s]] += dphi[k, s] * power
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_force(T, P, w, o, dphi, body, x, d, sign, column):
+    for k in range(w.shape[0]):
+        if not P.supports[body, k]:
+            continue
+        if T.axis_kind[k] == ROTATION:
+            r0, r1, r2 = x[0] - o[k, 0], x[1] - o[k, 1], x[2] - o[k, 2]
+            power = (
+                w[k, 0] * (r1 * d[2] - r2 * d[1]) + w[k, 1] * (r2 * d[0] - r0 * d[2]) + w[k, 2] * (r0 * d[1] - r1 * d[0])
+            )
+        else:
+            power = w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2]
+        for s in range(2):
+            if T.axis_coordinate[k, s] >= 0:
+                column[T.axis_coordinate[k, s]] += sign * dphi[k, s] * power
+
+
+def free_coordinates(model: Model) -> tuple[str, ...]:
+    """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a coupler."""
+    return tuple(
+        one.name
+        for one in model.coordinates
+        if not one.locked and one.prescribed is None and one.name not in model.dependent_coordinates
+    )
+
+
+def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Actuator, ...]:
+    """A weak actuator for every free coordinate, and force and torque on a body that floats.
+
+    Parameters
+    ----------
+    reserve : optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]
+    residual : optimal force of what holds a body that is joined to the ground by six free
+        coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...
+        "residual_MZ", along the ground's axes [N], [N m]
+    """
+    free = set(free_coordinates(model))
+    found: list[Actuator] = []
+    floating = [joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free)]
+    held = {name for joint in floating for name in joint.coordinates}
+    for joint in floating:
+        ending = "" if len(floating) == 1 else f"_{joint.child}"
+        center = model.body(joint.child).mass_center
+        for kind, letter in (("point", "F"), ("torque", "M")):
+            for i, axis in enumerate("XYZ"):
+                found.append(
+                    Actuator(
+                        f"{RESIDUAL}{letter}{axis}{ending}",
+                        "point" if kind == "point" else "torque",
+                        residual,
+                        body=joint.child,
+                        point=center,
+                        direction=np.eye(3)[i],
+                    )
+                )
+    for name in free_coordinates(model):
+        if name not in held:
+            found.append(Actuator(f"{RESERVE}{name}", "coordinate", reserve, coordinate=name))
+    return tuple(found)
+
+
+def _floats(joint: Joint, free: set[str]) -> bool:
+    moving = [axis for axis in joint.axes if axis.function.arity]
+    used = {name for axis in moving for name in axis.coordinates}
+    rotations = sum(axis.kind == "rotation" for axis in moving)
+    return len(moving) == 6 and rotations == 3 and used == set(joint.coordinates) and len(used) == 6 and used <= free
