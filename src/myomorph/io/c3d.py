@@ -191,7 +191,7 @@ def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
     if np.isnan(values).any():
         found.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
     return Analog(
-        start + np.arange(samples) / rate, unique_names(names, "analog channel", found), values, units=tuple(units)
+        start + np.arange(samples) / rate, unique_names(names, "channel", found), values, units=tuple(units)
     )
 
 

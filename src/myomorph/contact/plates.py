@@ -1,0 +1,339 @@
+"""Force plates: from the channels of a recording to force on the subject, center of pressure and free torque.
+
+In the plate's axes (x from corner 2 to 1, y from corner 4 to 1, z = x cross y, by custom downwards),
+with F and M the force and the moment about the center of the top surface,
+
+    M = M_sensor + F x origin,    center of pressure = (-M_y / F_z, M_x / F_z, 0),    T = M - center x F.
+
+Source: C3D user guide (Motion Lab Systems), FORCE_PLATFORM:TYPE, ORIGIN, CORNERS, CAL_MATRIX; type 3
+after Kistler's formulae. The files hold the force of the plate on the subject.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import ForcePlate, PlateRecording, Trial, Wrenches
+from myomorph.model.spatial import Array
+
+REFUSED = {
+    5: "AMTI or Kistler with eight channels and a calibration matrix",
+    6: "four three-axis sensors",
+    7: "Kistler with an 8 by 8 calibration matrix",
+    11: "Kistler split-belt treadmill",
+    12: "Kistler split-belt treadmill",
+    21: "AMTI stairs",
+}
+
+
+@dataclass(frozen=True)
+class PlateOptions:
+    """How plates are read.
+
+    Attributes
+    ----------
+    tare : "none" takes the channels as they are (as OpenSim and ezc3d do), "file" subtracts their mean
+        over the samples that the file names as unloaded, "quiet" their median over unloaded samples
+    threshold : a plate counts as loaded above this share of the largest normal force in the trial
+    minimum_loaded, minimum_unloaded : shorter loadings and gaps are taken for noise [s]
+    """
+
+    tare: Literal["none", "file", "quiet"] = "none"
+    threshold: float = 0.03
+    minimum_loaded: float = 0.02
+    minimum_unloaded: float = 0.02
+
+
+def plate_axes(plate: PlateRecording) -> Array:
+    """Rotation (3, 3) whose columns are the plate's x, y and z axes in the laboratory."""
+    x = plate.corners[0] - plate.corners[1]
+    z = np.cross(x, plate.corners[0] - plate.corners[3])
+    y = np.cross(z, x)
+    return np.stack([axis / np.linalg.norm(axis) for axis in (x, y, z)], axis=1)
+
+
+def plate_wrench(plate: PlateRecording, samples: Array | None = None) -> tuple[Array, Array]:
+    """Force and moment about the center of the top surface, (samples, 3) each, in the plate's axes [N, N m].
+
+    Raises
+    ------
+    BadData : a type of plate that is not built
+    """
+    channels = plate.channels if samples is None else samples
+    if plate.kind not in (1, 2, 3, 4):
+        what = f" ({REFUSED[plate.kind]})" if plate.kind in REFUSED else ""
+        raise BadData(
+            f"force plate '{plate.name}' is of C3D type {plate.kind}{what}: types 1, 2, 3 and 4 are built; "
+            "export it as type 2 (forces and moments)"
+        )
+    if plate.kind == 3:
+        return _sensor_wrench(plate, channels)
+    if plate.kind == 4:
+        if plate.calibration is None:
+            raise BadData(f"force plate '{plate.name}' is of C3D type 4, but has no calibration matrix")
+        channels = channels @ plate.calibration.T
+    force = channels[:, :3]
+    if plate.kind == 1:
+        center = np.column_stack((channels[:, 3:5], np.zeros(len(channels))))
+        free = np.zeros_like(force)
+        free[:, 2] = channels[:, 5]
+        return force, free + np.cross(center, force)
+    # The origin must lie below the surface; programs that wrote it the other way wrote all of it so.
+    origin = -plate.origin if plate.origin[2] > 0 else plate.origin
+    return force, channels[:, 3:6] + np.cross(force, origin)
+
+
+def _sensor_wrench(plate: PlateRecording, channels: Array) -> tuple[Array, Array]:
+    """Wrench of a plate with a three-axis sensor near each corner: Fx12, Fx34, Fy14, Fy23, Fz1..Fz4."""
+    a, b, depth = np.abs(plate.origin)
+    x12, x34, y14, y23, z1, z2, z3, z4 = channels.T
+    force = np.column_stack((x12 + x34, y14 + y23, z1 + z2 + z3 + z4))
+    moment = np.column_stack((b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4), b * (x34 - x12) + a * (y14 - y23)))
+    return force, moment + np.cross(force, np.array([0.0, 0.0, -depth]))
+
+
+def force_plate(plate: PlateRecording, flip: bool = False, samples: Array | None = None) -> ForcePlate:
+    """Force on the subject, center of pressure and free torque of one plate, in the laboratory.
+
+    `flip` reverses force and moment, for files that hold the force of the subject on the plate. The
+    center of pressure is NaN only where the normal force is zero: see `force_plates` for loading.
+
+    Raises
+    ------
+    BadData : a type of plate that is not built
+    """
+    force, moment = plate_wrench(plate, samples)
+    if flip:
+        force, moment = -force, -moment
+    with np.errstate(divide="ignore", invalid="ignore"):
+        center = np.column_stack((-moment[:, 1] / force[:, 2], moment[:, 0] / force[:, 2], np.zeros(len(force))))
+    center[~np.isfinite(center).all(axis=1)] = np.nan
+    if plate.kind == 3 and not plate.origin[:2].any():
+        center[:] = np.nan
+    if plate.center_polynomial is not None:
+        center = _corrected(center, plate.center_polynomial)
+    torque = moment - np.cross(center, force)
+    axes = plate_axes(plate)
+    return ForcePlate(
+        name=plate.name,
+        kind=plate.kind,
+        corners=plate.corners,
+        forces=force @ axes.T,
+        points=center @ axes.T + plate.corners.mean(axis=0),
+        torques=np.where(np.isfinite(torque), torque, np.nan) @ axes.T,
+    )
+
+
+def _corrected(center: Array, polynomial: Array) -> Array:
+    """Center of pressure after Kistler's correction of sixth order, whose coefficients are in mm."""
+    x, y = 1000.0 * center[:, 0], 1000.0 * center[:, 1]
+    p, q = polynomial
+    shift_x = (p[0] * y**4 + p[1] * y**2 + p[2]) * x**3 + (p[3] * y**4 + p[4] * y**2 + p[5]) * x
+    shift_y = (q[0] * x**4 + q[1] * x**2 + q[2]) * y**3 + (q[3] * x**4 + q[4] * x**2 + q[5]) * y
+    return np.column_stack(((x - shift_x) / 1000.0, (y - shift_y) / 1000.0, center[:, 2]))
+
+
+def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
+    """The trial with `plates` made of its `plate_recordings`, and warnings about what looks wrong.
+
+    Each plate's center of pressure and free torque are NaN where it is unloaded. A plate of a type that
+    is not built is left out with a warning that names it. Which way is up is told by the markers: the
+    force of a loaded plate must point from the plate to the subject, else force and moment are
+    reversed, with a warning.
+    """
+    options = options or PlateOptions()
+    found: list[str] = []
+    recordings: list[PlateRecording] = []
+    for recording in trial.plate_recordings:
+        try:
+            plate_wrench(recording, recording.channels[:1])
+            recordings.append(recording)
+        except BadData as error:
+            found.append(f"{error}; it was left out")
+    rate = 1.0 / float(np.median(np.diff(trial.plate_time))) if len(trial.plate_time) > 1 else 1000.0
+    plates = [force_plate(one, samples=_tared(one, options, found)) for one in recordings]
+    if options.tare == "quiet":
+        states = loaded_samples(plates, rate, options)
+        plates = [
+            force_plate(one, samples=_without_idle(one, state)) for one, state in zip(recordings, states, strict=True)
+        ]
+    states = loaded_samples(plates, rate, options)
+    if _pulls_down(plates, states, trial):
+        plates = [replace(one, forces=-one.forces, torques=-one.torques) for one in plates]
+        found.append("the force plates pull the subject down as the file has it: force and moment were reversed")
+    final = []
+    for recording, plate, state in zip(recordings, plates, states, strict=True):
+        found += _doubts(recording, plate, state, options)
+        hidden = ~state[:, None]
+        points, torques = np.where(hidden, np.nan, plate.points), np.where(hidden, np.nan, plate.torques)
+        final.append(replace(plate, points=points, torques=torques))
+    return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(found))
+
+
+def _pulls_down(plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]], trial: Trial) -> bool:
+    """Whether the load of all plates points away from the side where the markers are."""
+    if trial.markers is None or not np.isfinite(trial.markers.values).any():
+        return False
+    load = 0.0
+    for plate, state in zip(plates, states, strict=True):
+        x, y = plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3]
+        normal = np.cross(x, y)
+        side = np.sign(np.nanmedian((trial.markers.values - plate.corners.mean(axis=0)) @ normal))
+        load += float(np.nansum(plate.forces[state] @ normal / np.linalg.norm(normal)) * side)
+    return load < 0
+
+
+def _tared(plate: PlateRecording, options: PlateOptions, found: list[str]) -> Array:
+    if options.tare != "file":
+        return plate.channels
+    if plate.zero is None:
+        found.append(f"the file names no unloaded samples for {plate.name}: it was not tared")
+        return plate.channels
+    first, last = plate.zero
+    return plate.channels - np.nan_to_num(np.nanmean(plate.channels[first : last + 1], axis=0))
+
+
+def _without_idle(plate: PlateRecording, loaded: NDArray[np.bool_]) -> Array:
+    """Channels less their median while nobody stands on the plate; unchanged without enough of such samples."""
+    idle = plate.channels[~loaded & np.isfinite(plate.channels).all(axis=1)]
+    return plate.channels - np.median(idle, axis=0) if len(idle) >= 10 else plate.channels
+
+
+def loaded_samples(
+    plates: Sequence[ForcePlate], rate: float, options: PlateOptions | None = None
+) -> list[NDArray[np.bool_]]:
+    """For each plate, which samples (samples,) carry a load.
+
+    The threshold is a share of the largest normal force of all plates, so that a mouse and a jumper are
+    judged alike, and counts from what the plate reads when idle (which may be tens of newtons). A plate
+    whose largest force does not stand out of its own noise, or that never changes, is never loaded.
+    """
+    options = options or PlateOptions()
+    normals = [_pressing(plate) for plate in plates]
+    peaks = [float(np.nanpercentile(np.abs(one), 99.5)) if np.isfinite(one).any() else 0.0 for one in normals]
+    largest = max(peaks, default=0.0)
+    states = []
+    for pressing, peak in zip(normals, peaks, strict=True):
+        steps = np.abs(np.diff(pressing))
+        noise = 1.05 * float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
+        load = np.nan_to_num(np.abs(pressing - _idle(pressing, largest)))
+        state = load > max(options.threshold * largest, 4.0 * noise)
+        steady = np.nanmax(pressing) - np.nanmin(pressing) <= 1e-9 * peak if peak else True
+        if peak <= 8.0 * noise or steady:
+            state[:] = False
+        states.append(_steady(state, rate, options))
+    return states
+
+
+def _pressing(plate: ForcePlate) -> Array:
+    """Force along the plate's normal (samples,), signed [N]."""
+    normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
+    pressing: Array = plate.forces @ (normal / np.linalg.norm(normal))
+    return pressing
+
+
+def _idle(pressing: Array, largest: float) -> float:
+    """What an unloaded plate reads [N]: the median of small samples, if they are a group of their own."""
+    size = np.abs(pressing[np.isfinite(pressing)])
+    cut = 0.15 * largest
+    small = pressing[np.abs(pressing) < cut]
+    between = np.count_nonzero((size > 0.8 * cut) & (size < 1.2 * cut))
+    alone = len(small) >= max(10, 0.05 * len(size)) and between < 0.2 * len(small)
+    return float(np.median(small)) if alone and size.max() > 2.0 * cut else 0.0
+
+
+def _steady(state: NDArray[np.bool_], rate: float, options: PlateOptions) -> NDArray[np.bool_]:
+    """The same state without gaps and loadings that are too short."""
+    state = state.copy()
+    for value, shortest in ((False, options.minimum_unloaded), (True, options.minimum_loaded)):
+        for start, stop in episodes(state == value):
+            inside = start > 0 and stop < len(state)
+            if inside and stop - start < shortest * rate:
+                state[start:stop] = not value
+    return state
+
+
+def episodes(state: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(start, stop) of every run of true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], state, [False])).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_], options: PlateOptions) -> list[str]:
+    """What looks wrong with one plate."""
+    found = []
+    if recording.kind == 3 and not recording.origin[:2].any():
+        found.append(f"{plate.name} is of type 3, but its sensor distances are zero: no center of pressure")
+    if not state.any():
+        return found
+    axes = plate_axes(recording)
+    local = (plate.points[state] - plate.corners.mean(axis=0)) @ axes
+    half = 0.5 * np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
+    outside = np.abs(local[:, :2]) > 1.1 * half
+    share = float(np.mean(outside.any(axis=1) & np.isfinite(local[:, 0])))
+    if share > 0.1:
+        found.append(
+            f"the center of pressure of {plate.name} lies outside the plate in {100 * share:.0f} % of loaded samples: "
+            "its origin, corners or channels may be wrong"
+        )
+    idle = plate.forces[~state & np.isfinite(plate.forces).all(axis=1)] @ axes[:, 2]
+    if len(idle) > 10 and options.tare == "none":
+        rest, peak = abs(float(np.median(idle))), float(np.nanmax(np.abs(plate.forces[state] @ axes[:, 2])))
+        if rest > 0.01 * peak:
+            found.append(f"{plate.name} reads {rest:.3g} N with nobody on it: tare 'quiet' subtracts that")
+    return found
+
+
+def wrenches_from_plates(plates: Sequence[ForcePlate], plate_time: Array, time: Array | None = None) -> Wrenches:
+    """Wrenches of the plates on the clock `time` (frames,) [s], bodies unknown ("").
+
+    Force and moment about each plate's center are interpolated and the center of pressure is made of
+    them anew, so an edge of loading carries no stray point. Where a plate is unloaded, or `time` lies
+    outside the recording, force and torque are zero and the point is the plate's center.
+
+    Raises
+    ------
+    BadData : there is no plate, or its samples do not match `plate_time`
+    """
+    if not plates:
+        raise BadData("there is no force plate to make wrenches of")
+    clock = np.asarray(plate_time, dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)
+    forces, points, torques = (np.zeros((len(clock), len(plates), 3)) for _ in range(3))
+    for index, plate in enumerate(plates):
+        if len(plate.forces) != len(plate_time):
+            raise BadData(f"{plate.name} has {len(plate.forces)} samples, but its clock has {len(plate_time)}")
+        parts = _on_clock(plate, np.asarray(plate_time), clock)
+        forces[:, index], points[:, index], torques[:, index] = parts
+    names = tuple(plate.name for plate in plates)
+    return Wrenches(clock, names, ("",) * len(plates), forces, points, torques)
+
+
+def _on_clock(plate: ForcePlate, plate_time: Array, clock: Array) -> tuple[Array, Array, Array]:
+    """Force, point and free torque of one plate on another clock."""
+    middle = plate.corners.mean(axis=0)
+    loaded = np.isfinite(np.hstack((plate.points, plate.forces, plate.torques)).sum(axis=1))
+    force = np.where(loaded[:, None], plate.forces, 0.0)
+    arm = np.where(loaded[:, None], plate.points - middle, 0.0)
+    moment = np.where(loaded[:, None], plate.torques, 0.0) + np.cross(arm, force)
+    if clock is not plate_time:
+        inside = (clock >= plate_time[0] - 1e-9) & (clock <= plate_time[-1] + 1e-9)
+        force, moment = (
+            np.column_stack([np.where(inside, np.interp(clock, plate_time, part[:, axis]), 0.0) for axis in range(3)])
+            for part in (force, moment)
+        )
+    normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
+    normal = normal / np.linalg.norm(normal)
+    pressing = force @ normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        arm = np.cross(normal, moment) / pressing[:, None]
+    usable = np.isfinite(arm).all(axis=1) & (np.linalg.norm(force, axis=1) > 0)
+    arm = np.where(usable[:, None], arm, 0.0)
+    force = np.where(usable[:, None], force, 0.0)
+    torque = np.where(usable[:, None], moment - np.cross(arm, force), 0.0)
+    return force, arm + middle, torque
