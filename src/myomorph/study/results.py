@@ -1,0 +1,281 @@
+"""Results as files: NetCDF with provenance, whole or not at all, and the folders that hold them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph import __version__
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance, Source
+from myomorph.model.spatial import Array
+
+STORED = ".nc"
+PROVENANCE = "provenance_"
+NAMES = "names of "
+BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
+
+
+def file_source(role: str, path: str | os.PathLike[str]) -> Source:
+    """A file as an input of a step, by the hash of its bytes.
+
+    Raises
+    ------
+    BadFile
+        where it cannot be read
+    """
+    digest = hashlib.sha256()
+    try:
+        with open(path, "rb") as stream:
+            for block in iter(lambda: stream.read(1 << 20), b""):
+                digest.update(block)
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    return Source(role, str(path), digest.hexdigest())
+
+
+def value_source(role: str, name: str, *values: object) -> Source:
+    """A value that was made in memory as an input of a step: arrays by their bytes, the rest by its text."""
+    digest = hashlib.sha256()
+    for value in values:
+        if isinstance(value, np.ndarray):
+            digest.update(np.ascontiguousarray(value).tobytes())
+        else:
+            digest.update(repr(value).encode())
+    return Source(role, name, digest.hexdigest())
+
+
+def provenance_of(step: str, sources: Iterable[Source], options: Mapping[str, object]) -> Provenance:
+    """Provenance of a result that is being made now, by this version."""
+    return Provenance(step, tuple(sources), dict(options), __version__, datetime.now(UTC).isoformat(timespec="seconds"))
+
+
+class ResultWriter:
+    """An open NetCDF file that takes named values; made by `new_result`."""
+
+    def __init__(self, file: Any):
+        self._file = file
+
+    def names(self, dimension: str, names: Sequence[str]) -> None:
+        """Make a dimension whose entries have names, unless it exists already."""
+        if dimension in self._file.dimensions:
+            return
+        import h5py
+
+        self._file.dimensions[dimension] = len(names)
+        values = np.array(list(names), dtype=object)
+        variable = self._file.create_variable(dimension, (dimension,), h5py.string_dtype(), data=values)
+        variable.attrs["long_name"] = NAMES + dimension
+
+    def time(self, time: Array) -> None:
+        """Make the dimension of time [s]."""
+        if "time" not in self._file.dimensions:
+            self._file.dimensions["time"] = len(time)
+            variable = self._file.create_variable("time", ("time",), np.float64, data=np.asarray(time))
+            variable.attrs["units"] = "s"
+
+    def create(self, name: str, dimensions: tuple[str, ...], unit: str, meaning: str, kind: Any = np.float64) -> Any:
+        """Make a variable to be filled part by part: `variable[start:stop] = values`."""
+        shape = tuple(self._size(one) for one in dimensions)
+        chunks = None
+        if shape and min(shape) > 0 and np.prod(shape) > BLOCK_ROWS * BLOCK_COLUMNS:
+            limits = (BLOCK_ROWS, *(BLOCK_COLUMNS,) * (len(shape) - 1))
+            chunks = tuple(min(size, limit) for size, limit in zip(shape, limits, strict=True))
+        filler = np.nan if np.dtype(kind).kind == "f" else None
+        variable = self._file.create_variable(name, dimensions, kind, fillvalue=filler, chunks=chunks)
+        variable.attrs["units"] = unit
+        variable.attrs["long_name"] = meaning
+        return variable
+
+    def put(self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str) -> None:
+        """Make a variable and fill it; truth values become 0 and 1."""
+        values = np.asarray(values)
+        kind = np.int8 if values.dtype == bool else values.dtype
+        variable = self.create(name, dimensions, unit, meaning, kind)
+        if values.size:
+            variable[...] = values.astype(kind)
+
+    def fact(self, name: str, value: str) -> None:
+        """Write a text about the whole file."""
+        self._file.attrs[name] = value
+
+    def provenance(self, provenance: Provenance) -> None:
+        """Write what a step's values were made from."""
+        self._file.attrs[PROVENANCE + provenance.step] = provenance.to_json()
+
+    def copy(self, path: Path) -> None:
+        """Take over everything in another result that is not here yet, block by block."""
+        import h5netcdf
+
+        with h5netcdf.File(path, "r") as other:
+            for name, size in other.dimensions.items():
+                if name not in self._file.dimensions:
+                    self._file.dimensions[name] = size.size
+                elif self._size(name) != size.size:
+                    raise BadData(f"{path}: has {size.size} of {name}, the other steps {self._size(name)}")
+            for name, variable in other.variables.items():
+                if name in self._file.variables:
+                    continue
+                self._copy_variable(name, variable)
+            for name, value in other.attrs.items():
+                if name not in self._file.attrs:
+                    self._file.attrs[name] = value
+
+    def _copy_variable(self, name: str, variable: Any) -> None:
+        kind = variable.dtype
+        if kind.kind in "OSU":
+            import h5py
+
+            texts = np.array([_text(one) for one in variable[...]], dtype=object)
+            copied = self._file.create_variable(name, variable.dimensions, h5py.string_dtype(), data=texts)
+        else:
+            copied = self.create(name, variable.dimensions, "", "", kind)
+            for start in range(0, variable.shape[0] if variable.shape else 0, BLOCK_ROWS):
+                copied[start : start + BLOCK_ROWS] = variable[start : start + BLOCK_ROWS]
+        for key, value in variable.attrs.items():
+            copied.attrs[key] = value
+
+    def _size(self, dimension: str) -> int:
+        return int(self._file.dimensions[dimension].size)
+
+
+@contextmanager
+def new_result(path: str | os.PathLike[str]) -> Iterator[ResultWriter]:
+    """A NetCDF file that appears under its name only when it is whole."""
+    import h5netcdf
+
+    path = Path(path)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    os.close(handle)
+    try:
+        with h5netcdf.File(name, "w") as file:
+            file.attrs["Conventions"] = "CF-1.10"
+            file.attrs["source"] = f"myomorph {__version__}"
+            yield ResultWriter(file)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A result as read back: values by name, the names along each dimension, and its provenance.
+
+    Attributes
+    ----------
+    values : numeric variables
+    names : of the entries of each dimension that has names, and other variables of texts
+    provenance : by step
+    facts : texts about the whole
+    """
+
+    path: Path
+    values: Mapping[str, Array]
+    names: Mapping[str, tuple[str, ...]]
+    provenance: Mapping[str, Provenance]
+    facts: Mapping[str, str]
+
+    @property
+    def time(self) -> Array:
+        """(frames,) [s]."""
+        return self.values["time"]
+
+
+def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> Stored:
+    """Read a NetCDF that `new_result` wrote.
+
+    Parameters
+    ----------
+    leave_out : variables that are not needed and may be large
+
+    Raises
+    ------
+    BadFile
+        where the file is not one
+    """
+    import h5netcdf
+
+    try:
+        with h5netcdf.File(path, "r") as file:
+            values, names = {}, {}
+            for name, variable in file.variables.items():
+                if name in leave_out:
+                    continue
+                if variable.dtype.kind in "OSU":
+                    names[name] = tuple(_text(one) for one in variable[...])
+                else:
+                    values[name] = variable[...]
+            attributes = {name: _text(value) for name, value in file.attrs.items()}
+        marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
+        made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
+    except (OSError, ValueError, KeyError) as error:
+        raise BadFile(path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote") from None
+    facts = {name: text for name, text in attributes.items() if name not in marked}
+    return Stored(Path(path), values, names, made, facts)
+
+
+def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
+    """Provenance by step of a result file, empty where there is none that can be read."""
+    import h5netcdf
+
+    if not Path(path).is_file():
+        return {}
+    try:
+        with h5netcdf.File(path, "r") as file:
+            marked = {name: _text(value) for name, value in file.attrs.items() if name.startswith(PROVENANCE)}
+        return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
+    except (OSError, ValueError):
+        return {}
+
+
+@contextmanager
+def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
+    """A folder whose new files appear all together: they are written beside it and then moved in.
+
+    Files that are in the folder already stay, unless a new one has their name.
+
+    Raises
+    ------
+    BadFile
+        where a file has the folder's name
+    """
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise BadFile(folder, "is a file, but results go into a folder", "give --out another name")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        yield temporary
+        os.chmod(temporary, 0o755)
+        if not folder.exists():
+            os.replace(temporary, folder)
+        else:
+            for path in sorted(temporary.iterdir()):
+                os.replace(path, folder / path.name)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
+    """Unit of each coordinate: "rad", "m", or "" where it is the file's own."""
+    units = {"rotational": "rad", "translational": "m", "coupled": ""}
+    return tuple(units[model.coordinate(name).motion] for name in names)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return str(value)

@@ -1,0 +1,91 @@
+"""A step's options as settings that the command line and study files share, taken from its option dataclass."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import types
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+Options = TypeVar("Options")
+
+SIMPLE = (bool, int, float, str)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One option that can be written on a command line or in a study file.
+
+    Attributes
+    ----------
+    kind : its type: bool, int, float, str, a Literal of texts, or one of these or None
+    help : its line in the dataclass's docstring
+    """
+
+    name: str
+    kind: Any
+    default: Any
+    help: str
+
+
+@dataclass(frozen=True)
+class Differentiation:
+    """What the steps that need velocities and accelerations may be told.
+
+    Attributes
+    ----------
+    cutoff : low-pass filter of coordinates and external forces [Hz]; none by default, as in OpenSim
+    """
+
+    cutoff: float | None = None
+
+
+def settings_of(options: type) -> tuple[Setting, ...]:
+    """Settings of an option dataclass: every field that a number, a text or a switch can give.
+
+    Fields of other types (mappings, motions) are not settings: they come from files.
+    """
+    hints, told = get_type_hints(options), attribute_help(options)
+    return tuple(
+        Setting(field.name, hints[field.name], field.default, told.get(field.name, ""))
+        for field in dataclasses.fields(options)
+        if _is_simple(hints[field.name]) and field.default is not dataclasses.MISSING
+    )
+
+
+def attribute_help(owner: type) -> dict[str, str]:
+    """What the `Attributes` section of a numpydoc docstring says of each attribute, as one line."""
+    text = inspect.cleandoc(owner.__doc__ or "")
+    section = re.search(r"^Attributes\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in section.group(1).splitlines() if section else []:
+        start = re.match(r"(\w+(?:, \w+)*) : (.*)", line)
+        if start:
+            names = start.group(1).split(", ")
+            found |= dict.fromkeys(names, start.group(2).strip())
+        elif line.strip():
+            found |= {name: f"{found[name]} {line.strip()}" for name in names}
+    return found
+
+
+def with_settings(options: Options, given: Mapping[str, Any]) -> Options:
+    """The options with the settings among `given` that are theirs; None leaves a default as it is."""
+    names = {setting.name for setting in settings_of(type(options))}
+    changes = {name: value for name, value in given.items() if name in names and value is not None}
+    return dataclasses.replace(options, **changes)  # type: ignore[type-var]
+
+
+def plain_settings(options: object) -> dict[str, object]:
+    """The settings of an option value as plain values, for provenance and reports."""
+    return {setting.name: getattr(options, setting.name) for setting in settings_of(type(options))}
+
+
+def _is_simple(kind: Any) -> bool:
+    origin = get_origin(kind)
+    if origin in (Union, types.UnionType):
+        return all(one is type(None) or _is_simple(one) for one in get_args(kind))
+    return kind in SIMPLE or origin is Literal
