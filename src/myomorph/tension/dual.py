@@ -1,8 +1,8 @@
 """The separable problem over frames: least effort in balance, by a semismooth Newton on its dual.
 
-    minimise  sum_i w_i |x_i|^p_i   subject to  A x = b,  lower <= x <= upper
+    minimise  sum_i w_i |x_i - t_i|^p_i   subject to  A x = b,  lower <= x <= upper
 
-For given multipliers y every x_i has a closed form, x_i = clip(sign(s_i) (|s_i| / (p_i w_i))^(1/(p_i - 1)))
+For given multipliers y every x_i has a closed form, x_i = clip(t_i + sign(s_i) (|s_i| / (p_i w_i))^(1/(p_i - 1)))
 with s = A^T y, so stationarity and bounds hold exactly and only the balance b - A x is left to
 solve for: it is the gradient of the concave dual. Its generalized Jacobian is A D A^T with a
 diagonal D = dx/ds, of the size of the coordinates and not of the muscles, and sparse where muscles
@@ -97,14 +97,14 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _response(S, i, s):
+def _response(S, i, target, s):
     """x_i at the reduced multiplier s, and dx_i/ds there (0 on a bound)."""
     w, p = S.weight[i], S.exponent[i]
     if p == 2.0:
-        x, slope = 0.5 * s / w, 0.5 / w
+        x, slope = target + 0.5 * s / w, 0.5 / w
     else:
         size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
-        x = size if s > 0.0 else -size
+        x = target + (size if s > 0.0 else -size)
         # The true slope is infinite (p > 2) or zero (p < 2) at 0, which would stop the iteration.
         slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-3) ** (p - 2.0))
     if x <= S.lower[i]:
@@ -165,21 +165,21 @@ def _assemble(S, values, slope, slack, M):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _ascent(S, s, ds, t, constant, linear):
+def _ascent(S, targets, s, ds, t, constant, linear):
     """Slope of the dual along a direction at step t; it never grows with t."""
     total = constant - t * linear
     for i in range(s.shape[0]):
         if ds[i] != 0.0:
-            total -= _response(S, i, s[i] + t * ds[i])[0] * ds[i]
+            total -= _response(S, i, targets[i], s[i] + t * ds[i])[0] * ds[i]
     return total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _step(S, s, ds, constant, linear):
+def _step(S, targets, s, ds, constant, linear):
     """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
-    enough = 0.1 * _ascent(S, s, ds, 0.0, constant, linear)
+    enough = 0.1 * _ascent(S, targets, s, ds, 0.0, constant, linear)
     t = 1.0
-    now = _ascent(S, s, ds, t, constant, linear)
+    now = _ascent(S, targets, s, ds, t, constant, linear)
     if abs(now) <= enough:
         return t
     low, high = 0.0, np.inf
@@ -190,7 +190,7 @@ def _step(S, s, ds, constant, linear):
         else:
             high = t
             t = 0.1 * t if low == 0.0 else 0.5 * (low + high)
-        now = _ascent(S, s, ds, t, constant, linear)
+        now = _ascent(S, targets, s, ds, t, constant, linear)
         if abs(now) <= enough or t > 1e6:
             break
     return t
@@ -209,7 +209,7 @@ def _free_stiffness(S, values, slope, diagonal):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _newton(S, A, b, relative, most, cold, x, y, work, M):
+def _newton(S, A, b, targets, relative, most, cold, x, y, work, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
 
     Returns
@@ -234,7 +234,7 @@ def _newton(S, A, b, relative, most, cold, x, y, work, M):
         for j in range(n):
             residual[j] = b[j]
         for i in range(variables):
-            x[i], d = _response(S, i, s[i])
+            x[i], d = _response(S, i, targets[i], s[i])
             # The very first step of a cold start is that of the problem without bounds.
             if iteration > 0 or not cold:
                 slope[i] = d
@@ -259,7 +259,7 @@ def _newton(S, A, b, relative, most, cold, x, y, work, M):
             ds[i] = 0.0
             for a in range(S.start[i], S.start[i + 1]):
                 ds[i] += A[a] * z[S.row[a]]
-        t = _step(S, s, ds, constant, linear)
+        t = _step(S, targets, s, ds, constant, linear)
         for j in range(n):
             y[j] += t * z[j]
         for i in range(variables):
@@ -277,7 +277,7 @@ class _Work(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve_separable(S, values, targets, warm, x, y, imbalance, iterations, status):
+def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iterations, status):
     """Solve frame after frame, each starting from the multipliers of the one before.
 
     A frame that the plain iteration does not settle is solved again with a large slack that then
@@ -287,25 +287,28 @@ def solve_separable(S, values, targets, warm, x, y, imbalance, iterations, statu
     ----------
     S : `Separable`
     values : (frames, entries) of A
-    targets : (frames, rows) b, rows in the order of elimination
+    balance : (frames, rows) b, rows in the order of elimination
+    targets : (frames, variables) t
     warm : (rows,) multipliers to begin with, zero for none; afterwards those of the last frame
     x, y : (frames, variables), (frames, rows) filled with the solution and its multipliers
     imbalance, iterations, status : (frames,) filled; imbalance is max |b - A x|
     """
-    n, variables = targets.shape[1], x.shape[1]
+    n, variables = balance.shape[1], x.shape[1]
     M = np.zeros((n, n))
     work = _Work(
         np.empty(variables), np.empty(variables), np.empty(variables), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     )
-    for frame in range(targets.shape[0]):
-        A, b, result = values[frame], targets[frame], y[frame]
-        total, scale = 0.0, 1.0
+    for frame in range(balance.shape[0]):
+        A, b, result = values[frame], balance[frame], y[frame]
+        unknown, scale = 0.0, 1.0
         for k in range(A.shape[0]):
-            total += A[k] - A[k]
+            unknown += A[k] - A[k]
+        for i in range(variables):
+            unknown += targets[frame, i] - targets[frame, i]
         for j in range(n):
-            total += b[j] - b[j]
+            unknown += b[j] - b[j]
             scale = max(scale, 1.0 + abs(b[j]))
-        if total != 0.0:
+        if unknown != 0.0:
             x[frame, :] = np.nan
             y[frame, :] = np.nan
             imbalance[frame], iterations[frame], status[frame] = np.nan, 0, MISSING
@@ -314,13 +317,13 @@ def solve_separable(S, values, targets, warm, x, y, imbalance, iterations, statu
         for j in range(n):
             result[j] = warm[j]
             cold = cold and warm[j] == 0.0
-        worst, left, steps = _newton(S, A, b, SLACKS[0], 30, cold, x[frame], result, work, M)
+        worst, left, steps = _newton(S, A, b, targets[frame], SLACKS[0], 30, cold, x[frame], result, work, M)
         settled = left <= TOLERANCE * scale
         if not settled:
             result[:] = 0.0
             before = np.inf
             for k in range(1, len(SLACKS)):
-                worst, left, more = _newton(S, A, b, SLACKS[k], 200, k == 1, x[frame], result, work, M)
+                worst, left, more = _newton(S, A, b, targets[frame], SLACKS[k], 200, k == 1, x[frame], result, work, M)
                 steps += more
                 settled = left <= 1e-3 * worst or left <= TOLERANCE * scale
                 if worst > 0.1 * before or not settled:

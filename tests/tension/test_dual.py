@@ -1,0 +1,167 @@
+"""The separable solver on problems like those of muscles: against piqp, and by its own conditions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from myomorph.model.errors import BadData
+from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, Separable, pattern, solve_separable
+from myomorph.tension.terms import balance, effort, nearness, program, solve_program
+
+
+def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lower: float = 0.01):
+    """Directions, bounds and balanced torques: a third of the muscles work, reserves have no bounds."""
+    rng = np.random.default_rng(seed)
+    directions = 60.0 * rng.normal(size=(rows, count)) * (rng.random((rows, count)) < 0.3)
+    low, high = np.full(count, lower), np.ones(count)
+    if reserve:
+        directions = np.hstack([directions, reserve * np.eye(rows)])
+        low, high = np.append(low, np.full(rows, -np.inf)), np.append(high, np.full(rows, np.inf))
+    active = rng.uniform(0, 1, directions.shape[1]) * (rng.random(directions.shape[1]) < 0.35)
+    return directions, low, high, directions @ np.clip(active, low, high)
+
+
+def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=None):
+    """Frames (torques (frames, rows)) through the kernel: x, status, imbalance, multipliers, iterations."""
+    torques = np.atleast_2d(torques)
+    rows, columns = np.nonzero(directions)
+    shape = pattern(rows, columns, directions.shape)
+    n, count, frames = len(directions), directions.shape[1], len(torques)
+    weights = np.ones(count) if weights is None else weights
+    fixed = Separable(shape.start, shape.row, shape.first, weights, np.full(count, exponent), low, high)
+    values = np.empty((frames, len(rows)))
+    values[:, shape.place] = directions[rows, columns]
+    x, y = np.empty((frames, count)), np.empty((frames, n))
+    imbalance, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
+    targets = np.zeros((frames, count)) if targets is None else targets
+    right = np.ascontiguousarray(torques[:, shape.order])
+    solve_separable(fixed, values, right, targets, np.zeros(n), x, y, imbalance, iterations, status)
+    multipliers = np.empty_like(y)
+    multipliers[:, shape.order] = y
+    return x, status, imbalance, multipliers, iterations
+
+
+@pytest.mark.parametrize("reserve", [0.0, 1.0, 50.0])
+@pytest.mark.parametrize("lower", [0.0, 0.01])
+def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
+    piqp = pytest.importorskip("piqp")
+    for seed in range(6):
+        directions, low, high, torques = muscles(seed, reserve=reserve, lower=lower)
+        x, status, imbalance, _, _ = solve(directions, low, high, torques)
+        solver = piqp.DenseSolver()
+        solver.settings.eps_abs = solver.settings.eps_rel = 1e-12
+        count = len(low)
+        H = np.asfortranarray(2 * np.eye(count))
+        solver.setup(H, np.zeros(count), np.asfortranarray(directions), torques, None, None, None, low, high)
+        assert solver.solve() == piqp.PIQP_SOLVED
+        assert status[0] == OPTIMAL
+        assert imbalance[0] < 1e-6
+        np.testing.assert_allclose(x[0], solver.result.x, atol=1e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    exponent=st.sampled_from([1.5, 2.0, 3.0, 4.0]),
+    reserve=st.sampled_from([0.0, 1.0, 30.0]),
+)
+def test_the_conditions_of_an_optimum_hold_for_any_exponent(seed, exponent, reserve):
+    directions, low, high, torques = muscles(seed, rows=8, count=30, reserve=reserve)
+    weights = np.random.default_rng(seed).uniform(0.2, 5.0, len(low))
+    x, status, imbalance, y, _ = solve(directions, low, high, torques, exponent, weights)
+    assert status[0] == OPTIMAL
+    scale = 1.0 + np.abs(torques).max()
+    assert np.abs(directions @ x[0] - torques).max() == pytest.approx(imbalance[0], abs=1e-9)
+    assert imbalance[0] < 1e-8 * scale
+    assert np.all(x[0] >= low)
+    assert np.all(x[0] <= high)
+    slope = weights * exponent * np.sign(x[0]) * np.abs(x[0]) ** (exponent - 1.0)
+    gradient = slope - directions.T @ y[0]
+    size = 1.0 + np.abs(slope).max()
+    assert np.all(gradient[x[0] > low] < 1e-6 * size)
+    assert np.all(gradient[x[0] < high] > -1e-6 * size)
+
+
+def test_warm_and_cold_starts_end_in_the_same_place():
+    directions, low, high, _ = muscles(3)
+    torques = np.array([muscles(3)[3] * (1.0 + 0.02 * k) for k in range(12)])
+    together = solve(directions, low, high, torques)
+    alone = np.vstack([solve(directions, low, high, one)[0] for one in torques])
+    np.testing.assert_allclose(together[0], alone, atol=1e-9)
+    assert together[4][1:].mean() < solve(directions, low, high, torques[0])[4][0]
+
+
+def test_torques_beyond_all_strength_are_called_infeasible_and_missed_least():
+    from scipy.optimize import lsq_linear
+
+    directions, low, high, torques = muscles(1, reserve=0.0)
+    x, status, imbalance, _, _ = solve(directions, low, high, 4.0 * torques)
+    assert status[0] == INFEASIBLE
+    assert imbalance[0] > 10.0
+    least = lsq_linear(directions, 4.0 * torques, (low, high)).x
+    missed = np.linalg.norm(directions @ x[0] - 4.0 * torques)
+    assert missed < 1.1 * np.linalg.norm(directions @ least - 4.0 * torques)
+
+
+def test_frames_with_missing_input_are_marked_and_do_not_spread():
+    directions, low, high, torques = muscles(2)
+    frames = np.tile(torques, (4, 1))
+    frames[1, 3] = np.nan
+    frames[2, 0] = np.inf
+    x, status, imbalance, _, _ = solve(directions, low, high, frames)
+    np.testing.assert_array_equal(status, [OPTIMAL, MISSING, MISSING, OPTIMAL])
+    assert np.all(np.isnan(x[1:3]))
+    assert np.all(np.isnan(imbalance[1:3]))
+    np.testing.assert_allclose(x[3], x[0], atol=1e-9)
+
+
+def test_targets_pull_activations_towards_them():
+    directions, low, high, torques = muscles(4)
+    targets = np.full((1, len(low)), 0.4)
+    targets[0, 40:] = 0.0
+    free = solve(directions, low, high, torques)[0][0]
+    pulled = solve(directions, low, high, torques, targets=targets)[0][0]
+    assert np.linalg.norm(pulled[:40] - 0.4) < np.linalg.norm(free[:40] - 0.4)
+
+
+def test_diagonal_and_dense_forms_of_one_program_have_one_solution():
+    directions, low, high, torques = muscles(7)
+    count = len(low)
+    rng = np.random.default_rng(0)
+    weights, targets = rng.uniform(0, 2, count), rng.uniform(0, 1, count)
+    costs = [effort(np.ones(count)), nearness(targets, weights)]
+    fast = solve_program(program(costs, [balance(directions, torques)], lower=low, upper=high))
+    H, c = costs[1]
+    dense = solve_program(program([costs[0], (np.diag(H), c)], [balance(directions, torques)], lower=low, upper=high))
+    assert fast.optimal
+    assert dense.optimal
+    np.testing.assert_allclose(fast.x, dense.x, atol=1e-6)
+    for solution in (fast, dense):
+        assert solution.violation < 1e-6
+        assert solution.stationarity < 1e-5
+
+
+def test_inequalities_hold_and_are_certified():
+    directions, low, high, torques = muscles(9)
+    count = len(low)
+    limit = np.zeros((1, count))
+    limit[0, :40] = 1.0
+    free = solve_program(program([effort(np.ones(count))], [balance(directions, torques)], lower=low, upper=high))
+    most = 0.9 * (limit @ free.x)
+    held = solve_program(
+        program([effort(np.ones(count))], [balance(directions, torques)], [(limit, most)], low, high)
+    )
+    assert held.optimal
+    assert (limit @ held.x)[0] <= most[0] + 1e-6
+    assert held.violation < 1e-6
+    assert held.stationarity < 1e-4
+
+
+def test_terms_that_do_not_fit_are_refused():
+    with pytest.raises(BadData, match="at least one cost"):
+        program([])
+    with pytest.raises(BadData, match="variables"):
+        program([effort(np.ones(3))], [balance(np.ones((1, 4)), np.ones(1))])
