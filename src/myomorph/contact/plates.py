@@ -273,10 +273,12 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
     if not state.any():
         return found
     axes = plate_axes(recording)
-    local = (plate.points[state] - plate.corners.mean(axis=0)) @ axes
+    pressing = np.abs(plate.forces @ axes[:, 2])
+    # Near the threshold the center of pressure is noise; only well loaded samples are judged.
+    firm = state & (pressing > 0.3 * np.nanmax(pressing[state])) & np.isfinite(plate.points[:, 0])
+    local = (plate.points[firm] - plate.corners.mean(axis=0)) @ axes
     half = 0.5 * np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
-    outside = np.abs(local[:, :2]) > 1.1 * half
-    share = float(np.mean(outside.any(axis=1) & np.isfinite(local[:, 0])))
+    share = float(np.mean(np.any(np.abs(local[:, :2]) > 1.1 * half, axis=1))) if len(local) else 0.0
     if share > 0.1:
         found.append(
             f"the center of pressure of {plate.name} lies outside the plate in {100 * share:.0f} % of loaded samples: "

@@ -1,0 +1,197 @@
+"""Which body a plate's force acts on: the one whose points are nearest to the center of pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.contact.plates import episodes
+from myomorph.model.errors import BadData
+from myomorph.model.series import Wrenches
+from myomorph.model.spatial import Array
+
+
+@dataclass(frozen=True)
+class AssignOptions:
+    """How forces are given to bodies.
+
+    Attributes
+    ----------
+    shortest : a body keeps a plate at least that long before another takes over [s]
+    clear : an episode goes to one body as a whole if it has this share of the force there
+    """
+
+    shortest: float = 0.1
+    clear: float = 0.8
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One stretch of time in which a plate carried one body.
+
+    Attributes
+    ----------
+    plate, body : names
+    start, stop : first and last frame's time [s]
+    distance : mean distance of the center of pressure to the body's nearest point, weighted by force [m]
+    other_distance : the same for the body that is second nearest, inf if there is none [m]
+    """
+
+    plate: str
+    body: str
+    start: float
+    stop: float
+    distance: float
+    other_distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """Wrenches on bodies, the contacts found, and what is doubtful about them."""
+
+    wrenches: Wrenches
+    contacts: tuple[Contact, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def assign_bodies(
+    wrenches: Wrenches, positions: Mapping[str, Array], options: AssignOptions | None = None
+) -> Assignment:
+    """Give each plate's force to the candidate body nearest to its center of pressure.
+
+    Every stretch of time in which a plate is loaded goes to one body, or is cut where another body takes
+    over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet on one
+    plate at once cannot be told apart by one plate: the force goes to the nearer one, with a warning.
+
+    Parameters
+    ----------
+    wrenches : of plates, bodies unknown; zero force where unloaded
+    positions : candidate body to points fixed to it, (frames, 3) or (frames, points, 3), on the clock of
+        `wrenches`, NaN where unseen [m]
+    options : see `AssignOptions`
+
+    Raises
+    ------
+    BadData : there is no candidate, or positions are on another clock
+    """
+    options = options or AssignOptions()
+    names = tuple(positions)
+    if not names:
+        raise BadData("no candidate body was given to assign the plates to")
+    distances = np.stack(
+        [_distances(wrenches, np.asarray(positions[name], dtype=np.float64), name) for name in names], axis=-1
+    )
+    frame = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1.0
+    shortest = max(1, round(options.shortest / frame))
+    contacts: list[Contact] = []
+    found: list[str] = []
+    carried = np.full((len(wrenches), len(wrenches.names)), -1, dtype=np.int64)
+    for plate, plate_name in enumerate(wrenches.names):
+        size = np.linalg.norm(wrenches.forces[:, plate], axis=1)
+        for start, stop in episodes(size > 0):
+            owners = _owners(distances[start:stop, plate], size[start:stop], shortest, options.clear)
+            if owners is None:
+                found.append(f"no candidate body is seen while {plate_name} is loaded at {wrenches.time[start]:.2f} s")
+                continue
+            carried[start:stop, plate] = owners
+            for first, last in _runs(owners):
+                here = slice(start + first, start + last)
+                contact = _contact(wrenches, plate, here, distances[here, plate], size[here], names)
+                contacts.append(contact)
+                if contact.distance > 0.6 * contact.other_distance:
+                    found.append(_doubt(contact))
+    return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(found))
+
+
+def _doubt(contact: Contact) -> str:
+    return (
+        f"{contact.plate} may carry two bodies from {contact.start:.2f} to {contact.stop:.2f} s: its force went to "
+        f"'{contact.body}', {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)"
+    )
+
+
+def _distances(wrenches: Wrenches, points: Array, name: str) -> Array:
+    """Distance of a body's nearest point to each plate's center of pressure (frames, plates) [m]."""
+    points = points[:, None] if points.ndim == 2 else points
+    if points.ndim != 3 or points.shape[0] != len(wrenches) or points.shape[2] != 3:
+        raise BadData(
+            f"expected positions of '{name}' of shape ({len(wrenches)}, points, 3), but got {points.shape}: "
+            "bring them to the clock of the wrenches first"
+        )
+    apart = np.linalg.norm(points[:, None] - wrenches.points[:, :, None], axis=3)
+    nearest: Array = np.where(np.isfinite(apart), apart, np.inf).min(axis=2)
+    return nearest
+
+
+def _owners(distances: Array, size: Array, shortest: int, clear: float) -> NDArray[np.int64] | None:
+    """Body (frames,) that owns each frame of one episode, or None if none is ever seen."""
+    seen = np.isfinite(distances.min(axis=1))
+    if not seen.any():
+        return None
+    nearest = np.argmin(distances, axis=1)
+    # A frame without a body in sight takes that of the last frame with one.
+    index = np.maximum.accumulate(np.where(seen, np.arange(len(size)), -1))
+    index[index < 0] = np.flatnonzero(seen)[0]
+    nearest = nearest[index]
+    shares = np.bincount(nearest, weights=size, minlength=distances.shape[1]) / size.sum()
+    if shares.max() >= clear:
+        return np.full(len(size), int(np.argmax(shares)), dtype=np.int64)
+    runs = _runs(nearest)
+    while len(runs) > 1:
+        lengths = [stop - start for start, stop in runs]
+        least = int(np.argmin(lengths))
+        if lengths[least] >= shortest:
+            break
+        start, stop = runs[least]
+        beside = [k for k in (least - 1, least + 1) if 0 <= k < len(runs)]
+        nearest[start:stop] = nearest[runs[max(beside, key=lambda k: lengths[k])][0]]
+        runs = _runs(nearest)
+    return nearest.astype(np.int64)
+
+
+def _runs(values: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """(start, stop) of every run of one value."""
+    edges = np.flatnonzero(np.diff(values)) + 1
+    bounds = [0, *edges.tolist(), len(values)]
+    return list(pairwise(bounds))
+
+
+def _contact(
+    wrenches: Wrenches, plate: int, here: slice, distances: Array, size: Array, names: tuple[str, ...]
+) -> Contact:
+    finite = np.isfinite(distances)
+    weighted = np.where(finite, distances, 0.0) * size[:, None]
+    total = np.where(finite, size[:, None], 0.0).sum(axis=0)
+    means = np.where(total > 0, weighted.sum(axis=0) / np.where(total > 0, total, 1.0), np.inf)
+    body = int(np.argmin(means))
+    others = np.delete(means, body)
+    time = wrenches.time[here]
+    return Contact(
+        wrenches.names[plate],
+        names[body],
+        float(time[0]),
+        float(time[-1]),
+        float(means[body]),
+        float(others.min()) if len(others) else float("inf"),
+    )
+
+
+def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...]) -> Wrenches:
+    """One wrench for every plate and body that met; a plate that met none keeps its body unknown."""
+    labels, bodies, forces, points, torques = [], [], [], [], []
+    for plate, plate_name in enumerate(wrenches.names):
+        met = sorted(set(carried[:, plate].tolist()) - {-1})
+        for body in met or [-1]:
+            mine = (carried[:, plate] == body)[:, None]
+            labels.append(plate_name if len(met) < 2 else f"{plate_name}_{names[body]}")
+            bodies.append(names[body] if met else "")
+            forces.append(np.where(mine, wrenches.forces[:, plate], 0.0))
+            points.append(wrenches.points[:, plate])
+            torques.append(np.where(mine, wrenches.torques[:, plate], 0.0))
+    parts = {"forces": forces, "points": points, "torques": torques}
+    arrays = {name: np.stack(columns, axis=1) for name, columns in parts.items()}
+    return replace(wrenches, names=tuple(labels), bodies=tuple(bodies), **arrays)
