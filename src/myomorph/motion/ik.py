@@ -11,17 +11,12 @@ from myomorph.model.errors import BadData, BadModel, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array
-from myomorph.motion.least_squares import MarkerArrays, hold, new_work, solve_frame, solve_frames
+from myomorph.motion.least_squares import MarkerArrays, solve_frames
+from myomorph.motion.starts import chunk_starts
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import CHUNK, over_frames
 from myomorph.rigid.kinematics import couple_frames
 from myomorph.rigid.tree import Tree, compile_tree
-
-SCOUT = 16
-"""Frames between the poses that are tracked first, to start the chunks from."""
-
-SCOUT_TOLERANCE = 1e-3
-"""Last step of such a pose [rad or m]: a start need not be exact."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +139,7 @@ def inverse_kinematics(
         raise BadData(f"none of the {len(markers)} frames shows a marker that the model has")
     targets = coordinate_targets(tree, markers.time, options)
     arrays = marker_arrays(tree, names, weights, options)
-    starts = scout(tree, arrays, observed, targets, options)
+    starts = chunk_starts(tree, arrays, observed, targets, options.posture_weight, options.iterations)
 
     frames = len(markers)
     values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
@@ -256,83 +251,3 @@ def marker_arrays(
         upper=upper,
         task_weight=task_weight,
     )
-
-
-def scout(
-    tree: Tree, arrays: MarkerArrays, observed: Array, targets: Array, options: InverseKinematicsOptions
-) -> Array:
-    """Where each chunk of frames starts, (chunks, coordinates): every `SCOUT`-th frame tracked in turn.
-
-    A frame whose cost jumps is tried again from several headings of the whole body, and the best pose
-    is kept, so that a bad first frame or a long gap does not spoil what follows.
-    """
-    work = new_work(tree.arrays, len(tree.defaults))
-    frames = len(observed)
-    starts = np.empty((-(-frames // CHUNK), len(tree.defaults)))
-    turning = _turning(tree, arrays)
-    headings = _headings(tree, turning)
-    pose, usual = tree.defaults.copy(), 0.0
-    for frame in range(0, frames, SCOUT):
-        if np.isfinite(observed[frame]).all(axis=1).any():
-            pose, cost = _settle(tree, arrays, observed[frame], targets[frame], options, pose, work)
-            if usual == 0.0 or cost > 4.0 * usual:
-                for heading in headings:
-                    # The body as a whole first, then all of it.
-                    other, _ = _settle(
-                        tree, _root_only(tree, arrays), observed[frame], targets[frame], options, heading, work
-                    )
-                    other, reached = _settle(tree, arrays, observed[frame], targets[frame], options, other, work)
-                    if reached < 0.999 * cost:
-                        other[turning] -= 2.0 * np.pi * np.round((other - tree.defaults)[turning] / (2.0 * np.pi))
-                        pose, cost = other, reached
-            usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
-        if frame % CHUNK == 0:
-            starts[frame // CHUNK] = pose
-    return starts
-
-
-def _settle(
-    tree: Tree,
-    arrays: MarkerArrays,
-    seen: Array,
-    target: Array,
-    options: InverseKinematicsOptions,
-    start: Array,
-    work: tuple,
-) -> tuple[Array, float]:
-    pose = start.copy()
-    hold(arrays, target, pose)
-    _, _, cost = solve_frame(
-        tree.arrays, arrays, seen, target, tree.defaults, options.posture_weight, SCOUT_TOLERANCE,
-        options.iterations, pose, work,
-    )  # fmt: skip
-    return pose, cost
-
-
-def _root_only(tree: Tree, arrays: MarkerArrays) -> MarkerArrays:
-    """The same problem with only the coordinates of joints to the ground free."""
-    kept = np.isin(arrays.free, _root_coordinates(tree))
-    return arrays._replace(free=arrays.free[kept], lower=arrays.lower[kept], upper=arrays.upper[kept])
-
-
-def _root_coordinates(tree: Tree) -> Ints:
-    on_ground = np.flatnonzero(tree.arrays.parent == 0)
-    used = tree.arrays.axis_coordinate[np.isin(tree.arrays.axis_body, on_ground)]
-    return np.unique(used[used >= 0])
-
-
-def _turning(tree: Tree, arrays: MarkerArrays) -> list[int]:
-    """Root coordinates that may turn all the way round."""
-    free = set(arrays.free[np.isinf(arrays.lower) & np.isinf(arrays.upper)])
-    return [j for j in _root_coordinates(tree) if j in free and tree.model.coordinates[j].motion == "rotational"]
-
-
-def _headings(tree: Tree, turning: list[int]) -> list[Array]:
-    """The default pose, and the same with each root rotation turned by a quarter, half and three quarters."""
-    poses = [tree.defaults.copy()]
-    for j in turning:
-        for quarter in (1, 2, 3):
-            pose = tree.defaults.copy()
-            pose[j] += quarter * np.pi / 2.0
-            poses.append(pose)
-    return poses

@@ -160,7 +160,8 @@ def solve_frame(T, K, observed, target, posture, posture_weight, tolerance, most
             for i in range(F.shape[0]):
                 trial[F[i]] += work.step[i]
             couple(T, trial)
-            if size <= tolerance:
+            # An undamped Newton step of size s leaves an error of the order of s^2.
+            if size <= tolerance or (damping == 0.0 and size * size <= 0.01 * tolerance):
                 for j in range(c.shape[0]):
                     c[j] = trial[j]
                 return True, count, cost

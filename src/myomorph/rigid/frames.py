@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
-CHUNK = 128
+CHUNK = 64
 """Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing."""
 
 
@@ -39,12 +39,8 @@ def over_frames(
             if progress:
                 progress(stop - start)
         return
-    # The first part runs alone: it compiles the kernels that the others then share.
-    task(*parts[0])
-    if progress:
-        progress(parts[0][1])
     with ThreadPoolExecutor(threads) as pool:
-        running = {pool.submit(task, start, stop): stop - start for start, stop in parts[1:]}
+        running = {pool.submit(task, start, stop): stop - start for start, stop in parts}
         try:
             for done in as_completed(running):
                 done.result()

@@ -1,0 +1,1 @@
+"""Runnable comparisons with OpenSim, MuJoCo and Pinocchio: `python -m benchmarks NAME`."""

@@ -1,0 +1,93 @@
+"""OpenSim's own tools on our cases: results as arrays, and the seconds they took.
+
+Every function keeps the model referenced while a tool runs: OpenSim's Python tools crash when the
+model they point to is collected.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import opensim
+
+opensim.Logger.setLevelString("Off")
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """What a tool wrote, and how long it ran [s]."""
+
+    time: np.ndarray
+    names: tuple[str, ...]
+    values: np.ndarray
+    seconds: float
+
+
+def read_table(path: Path) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+    """Time, names and values of a MOT or STO file."""
+    with open(path) as file:
+        for line in file:
+            if line.strip().lower() == "endheader":
+                break
+        names = file.readline().split()
+        values = np.loadtxt(file, ndmin=2)
+    return values[:, 0], tuple(names[1:]), values[:, 1:]
+
+
+def load(path: Path) -> opensim.Model:
+    """The model, its system built."""
+    model = opensim.Model(str(path))
+    model.initSystem()
+    return model
+
+
+def inverse_kinematics(
+    model_path: Path, markers: Path, weights: dict[str, float], start: float, end: float
+) -> ToolResult:
+    """OpenSim's InverseKinematicsTool; degrees as it writes them."""
+    model = load(model_path)
+    tool = opensim.InverseKinematicsTool()
+    tool.setModel(model)
+    tool.setMarkerDataFileName(str(markers))
+    tool.setStartTime(start)
+    tool.setEndTime(end)
+    for name, weight in weights.items():
+        task = opensim.IKMarkerTask()
+        task.setName(name)
+        task.setWeight(weight)
+        tool.upd_IKTaskSet().cloneAndAppend(task)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "ik.mot"
+        tool.setOutputMotionFileName(str(out))
+        tool.setResultsDir(folder)
+        tool.set_report_errors(False)
+        began = time.perf_counter()
+        tool.run()
+        seconds = time.perf_counter() - began
+        return ToolResult(*read_table(out), seconds)
+
+
+def inverse_dynamics(model_path: Path, motion: Path, loads: Path | None, start: float, end: float) -> ToolResult:
+    """OpenSim's InverseDynamicsTool without a filter."""
+    model = load(model_path)
+    tool = opensim.InverseDynamicsTool()
+    tool.setModel(model)
+    tool.setCoordinatesFileName(str(motion))
+    tool.setStartTime(start)
+    tool.setEndTime(end)
+    if loads is not None:
+        tool.setExternalLoadsFileName(str(loads))
+    exclude = opensim.ArrayStr()
+    exclude.append("Muscles")
+    tool.setExcludedForces(exclude)
+    with tempfile.TemporaryDirectory() as folder:
+        tool.setResultsDir(folder)
+        tool.setOutputGenForceFileName("id.sto")
+        began = time.perf_counter()
+        tool.run()
+        seconds = time.perf_counter() - began
+        return ToolResult(*read_table(Path(folder) / "id.sto"), seconds)

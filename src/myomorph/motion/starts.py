@@ -1,0 +1,99 @@
+"""Where inverse kinematics starts: one pose a chunk of frames, found without any knowledge of the first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.motion.least_squares import MarkerArrays, hold, new_work, solve_frame
+from myomorph.rigid.frames import CHUNK
+from myomorph.rigid.tree import Tree
+
+SCOUT = 16
+"""Frames between the poses that are tracked first."""
+
+SCOUT_TOLERANCE = 1e-3
+"""Last step of such a pose [rad or m]: a start need not be exact."""
+
+HEADINGS_TRIED = 4
+"""Headings of the whole body, the best by themselves, from which the whole pose is solved."""
+
+
+def chunk_starts(
+    tree: Tree, markers: MarkerArrays, observed: Array, targets: Array, posture_weight: float, iterations: int
+) -> Array:
+    """Start of every chunk, (chunks, coordinates), from every `SCOUT`-th frame tracked in turn.
+
+    The first frame, and a frame whose cost jumps, is solved again from several headings of the whole
+    body, and the best pose is kept, so that a bad first frame or a long gap does not spoil what follows.
+
+    Parameters
+    ----------
+    observed : (frames, markers, 3) [m], NaN where unseen
+    targets : (frames, coordinates) of `coordinate_targets`
+    posture_weight, iterations : as in `InverseKinematicsOptions`
+    """
+    work = new_work(tree.arrays, len(tree.defaults))
+    root = root_coordinates(tree)
+    turning = _turning(tree, markers, root)
+    whole_body = _only(markers, root)
+
+    def settle(problem: MarkerArrays, frame: int, start: Array) -> tuple[float, Array]:
+        pose = start.copy()
+        hold(problem, targets[frame], pose)
+        _, _, cost = solve_frame(
+            tree.arrays, problem, observed[frame], targets[frame], tree.defaults, posture_weight, SCOUT_TOLERANCE,
+            iterations, pose, work,
+        )  # fmt: skip
+        return cost, pose
+
+    starts = np.empty((-(-len(observed) // CHUNK), len(tree.defaults)))
+    pose, usual = tree.defaults.copy(), 0.0
+    for frame in range(0, len(observed), SCOUT):
+        if np.isfinite(observed[frame]).all(axis=1).any():
+            cost, pose = settle(markers, frame, pose)
+            if usual == 0.0 or cost > 4.0 * usual:
+                turned = sorted((settle(whole_body, frame, start) for start in _headings(tree, turning)), key=_cost)
+                others = [settle(markers, frame, start) for _, start in turned[:HEADINGS_TRIED]]
+                best, other = min(others, key=_cost)
+                if best < 0.999 * cost:
+                    other[turning] -= 2.0 * np.pi * np.round((other - tree.defaults)[turning] / (2.0 * np.pi))
+                    cost, pose = best, other
+            usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
+        if frame % CHUNK == 0:
+            starts[frame // CHUNK] = pose
+    return starts
+
+
+def _cost(solved: tuple[float, Array]) -> float:
+    return solved[0]
+
+
+def _only(markers: MarkerArrays, coordinates: list[int]) -> MarkerArrays:
+    """The same problem with only these coordinates free."""
+    kept = np.isin(markers.free, coordinates)
+    return markers._replace(free=markers.free[kept], lower=markers.lower[kept], upper=markers.upper[kept])
+
+
+def root_coordinates(tree: Tree) -> list[int]:
+    """The coordinates of joints to the ground."""
+    on_ground = np.flatnonzero(tree.arrays.parent == 0)
+    used = tree.arrays.axis_coordinate[np.isin(tree.arrays.axis_body, on_ground)]
+    return [int(j) for j in np.unique(used[used >= 0])]
+
+
+def _turning(tree: Tree, markers: MarkerArrays, root: list[int]) -> list[int]:
+    """Root coordinates that may turn all the way round."""
+    free = set(markers.free[np.isinf(markers.lower) & np.isinf(markers.upper)])
+    return [j for j in root if j in free and tree.model.coordinates[j].motion == "rotational"]
+
+
+def _headings(tree: Tree, turning: list[int]) -> list[Array]:
+    """The default pose, and the same with each root rotation turned by a quarter, half and three quarters."""
+    poses = [tree.defaults.copy()]
+    for j in turning:
+        for quarter in (1, 2, 3):
+            pose = tree.defaults.copy()
+            pose[j] += quarter * np.pi / 2.0
+            poses.append(pose)
+    return poses
