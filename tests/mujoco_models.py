@@ -17,6 +17,8 @@ from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.tree import compile_tree
 
 mujoco = pytest.importorskip("mujoco")
+# MuJoCo writes its warnings into a file in the current folder, unless somebody else takes them.
+mujoco.set_mju_user_warning(lambda text: None)
 
 MYO_SIM = ("myolegs", "myolegs26", "myoarm_r", "myotorso", "myotorso_abdomen", "myofullbody", "myoelbow", "osl")
 FILES = {

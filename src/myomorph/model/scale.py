@@ -1,0 +1,279 @@
+"""A model of another size: every body stretched along its own axes, as OpenSim's ScaleTool does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
+from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
+from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.model.spatial import Array, Transform
+
+FIBER_LENGTHS = ("L0", "LT", "lengthrange0", "lengthrange1")
+
+
+def scale(
+    model: Model,
+    factors: Mapping[str, ArrayLike],
+    mass: float | None = None,
+    *,
+    preserve_mass_distribution: bool = False,
+    inertia: Literal["cylinder", "affine"] = "cylinder",
+    path_lengths: Callable[[Model], ArrayLike] | None = None,
+) -> Model:
+    """The model with bodies stretched by factors along their axes.
+
+    What is fixed to a body moves with it: mass center, joint frames, markers, frames, path points,
+    wrap objects (radii by the mean stretch across, lengths along their axis) and meshes. Translations
+    of joints that follow an angle, by a function or a coupler, grow with the parent's factors weighted
+    by the axis; a translation that is a degree of freedom of its own does not.
+
+    Parameters
+    ----------
+    factors : (3,) for each body, along its x, y and z; bodies without one keep their size
+    mass : of the whole model afterwards [kg]; by default what the scaling gives
+    preserve_mass_distribution : masses keep their ratios; otherwise they grow with the volume
+    inertia : "cylinder" takes a body whose factors differ for a cylinder, as OpenSim does; "affine"
+        stretches its second moments of mass exactly
+    path_lengths : gives the lengths (muscles,) of a model's muscle paths in its default pose [m]; with
+        it optimal fiber and tendon slack lengths keep their ratio to the path, without it they stay
+
+    Raises
+    ------
+    UnknownName : factors of a body that the model does not have
+    BadData : a factor that is not a positive number, or a mass that is not positive
+    """
+    sizes = _checked(model, factors, mass)
+    moved_axes = {name: factor for joint in model.joints for name, factor in _travel(joint, sizes).items()}
+    travel = {name: moved_axes.get(name, 1.0) for name in model.dependent_coordinates}
+    bodies = tuple(_body(body, sizes[body.name], preserve_mass_distribution, inertia) for body in model.bodies)
+    result = replace(
+        model,
+        bodies=_of_mass(bodies, mass),
+        joints=tuple(_joint(joint, sizes, travel) for joint in model.joints),
+        coordinates=tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
+        couplers=tuple(_coupler(one, travel) for one in model.couplers),
+        markers=tuple(replace(one, location=one.location * sizes[one.body]) for one in model.markers),
+        frames=tuple(replace(one, pose=_shifted(one.pose, sizes[one.body])) for one in model.frames),
+        wrap_objects=tuple(_wrap(one, sizes[one.body]) for one in model.wrap_objects),
+        muscles=tuple(replace(one, path=_path(one.path, sizes)) for one in model.muscles),
+        actuators=tuple(_actuator(one, sizes) for one in model.actuators),
+        loops=tuple(_loop(one, sizes) for one in model.loops),
+    )
+    if path_lengths is None:
+        return result
+    before, after = np.asarray(path_lengths(model)), np.asarray(path_lengths(result))
+    ratios = np.divide(after, before, out=np.ones_like(before), where=before > 0.0)
+    muscles = (_muscle(one, float(ratio)) for one, ratio in zip(result.muscles, ratios, strict=True))
+    return replace(result, muscles=tuple(muscles))
+
+
+def _checked(model: Model, factors: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Array]:
+    sizes = {name: np.ones(3) for name in (GROUND, *model.body_names)}
+    for name, given in factors.items():
+        if name not in model.body_names:
+            raise UnknownName("body", name, model.body_names)
+        factor = np.asarray(given, dtype=np.float64)
+        if factor.shape != (3,) or not np.all(np.isfinite(factor)) or np.any(factor <= 0.0):
+            raise BadData(f"expected three positive scale factors for body '{name}', but got {given!r}")
+        sizes[name] = factor
+    if mass is not None and not (np.isfinite(mass) and mass > 0.0):
+        raise BadData(f"expected a positive mass, but got {mass}")
+    return sizes
+
+
+def _travel(joint: Joint, sizes: Mapping[str, Array]) -> dict[str, float]:
+    """How much further the coordinates of a joint's sliding axes go, were they to follow others."""
+    return {
+        axis.coordinates[0]: float(np.linalg.norm(axis.vector * sizes[joint.parent]))
+        for axis in joint.axes
+        if axis.kind == "translation" and axis.coordinates and _is_own(axis.function)
+    }
+
+
+def _along(axis: Axis, size: Array) -> float:
+    """OpenSim's rule; right for axes of the frame, too large for oblique ones."""
+    return float(np.abs(axis.vector) @ size)
+
+
+def _body(body: Body, size: Array, keep_mass: bool, rule: str) -> Body:
+    mass = body.mass if keep_mass else body.mass * float(np.prod(size))
+    moments = _cylinder_inertia if rule == "cylinder" else _affine_inertia
+    return replace(
+        body,
+        mass=mass,
+        mass_center=body.mass_center * size,
+        inertia=moments(body, size, mass),
+        meshes=tuple(_mesh(one, size) for one in body.meshes),
+    )
+
+
+def _affine_inertia(body: Body, size: Array, mass: float) -> Array:
+    """Second moments of a body of even stretch: P = tr(I) / 2 - I becomes S P S."""
+    if body.mass == 0.0:
+        return np.array(body.inertia)
+    second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
+    second = second * np.outer(size, size) * (mass / body.mass)
+    inertia: Array = np.trace(second) * np.eye(3) - second
+    return inertia
+
+
+def _cylinder_inertia(body: Body, size: Array, mass: float) -> Array:
+    """OpenSim's rule (`Body::scaleInertialProperties`): a cylinder along the axis of least inertia."""
+    if mass <= 2.220446049250313e-16:
+        return np.zeros((3, 3))
+    grown = mass / body.mass
+    if np.allclose(size, size[0], rtol=1e-14, atol=0.0):
+        return np.array(body.inertia * grown * size[0] ** 2)
+    inertia = body.inertia * np.outer(size, size) * grown
+    axis = int(np.argmin(np.diag(body.inertia)))
+    other = 1 if axis == 0 else 0
+    across = [i for i in range(3) if i != axis]
+    radius2 = max(0.0, 2.0 * body.inertia[axis, axis] / body.mass)
+    length2 = max(0.0, 12.0 * (body.inertia[other, other] / body.mass - 0.25 * radius2))
+    radius2 *= size[across[0]] * size[across[1]]
+    length2 *= size[axis] ** 2
+    inertia[axis, axis] = 0.5 * mass * radius2
+    for i in across:
+        inertia[i, i] = mass * (length2 / 12.0 + 0.25 * radius2)
+    return np.array(inertia)
+
+
+def _of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
+    total = sum(body.mass for body in bodies)
+    if mass is None or total <= 0.0:
+        return bodies
+    share = mass / total
+    return tuple(replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies)
+
+
+def _shifted(pose: Transform, size: Array) -> Transform:
+    return Transform(pose.rotation, pose.translation * size)
+
+
+def _stretch(pose: Transform, size: Array) -> Array:
+    """Growth (3,) of lengths along the axes of a frame that is turned in its body."""
+    growth: Array = np.linalg.norm(pose.rotation * size[:, None], axis=0)
+    return growth
+
+
+def _mesh(mesh: Mesh, size: Array) -> Mesh:
+    return replace(mesh, pose=_shifted(mesh.pose, size), scale=np.asarray(mesh.scale) * _stretch(mesh.pose, size))
+
+
+def _joint(joint: Joint, sizes: Mapping[str, Array], travel: Mapping[str, float]) -> Joint:
+    parent, child = sizes[joint.parent], sizes[joint.child]
+    return replace(
+        joint,
+        parent_frame=_shifted(joint.parent_frame, parent),
+        child_frame=_shifted(joint.child_frame, child),
+        axes=tuple(_axis(axis, parent, child, travel) for axis in joint.axes),
+    )
+
+
+def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) -> Axis:
+    moved = replace(axis, origin=axis.origin * child)
+    if axis.kind == "rotation":
+        return moved
+    if not _is_own(axis.function):
+        return replace(moved, function=axis.function.scaled(_along(axis, parent)))
+    factor = travel.get(axis.coordinates[0], 1.0)
+    return replace(moved, function=_stretched(axis.function, factor, factor)) if factor != 1.0 else moved
+
+
+def _stretched(function: Function, factor: float, source: float) -> Function:
+    """f(x) becomes factor f(x / source)."""
+    grown = function.scaled(factor)
+    if source == 1.0 or isinstance(grown, SineProduct):
+        return grown
+    powers = source ** -np.arange(grown.coefficients.shape[1], dtype=np.float64)
+    return PiecewisePolynomial(grown.breaks * source, grown.coefficients * powers)
+
+
+def _is_own(function: Function) -> bool:
+    """Whether an axis's motion is its coordinate, up to a constant: a degree of freedom of its own."""
+    if isinstance(function, SineProduct) or len(function.breaks) != 1:
+        return False
+    return function.coefficients.shape[1] == 2 and function.coefficients[0, 1] == 1.0
+
+
+def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
+    if factor == 1.0:
+        return coordinate
+    low, high = coordinate.range
+    return replace(coordinate, default=coordinate.default * factor, range=(low * factor, high * factor))
+
+
+def _coupler(coupler: Coupler, travel: Mapping[str, float]) -> Coupler:
+    factor = travel.get(coupler.dependent, 1.0)
+    source = travel.get(coupler.independents[0], 1.0)
+    return replace(coupler, function=_stretched(coupler.function, factor, source))
+
+
+def _wrap(wrap: WrapObject, size: Array) -> WrapObject:
+    growth = _stretch(wrap.pose, size)
+    across = 0.5 * (growth[0] + growth[1])
+    factors = {
+        "sphere": (float(np.mean(size)),),
+        "cylinder": (across, growth[2]),
+        "torus": (across, across),
+        "ellipsoid": tuple(growth),
+    }[wrap.kind]
+    grown = tuple(float(a * b) for a, b in zip(wrap.size, factors, strict=True))
+    return replace(wrap, pose=_shifted(wrap.pose, size), size=grown)
+
+
+def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
+    points = tuple(_point(point, sizes[point.body]) for point in path.points)
+    tendon = tuple(
+        replace(one, side=None if one.side is None else np.asarray(one.side) * sizes[one.side_body])
+        for one in path.wraps
+        if isinstance(one, TendonWrap)
+    )
+    other = tuple(one for one in path.wraps if isinstance(one, PathWrap))
+    return replace(path, points=points, wraps=tendon or other)
+
+
+def _point(point: PathPoint | MovingPathPoint, size: Array) -> PathPoint | MovingPathPoint:
+    if isinstance(point, PathPoint):
+        return replace(point, location=point.location * size)
+    x, y, z = (function.scaled(float(factor)) for function, factor in zip(point.functions, size, strict=True))
+    return replace(point, functions=(x, y, z))
+
+
+def _muscle(muscle: Muscle, ratio: float) -> Muscle:
+    parameters = dict(muscle.parameters)
+    for name in FIBER_LENGTHS:
+        if name in parameters:
+            parameters[name] *= ratio
+    return replace(
+        muscle,
+        optimal_fiber_length=muscle.optimal_fiber_length * ratio,
+        tendon_slack_length=muscle.tendon_slack_length * ratio,
+        parameters=MappingProxyType(parameters),
+    )
+
+
+def _actuator(actuator: Actuator, sizes: Mapping[str, Array]) -> Actuator:
+    if actuator.point_is_global:
+        return actuator
+    return replace(
+        actuator,
+        point=actuator.point * sizes.get(actuator.body, np.ones(3)),
+        other_point=actuator.other_point * sizes.get(actuator.other_body, np.ones(3)),
+    )
+
+
+def _loop(loop: Loop, sizes: Mapping[str, Array]) -> Loop:
+    return replace(
+        loop,
+        pose_1=_shifted(loop.pose_1, sizes[loop.body_1]),
+        pose_2=_shifted(loop.pose_2, sizes[loop.body_2]),
+    )
