@@ -25,5 +25,5 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         # MuJoCo takes a moment to import, and OpenSim's users never need it.
         from myomorph.io.mjcf import read_mjcf
 
-        return read_mjcf(path)
+        return read_mjcf(Path(path))
     raise BadFile(path, f"is not a model: its name ends in '{ending}'", "expected .osim or .xml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from myomorph.io.osim_document import Node
 from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_functions import read_function
+from myomorph.io.osim_kept import keep
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Coupler, Kept, Loop
 from myomorph.model.spatial import Transform
@@ -17,14 +18,13 @@ def read_constraints(
     couplers, loops, kept = [], [], []
     for node in model.items("ConstraintSet"):
         if not node.flag("isEnforced", not node.flag("isDisabled", False)):
-            kept.append(Kept(node.kind, node.name, "switched off in the file", node.source(), "ConstraintSet"))
+            kept.append(keep(node, "ConstraintSet", "switched off in the file"))
         elif node.kind == "CoordinateCouplerConstraint":
             couplers.append(_coupler(node, coordinates))
         elif node.kind in ("PointConstraint", "WeldConstraint"):
             loops.append(_loop(node, frames))
         else:
-            effect = "the motion it forbids is allowed"
-            kept.append(Kept(node.kind, node.name, effect, node.source(), "ConstraintSet"))
+            kept.append(keep(node, "ConstraintSet", "the motion it forbids is allowed"))
     return tuple(couplers), tuple(loops), tuple(kept)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from myomorph.io.osim_document import Node
 from myomorph.model.errors import BadModel
@@ -67,7 +67,7 @@ def read_function(node: Node, user: Node) -> Function:
             return constant(float(y[0]))
         if kind == "SimmSpline":
             return simm_spline(x, y)
-        return piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _natural_spline(node, x, y)
+        return piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _gcv_spline(node, x, y)
     owner = f"{user.kind} '{user.name}'" if user.name else user.kind
     raise BadModel(f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are")
 
@@ -83,27 +83,39 @@ def _points(node: Node) -> tuple[Array, Array]:
 
 
 def _step(node: Node) -> PiecewisePolynomial:
-    """OpenSim's smooth step: the quintic 10 s^3 - 15 s^4 + 6 s^5 between two levels."""
     start, end = node.number("transition_start_time", 0.99), node.number("transition_end_time", 1.01)
-    low, high = node.number("start_value", 0.0), node.number("end_value", 1.0)
     if end <= start:
         raise node.bad(f"transition_end_time {end:g} is not after transition_start_time {start:g}")
+    return smooth_step(start, end, node.number("start_value", 0.0), node.number("end_value", 1.0))
+
+
+def smooth_step(start: float, end: float, low: float, high: float) -> PiecewisePolynomial:
+    """OpenSim's `StepFunction`: the quintic 10 s^3 - 15 s^4 + 6 s^5 between two levels."""
     width = end - start
-    rise = (high - low) * np.array([0.0, 0.0, 0.0, 10.0 / width**3, -15.0 / width**4, 6.0 / width**5])
-    rise[0] = low
-    flat = np.zeros((2, 6))
-    flat[:, 0] = low, high
-    return PiecewisePolynomial(np.array([start, start, end]), np.vstack([flat[:1], rise, flat[1:]]))
+    pieces = np.zeros((3, 6))
+    pieces[:, 0] = low, low, high
+    pieces[1, 3:] = (high - low) * np.array([10.0 / width**3, -15.0 / width**4, 6.0 / width**5])
+    return PiecewisePolynomial(np.array([start, start, end]), pieces)
 
 
-def _natural_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
-    """Interpolating natural spline of odd degree, as GCVSpline is when its error variance is zero."""
+def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
     half = int(node.number("half_order", 3.0))
     if node.number("error_variance", 0.0) != 0.0:
         raise node.bad("smooths with an error variance", "only interpolating splines (error_variance 0) are built")
-    if len(x) < 2 * half:
+    if half < 1 or len(x) < 2 * half:
         raise node.bad(f"has {len(x)} points", f"a spline of degree {2 * half - 1} needs {2 * half}")
+    return natural_spline(x, y, half)
+
+
+def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
+    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance is zero.
+
+    Beyond its ends it goes on as a polynomial of degree half - 1.
+    """
     zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
-    pieces = PPoly.from_spline(make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero)))
-    inside = (pieces.x[:-1] >= x[0]) & (pieces.x[:-1] < x[-1]) & (np.diff(pieces.x) > 0)
-    return PiecewisePolynomial(pieces.x[:-1][inside], pieces.c[::-1, inside].T)
+    spline = make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None)
+    faculties = np.cumprod([1.0, *range(1, 2 * half)])
+    pieces = np.column_stack([spline(x, nu=order) / faculties[order] for order in range(2 * half)])
+    before = pieces[0].copy()
+    before[half:] = pieces[-1, half:] = 0.0
+    return PiecewisePolynomial(np.concatenate([x[:1], x]), np.vstack([before, pieces]))

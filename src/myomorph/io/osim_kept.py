@@ -27,6 +27,7 @@ EFFECTS = {
     "ExternalForce": "its force is left out",
     "PathActuator": "the actuator cannot be used",
 }
+WORDS = ("credits", "publications", "length_units", "force_units", "ModelVisualPreferences")
 ROOMS = {
     "ControllerSet": HARMLESS,
     "ContactGeometrySet": HARMLESS,
@@ -36,25 +37,30 @@ ROOMS = {
 }
 
 
+def keep(node: Node, room: str, effect: str) -> Kept:
+    """A part as the file has it."""
+    return Kept(node.kind, node.name, effect, node.source(), room, node.document.version)
+
+
 def kept_force(node: Node) -> Kept:
     """A force or actuator that is not modelled."""
     if not node.flag("appliesForce", not node.flag("isDisabled", False)):
-        return Kept(node.kind, node.name, "switched off in the file", node.source(), "ForceSet")
-    return Kept(node.kind, node.name, EFFECTS.get(node.kind, "its force is left out"), node.source(), "ForceSet")
+        return keep(node, "ForceSet", "switched off in the file")
+    return keep(node, "ForceSet", EFFECTS.get(node.kind, "its force is left out"))
 
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
     """Controllers, probes, contact geometry and further components, of the model and of its bodies."""
-    found = []
+    found = [keep(one, "Model", HARMLESS) for tag in WORDS if (one := model.child(tag)) is not None]
     for room, effect in ROOMS.items():
         for one in model.items(room):
             if one.kind in OFFSET_KINDS or one.kind.endswith("Joint"):
                 continue
-            found.append(Kept(one.kind, one.name, effect, one.source(), room))
+            found.append(keep(one, room, effect))
     for body in bodies:
         for one in body.items("components"):
             if one.kind not in OFFSET_KINDS:
-                found.append(Kept(one.kind, one.name, HARMLESS, one.source(), f"/bodyset/{body.name}"))
+                found.append(keep(one, f"/bodyset/{body.name}", HARMLESS))
     return found
 
 

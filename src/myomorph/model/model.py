@@ -232,6 +232,7 @@ class Kept:
     effect : what leaving it out means, as a short clause for a warning
     text : the part as the file has it
     room : where in the file it belongs ("ForceSet", "ControllerSet", ...)
+    version : version of the document whose layout `text` has, 40000 for OpenSim 4.0
     """
 
     kind: str
@@ -239,6 +240,7 @@ class Kept:
     effect: str
     text: str
     room: str
+    version: int = 0
 
 
 @dataclass(frozen=True, eq=False)
