@@ -1,5 +1,7 @@
 """Scaling a model: OpenSim's `Model::scale` is the oracle, and laws that no rule may break."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
