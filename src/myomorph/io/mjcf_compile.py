@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
-MOST_MEMORY = 16 * 1024**3
+from myomorph.io.guard import limit_memory
+
+MOST_MEMORY = 16.0
 
 
 def main(job: str, binary: str, answer: str) -> None:
     """Compile what `job` names into `binary`, and say in `answer` what went wrong and what has no mass."""
-    _limit_memory()
+    limit_memory(MOST_MEMORY)
+    # MuJoCo writes a log into the current folder: let that be the one that goes away.
+    os.chdir(Path(job).parent)
     task = json.loads(Path(job).read_text(encoding="utf-8"))
     weightless: list[str] = []
     error = ""
@@ -52,14 +57,6 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
     for field in [one for one in spec.hfields if one.name in fields]:
         spec.delete(field)
     return [name for name in weightless if name != "world"]
-
-
-def _limit_memory() -> None:
-    try:
-        import resource
-    except ImportError:
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 if __name__ == "__main__":

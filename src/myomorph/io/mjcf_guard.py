@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import ntpath
 import os
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +12,7 @@ from typing import Any
 
 import mujoco
 
+from myomorph.io.guard import run_guarded
 from myomorph.io.xml import read_xml
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Kept
@@ -47,18 +46,12 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
         job, binary, answer = (Path(folder) / name for name in ("job.json", "model.mjb", "answer.json"))
         job.write_text(json.dumps({"path": str(path.resolve()), "missing": missing}), encoding="utf-8")
-        command = [sys.executable, "-m", "myomorph.io.mjcf_compile", str(job), str(binary), str(answer)]
-        try:
-            # MuJoCo writes a log into the current folder: let that be the one that goes away.
-            done = subprocess.run(
-                command, cwd=folder, timeout=time_limit, capture_output=True, check=False, env=_environment()
-            )
-        except subprocess.TimeoutExpired:
+        outcome = run_guarded("myomorph.io.mjcf_compile", [str(job), str(binary), str(answer)], time_limit)
+        if outcome.status == "hung":
             hint = "is a mesh very large, or a length range not given for its muscles?"
-            raise BadFile(path, f"MuJoCo did not compile it within {time_limit:g} s", hint) from None
-        if not answer.exists():
-            said = done.stderr.decode("utf-8", "replace").strip().splitlines()
-            raise BadFile(path, f"MuJoCo stopped while compiling it ({said[-1] if said else done.returncode})")
+            raise BadFile(path, f"MuJoCo did not compile it within {time_limit:g} s", hint)
+        if outcome.status == "failed":
+            raise BadFile(path, f"MuJoCo stopped while compiling it ({outcome.message})")
         result = json.loads(answer.read_text(encoding="utf-8"))
         if result["error"]:
             raise BadFile(
@@ -166,13 +159,6 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
         problem = f"its {kind} file '{name}' lies outside of the model's folder '{survey.tree}'"
         raise BadFile(survey.main, problem, "put the file inside, or name the model's top folder (root=...)")
     return file
-
-
-def _environment() -> dict[str, str]:
-    """The environment, with the place of this package: the other process runs in another folder."""
-    place = str(Path(__file__).resolve().parents[2])
-    known = os.environ.get("PYTHONPATH")
-    return {**os.environ, "PYTHONPATH": place + (os.pathsep + known if known else "")}
 
 
 def _hint(missing: list[str], error: str) -> str:
