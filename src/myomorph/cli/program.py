@@ -8,7 +8,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 
-from myomorph.model.errors import MyomorphError
+from myomorph.model.errors import MyomorphError, UnknownName
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -49,15 +49,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
-    from myomorph.cli.app import app
+    from myomorph.cli.app import COMMANDS, app
 
+    command = given[0] if given and not given[0].startswith("-") else ""
+    if command and command not in COMMANDS:
+        raise UnknownName("command", command, tuple(COMMANDS), "myomorph")
     try:
         status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        error.verbose = False
-        command = next((one for one in given[:1] if not one.startswith("-")), "")
-        known = command in app
-        where = f"myomorph {command} --help" if known else "myomorph --help"
+        where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
         return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
     return status if isinstance(status, int) else DONE
 

@@ -23,7 +23,6 @@ from myomorph.model.spatial import Array
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
-NAMES = "names of "
 BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
 
 
@@ -68,15 +67,24 @@ class ResultWriter:
         self._file = file
 
     def names(self, dimension: str, names: Sequence[str]) -> None:
-        """Make a dimension whose entries have names, unless it exists already."""
-        if dimension in self._file.dimensions:
+        """Make a dimension whose entries have names, unless it exists already; none makes none."""
+        if dimension in self._file.dimensions or not names:
+            return
+        self.sizes(dimension, len(names))
+        self.texts(dimension, dimension, names)
+
+    def sizes(self, dimension: str, size: int) -> None:
+        """Make a dimension without names."""
+        self._file.dimensions[dimension] = size
+
+    def texts(self, name: str, dimension: str, texts: Sequence[str]) -> None:
+        """Write a text for every entry of a dimension, unless it is there already."""
+        if name in self._file.variables or dimension not in self._file.dimensions:
             return
         import h5py
 
-        self._file.dimensions[dimension] = len(names)
-        values = np.array(list(names), dtype=object)
-        variable = self._file.create_variable(dimension, (dimension,), h5py.string_dtype(), data=values)
-        variable.attrs["long_name"] = NAMES + dimension
+        values = np.array(list(texts), dtype=object)
+        self._file.create_variable(name, (dimension,), h5py.string_dtype(), data=values)
 
     def time(self, time: Array) -> None:
         """Make the dimension of time [s]."""

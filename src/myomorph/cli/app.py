@@ -1,0 +1,80 @@
+"""The commands and where each is found; a command's module is imported only when it is called."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cyclopts import App, Parameter
+
+from myomorph import __version__
+
+
+class Command(NamedTuple):
+    """Where a command is found, what it does, and an example of its use."""
+
+    module: str
+    told: str
+    example: str
+
+
+COMMANDS = {
+    "demo": Command(
+        "study",
+        "The main job on data that come with the installation, from markers to a report.",
+        "myomorph demo --out demo",
+    ),
+    "run": Command(
+        "study", "Run a study file: subjects, models, trials and steps.", "myomorph run study.toml --out results"
+    ),
+    "info": Command(
+        "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
+    ),
+    "ik": Command(
+        "motion",
+        "Inverse kinematics: the coordinates whose markers lie nearest to those recorded.",
+        "myomorph ik --model subject.osim --markers walk1.trc --out walk1.mot",
+    ),
+    "id": Command(
+        "motion",
+        "Inverse dynamics: the generalized force of every coordinate.",
+        "myomorph id --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_torques.sto",
+    ),
+    "muscles": Command(
+        "muscles",
+        "Muscle lengths, lengthening velocities and moment arms.",
+        "myomorph muscles --model subject.osim --motion walk1.mot --out walk1_muscles",
+    ),
+    "tension": Command(
+        "muscles",
+        "Muscle tensions that make the joint torques with the least effort.",
+        "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
+    ),
+    "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
+}
+
+HELP = """From markers, force plates and EMG to the forces inside one body.
+
+Start with `myomorph demo`. Exit status: 0 done, 2 bad input, 1 a fault of Myomorph. `--debug` with any command shows
+where an error came from.
+"""
+
+
+def _app() -> App:
+    app = App(
+        name="myomorph",
+        help=HELP,
+        version=__version__,
+        help_format="markdown",
+        default_parameter=Parameter(negative_iterable=(), negative_none=()),
+    )
+    for name, command in COMMANDS.items():
+        app.command(
+            f"myomorph.cli.{command.module}:{name}_command",
+            name=name,
+            help=command.told,
+            help_epilogue=f"Example: `{command.example}`",
+        )
+    return app
+
+
+app = _app()

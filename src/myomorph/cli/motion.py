@@ -1,0 +1,87 @@
+"""`ik` and `id`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from myomorph.cli.options import (
+    LoadsFile,
+    ModelFile,
+    MotionFile,
+    OutFile,
+    Threads,
+    Time,
+    given,
+    options_class,
+    use_threads,
+)
+from myomorph.cli.output import said, table_beside, warn
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.study.settings import Differentiation
+
+IkOptions = options_class(InverseKinematicsOptions, leave_out=("only_weighted",))
+IdOptions = options_class(Differentiation)
+
+
+def ik_command(
+    *,
+    model: ModelFile,
+    markers: Annotated[Path, Parameter(help="Recording: .trc or .c3d.")],
+    out: OutFile,
+    tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
+    time: Time = None,
+    options: IkOptions | None = None,
+    threads: Threads = None,
+) -> int:
+    """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
+    from myomorph.study.steps import Found, run_step
+    from myomorph.study.takes import FileTake, open_take
+
+    use_threads(threads)
+    files = FileTake(model=model, markers=markers, tasks=tasks, time=time)
+    take = open_take(files, {"ik": given(options)})
+    with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
+        found = run_step("ik", take, Found(), writer, folder)
+    fit = found.fit
+    assert fit is not None
+    warn(take.warnings)
+    lost = int((~fit.converged).sum())
+    said(
+        f"{len(fit.motion)} frames, {len(fit.marker_names)} markers: root mean square "
+        f"{100 * float(np.nanmean(fit.rms)):.2f} cm, largest {100 * float(np.nanmax(fit.largest)):.2f} cm"
+        + (f"; {lost} frames did not converge" if lost else "")
+        + f"; wrote {out}"
+    )
+    return 0
+
+
+def id_command(
+    *,
+    model: ModelFile,
+    motion: MotionFile,
+    out: OutFile,
+    loads: LoadsFile = None,
+    time: Time = None,
+    options: IdOptions | None = None,
+    threads: Threads = None,
+) -> int:
+    """Inverse dynamics: the generalized force of every coordinate."""
+    from myomorph.study.steps import Found, run_step
+    from myomorph.study.takes import FileTake, open_motion_take
+
+    use_threads(threads)
+    files = FileTake(model=model, motion=motion, loads=loads, time=time)
+    take, recorded = open_motion_take(files, {"id": given(options)})
+    with table_beside(out, "id", "torques.sto") as (folder, writer):
+        found = run_step("id", take, dataclasses.replace(Found(), recorded=recorded), writer, folder)
+    assert found.torques is not None
+    warn(take.warnings)
+    forces = 0 if found.wrenches is None else len(found.wrenches.names)
+    said(f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces; wrote {out}")
+    return 0
+

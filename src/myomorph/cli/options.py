@@ -1,0 +1,68 @@
+"""Command-line options made of the steps' option dataclasses, and those that many commands share."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from myomorph.study.settings import settings_of
+
+ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
+MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]
+LoadsFile = Annotated[
+    Path | None, Parameter(name="--loads", help="External forces: an OpenSim external loads file (.xml).")
+]
+OutFile = Annotated[Path, Parameter(name="--out", help="File to write; the same values go into a .nc file beside it.")]
+OutFolder = Annotated[Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")]
+Time = Annotated[
+    tuple[float, float] | None,
+    Parameter(name="--time", help="START END: use only this part of the recording [s].", consume_multiple=True),
+]
+Threads = Annotated[int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")]
+
+
+def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
+    """A dataclass whose fields are the settings of option dataclasses, each a command-line option.
+
+    Parameters
+    ----------
+    sources : option dataclasses of steps
+    leave_out : settings that another option gives
+    """
+    fields: list[tuple[str, Any, Any]] = []
+    for source in sources:
+        for setting in settings_of(source):
+            if setting.name in leave_out or setting.name in {name for name, _, _ in fields}:
+                continue
+            text = f"{setting.help[:1].upper()}{setting.help[1:]}".rstrip(".") + "."
+            kind = Annotated[setting.kind, Parameter(help=text)]
+            fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
+    made = dataclasses.make_dataclass("Options", fields, frozen=True, namespace={"__module__": __name__})
+    return Annotated[made, Parameter(name="*")]
+
+
+def given(options: Any) -> dict[str, Any]:
+    """The options as a mapping; empty where there are none."""
+    return {} if options is None else dataclasses.asdict(options)
+
+
+def use_threads(threads: int | None) -> None:
+    """Let the kernels use so many threads.
+
+    Raises
+    ------
+    BadData
+        where that is less than one
+    """
+    import os
+
+    from myomorph.model.errors import BadData
+
+    if threads is None:
+        return
+    if threads < 1:
+        raise BadData(f"--threads {threads}: expected 1 or more")
+    os.environ["MYOMORPH_THREADS"] = str(threads)

@@ -1,0 +1,64 @@
+"""What commands print, and the files they leave: whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from myomorph.model.errors import BadFile
+from myomorph.study.results import STORED, ResultWriter, new_result, whole_folder
+
+MOST_WARNINGS = 5
+
+
+def said(text: str) -> None:
+    """Print a line of result."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def warn(warnings: Sequence[str]) -> None:
+    """Print what looked wrong but did not stop the work."""
+    for text in warnings[:MOST_WARNINGS]:
+        sys.stderr.write(f"warning: {' '.join(text.split())}\n")
+    if len(warnings) > MOST_WARNINGS:
+        sys.stderr.write(f"warning: and {len(warnings) - MOST_WARNINGS} more: 'myomorph info FILE' lists them\n")
+
+
+@contextmanager
+def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, ResultWriter]]:
+    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc` stands beside it.
+
+    Raises
+    ------
+    BadFile
+        where `out` is a folder, its folder does not exist, or its name ends otherwise
+    """
+    check_out_file(out, Path(name).suffix)
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
+        folder = Path(temporary)
+        with new_result(folder / f"result{STORED}") as writer:
+            yield folder, writer
+        os.replace(folder / f"result{STORED}", out.with_name(f"{out.stem}_{step}{STORED}"))
+        os.replace(folder / name, out)
+
+
+def check_out_file(out: Path, ending: str) -> None:
+    """Raise `BadFile` where a table cannot be written under this name."""
+    if out.is_dir():
+        raise BadFile(out, "is a folder, but the result is a file", f"give a name that ends in {ending}")
+    if out.suffix.lower() not in (".sto", ".mot"):
+        raise BadFile(out, f"is no name for the result: it ends in '{out.suffix}'", f"expected {ending}")
+    if not out.parent.is_dir():
+        raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
+
+
+@contextmanager
+def folder_with(out: Path, name: str) -> Iterator[tuple[Path, ResultWriter]]:
+    """A folder of results that appears whole, and a NetCDF file `name` in it."""
+    with whole_folder(out) as folder, new_result(folder / f"{name}{STORED}") as writer:
+        yield folder, writer

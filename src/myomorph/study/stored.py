@@ -1,0 +1,153 @@
+"""Nouns to the variables of a result file, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.model import Model
+from myomorph.model.series import Emg, Event, Motion, Series, Wrenches
+from myomorph.motion.ik import KinematicsFit
+from myomorph.study.results import ResultWriter, Stored, coordinate_units
+
+XYZ = ("x", "y", "z")
+
+
+def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
+    """Coordinates found, and how well they explain the markers."""
+    put_motion(writer, fit.motion, model)
+    writer.names("marker", fit.marker_names)
+    writer.put("marker_error", ("time", "marker"), fit.errors, "m", "distance between model and recorded marker")
+    writer.put("marker_weight", ("marker",), fit.weights, "1", "weight in inverse kinematics")
+    writer.put("ik_converged", ("time",), fit.converged, "1", "1 where the last step was within the tolerance")
+    writer.put("ik_iterations", ("time",), np.asarray(fit.iterations, np.int32), "1", "iterations taken")
+    writer.names("unused_marker", fit.unused_markers)
+    writer.names("missing_marker", fit.missing_markers)
+
+
+def get_fit(stored: Stored) -> KinematicsFit | None:
+    """What `put_fit` wrote, or None."""
+    if "marker_error" not in stored.values:
+        return None
+    return KinematicsFit(
+        motion=get_motion(stored),
+        marker_names=stored.names["marker"],
+        errors=stored.values["marker_error"],
+        weights=stored.values["marker_weight"],
+        converged=stored.values["ik_converged"] != 0,
+        iterations=stored.values["ik_iterations"].astype(np.int64),
+        unused_markers=stored.names.get("unused_marker", ()),
+        missing_markers=stored.names.get("missing_marker", ()),
+    )
+
+
+def put_motion(writer: ResultWriter, motion: Motion, model: Model) -> None:
+    """Coordinates, with their derivatives where known."""
+    _coordinates(writer, motion, model)
+    two = ("time", "coordinate")
+    writer.put("coordinate_value", two, motion.values, "rad or m", "coordinate")
+    _derivatives(writer, motion)
+
+
+def put_derivatives(writer: ResultWriter, motion: Motion, model: Model) -> None:
+    """Coordinates as the forces were computed from them (filtered where asked for), and their derivatives."""
+    _coordinates(writer, motion, model)
+    two = ("time", "coordinate")
+    writer.put("coordinate_filtered", two, motion.values, "rad or m", "coordinate that the forces belong to")
+    _derivatives(writer, motion)
+
+
+def _coordinates(writer: ResultWriter, motion: Motion, model: Model) -> None:
+    writer.time(motion.time)
+    writer.names("coordinate", motion.names)
+    writer.texts("coordinate_unit", "coordinate", coordinate_units(model, motion.names))
+
+
+def _derivatives(writer: ResultWriter, motion: Motion) -> None:
+    two = ("time", "coordinate")
+    if motion.velocities is not None:
+        writer.put("coordinate_velocity", two, motion.velocities, "rad/s or m/s", "coordinate velocity")
+    if motion.accelerations is not None:
+        writer.put("coordinate_acceleration", two, motion.accelerations, "rad/s2 or m/s2", "coordinate acceleration")
+
+
+def get_motion(stored: Stored) -> Motion:
+    """The coordinates of a result."""
+    return Motion(stored.time, stored.names["coordinate"], stored.values["coordinate_value"])
+
+
+def get_derivatives(stored: Stored) -> Motion | None:
+    """The coordinates that forces were computed from, with derivatives, or None."""
+    values = stored.values
+    if "coordinate_filtered" not in values:
+        return None
+    names = stored.names["coordinate"]
+    rates = (values.get("coordinate_velocity"), values.get("coordinate_acceleration"))
+    return Motion(stored.time, names, values["coordinate_filtered"], *rates)
+
+
+def put_torques(writer: ResultWriter, torques: Series, wrenches: Wrenches | None) -> None:
+    """Generalized forces, and the external forces on the same clock."""
+    meaning = "generalized force of inverse dynamics"
+    writer.names("coordinate", torques.names)
+    writer.put("generalized_force", ("time", "coordinate"), torques.values, "N m or N", meaning)
+    if wrenches is not None:
+        writer.names("external_force", wrenches.names)
+        writer.names("axis", XYZ)
+        writer.texts("external_force_body", "external_force", wrenches.bodies)
+        three = ("time", "external_force", "axis")
+        writer.put("external_force_vector", three, wrenches.forces, "N", "external force in ground")
+        writer.put("external_force_point", three, wrenches.points, "m", "point of application in ground")
+        writer.put("external_free_torque", three, wrenches.torques, "N m", "free torque about the point, in ground")
+
+
+def get_torques(stored: Stored) -> Series | None:
+    """Generalized forces of a result, or None."""
+    found = stored.values.get("generalized_force")
+    return None if found is None else Series(stored.time, stored.names["coordinate"], found)
+
+
+def get_wrenches(stored: Stored) -> Wrenches | None:
+    """External forces of a result, or None."""
+    if "external_force_vector" not in stored.values:
+        return None
+    return Wrenches(
+        stored.time,
+        stored.names["external_force"],
+        stored.names["external_force_body"],
+        stored.values["external_force_vector"],
+        stored.values["external_force_point"],
+        stored.values["external_free_torque"],
+    )
+
+
+def put_emg(writer: ResultWriter, emg: Emg) -> None:
+    """EMG envelopes on their own clock."""
+    writer.names("emg_channel", emg.names)
+    writer.sizes("emg_time", len(emg))
+    writer.put("emg_time", ("emg_time",), emg.time, "s", "clock of the EMG")
+    writer.put("emg", ("emg_time", "emg_channel"), emg.values, "1", "EMG envelope")
+
+
+def get_emg(stored: Stored) -> Emg | None:
+    """EMG envelopes of a result, or None."""
+    if "emg" not in stored.values:
+        return None
+    return Emg(stored.values["emg_time"], stored.names["emg_channel"], stored.values["emg"])
+
+
+def put_events(writer: ResultWriter, events: tuple[Event, ...]) -> None:
+    """Events of the recording."""
+    if not events:
+        return
+    writer.sizes("event", len(events))
+    writer.put("event_time", ("event",), np.array([event.time for event in events]), "s", "when it happened")
+    writer.texts("event_label", "event", [event.label for event in events])
+    writer.texts("event_side", "event", [event.side for event in events])
+
+
+def get_events(stored: Stored) -> tuple[Event, ...]:
+    """Events of a result."""
+    if "event_time" not in stored.values:
+        return ()
+    parts = zip(stored.values["event_time"], stored.names["event_label"], stored.names["event_side"], strict=True)
+    return tuple(Event(float(time), label, side) for time, label, side in parts)

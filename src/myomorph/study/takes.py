@@ -1,0 +1,194 @@
+"""The files of one recording, opened into what the steps take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.provenance import Source
+from myomorph.model.series import Motion, Trial
+from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
+from myomorph.study import inputs
+from myomorph.study.results import file_source, value_source
+from myomorph.study.settings import Differentiation, with_settings
+from myomorph.study.steps import Take
+
+Settings = Mapping[str, Mapping[str, Any]]
+"""What each step was told, by step and setting."""
+
+
+@dataclass(frozen=True)
+class FileTake:
+    """The files of one recording of one subject.
+
+    Attributes
+    ----------
+    markers : TRC or C3D file
+    motion : table of coordinates, where inverse kinematics is not asked for
+    loads : external loads file, or a table of forces with `bodies`
+    bodies : prefix of the columns of each force in a table, and the body it acts on
+    plates : bodies that stand on the plates of a C3D file, in the plates' order
+    mass : of the subject [kg]
+    time : start and end [s]
+    """
+
+    model: Path
+    name: str = ""
+    subject: str = ""
+    markers: Path | None = None
+    motion: Path | None = None
+    loads: Path | None = None
+    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    plates: tuple[str, ...] = ()
+    emg: Path | None = None
+    tasks: Path | None = None
+    actuators: Path | None = None
+    mass: float | None = None
+    time: tuple[float, float] | None = None
+
+
+def open_take(files: FileTake, settings: Settings, model: Model | None = None) -> Take:
+    """Read the files of a recording and make of them what the steps take.
+
+    Parameters
+    ----------
+    settings : what each step is told
+    model : the model, where it was read already
+
+    Raises
+    ------
+    MyomorphError
+        where a file cannot be read, or does not fit the model
+    """
+    model = inputs.open_model(files.model) if model is None else model
+    take = _common(files, settings, model)
+    if files.markers is None:
+        return take
+    trial = inputs.fitted_to(model, inputs.open_trial(files.markers))
+    assert trial.markers is not None
+    take = replace(
+        take,
+        markers=trial.markers,
+        events=trial.events,
+        time=inputs.cut_to(files.time, trial.markers, files.markers),
+        warnings=(*take.warnings, *(f"{files.markers.name}: {text}" for text in trial.warnings)),
+    )
+    if files.loads is None and files.plates:
+        take = replace(take, loads=_plate_loads(trial, files))
+    return replace(take, real=_real(files, take))
+
+
+def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]:
+    """The same for steps that begin with coordinates from a file; also returns these."""
+    assert files.motion is not None
+    model = inputs.open_model(files.model)
+    take = _common(files, settings, model)
+    recorded = inputs.open_motion(files.motion, model)
+    take = replace(take, time=inputs.cut_to(files.time, recorded, files.motion))
+    return replace(take, real=_real(files, take)), recorded
+
+
+def _common(files: FileTake, settings: Settings, model: Model) -> Take:
+    used = (
+        ("model", files.model),
+        ("markers", files.markers),
+        ("motion", files.motion),
+        ("loads", files.loads),
+        ("emg", files.emg),
+        ("tasks", files.tasks),
+        ("actuators", files.actuators),
+    )
+    sources = [file_source(role, path) for role, path in used if path is not None]
+    if files.loads is not None:
+        sources += _load_tables(files.loads)
+    if files.bodies or files.plates:
+        sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
+    name = files.name or (files.markers or files.motion or files.model).stem
+    return Take(
+        name=name,
+        subject=files.subject or model.name,
+        model=model,
+        loads=_file_loads(files, model),
+        emg=None if files.emg is None else inputs.open_emg(files.emg),
+        mass=files.mass,
+        kinematics=kinematics_options(files, settings.get("ik", {}), model),
+        derivatives=derivative_options(settings),
+        tension=_tension_options(files, settings, model),
+        sources=tuple(sources),
+        warnings=tuple(f"{files.model.name}: {text}" for text in model.warnings),
+    )
+
+
+def _load_tables(path: Path) -> list[Source]:
+    """The tables that an external loads file takes its numbers from."""
+    if path.suffix.lower() != ".xml":
+        return []
+    from myomorph.io.loads import read_load_entries
+
+    with inputs.about(path):
+        tables = dict.fromkeys(entry.data for entry in read_load_entries(path))
+    return [file_source("load table", table) for table in tables]
+
+
+def _file_loads(files: FileTake, model: Model) -> Any:
+    if files.loads is None:
+        return None
+    path, bodies = files.loads, files.bodies
+    return lambda motion: inputs.open_loads(path, model, motion, bodies)
+
+
+def _plate_loads(trial: Trial, files: FileTake) -> Any:
+    wrenches = inputs.recorded_wrenches(trial, files.plates)
+    return lambda motion: wrenches
+
+
+def kinematics_options(files: FileTake, given: Mapping[str, Any], model: Model) -> InverseKinematicsOptions:
+    """Options of inverse kinematics from settings and, where there is one, a task set."""
+    options = with_settings(InverseKinematicsOptions(), given)
+    if files.tasks is None:
+        return options
+    from myomorph.io.tasks import read_ik_tasks
+
+    with inputs.about(files.tasks):
+        tasks = read_ik_tasks(files.tasks)
+    known = set(model.marker_names)
+    weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
+    if not any(weights.values()):
+        raise BadData(f"{files.tasks}: gives no marker of model '{model.name}' a weight")
+    aims = {
+        aim.coordinate: CoordinateTask(aim.weight, aim.value if aim.source == "value" else None)
+        for aim in tasks.coordinates
+        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names
+    }
+    return replace(options, marker_weights=weights, only_weighted=True, coordinate_tasks=aims)
+
+
+def derivative_options(settings: Settings) -> Differentiation:
+    """The low-pass filter: one for all steps that differentiate, so the last that names it counts."""
+    options = Differentiation()
+    for step in ("id", "muscles", "tension"):
+        options = with_settings(options, settings.get(step, {}))
+    return options
+
+
+def _tension_options(files: FileTake, settings: Settings, model: Model) -> Any:
+    return None
+
+
+def _real(files: FileTake, take: Take) -> tuple[str, ...]:
+    """What was recorded, as a sentence for the first lines of the report."""
+    parts = []
+    if files.markers is not None:
+        parts.append(f"markers from {files.markers.name}")
+    if files.motion is not None:
+        parts.append(f"coordinates from {files.motion.name}")
+    if take.loads is not None:
+        parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
+    if files.emg is not None:
+        parts.append(f"EMG from {files.emg.name}")
+    return (f"Recorded: {', '.join(parts)}.",) if parts else ()
