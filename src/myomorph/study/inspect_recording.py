@@ -14,6 +14,7 @@ from myomorph.model.spatial import Array
 from myomorph.study.inspect import Inspection
 
 SHOWN = 12
+POINT = re.compile(r"force.*p[xyz]$", re.IGNORECASE)
 FULL_CIRCLE = 2 * np.pi
 NOT_ANGLES = re.compile(
     r"force|torque|moment|_[vpmft][xyz]$|activation|excitation|fiber|_t[xyz]\b|/speed$|_u$|emg|grf|cop|power|length",
@@ -48,7 +49,7 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], found: list
     facts.append(("markers", f"{len(markers.names)}: {_names(markers.names)}"))
     facts.append(("frames", _clock(markers)))
     found += _time_gaps(markers)
-    hidden = np.isnan(markers.values).any(axis=2)
+    hidden = np.isnan(markers.values.sum(axis=2))
     share = hidden.mean(axis=0)
     facts.append(("missing", f"{100 * hidden.mean():.1f} % of positions, {np.count_nonzero(share)} markers with gaps"))
     never = [name for name, part in zip(markers.names, share, strict=True) if part == 1.0]
@@ -66,7 +67,7 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], found: list
             )
         )
     if len(gappy) > SHOWN:
-        facts.append(("gaps", f"{len(gappy) - SHOWN} more markers have gaps"))
+        facts.append(("more gaps", f"in {_count(len(gappy) - SHOWN, 'other marker')}"))
     seen = np.flatnonzero(~hidden.all(axis=1))
     if not len(seen):
         found.append("no marker is ever seen")
@@ -103,7 +104,8 @@ def _time_gaps(series: Series) -> list[str]:
     if len(wide) > 0.2 * len(steps):
         return [f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample before filtering"]
     lines = [
-        f"frames are missing from {series.time[k]:.4g} to {series.time[k + 1]:.4g} s (about {steps[k] / median - 1:.0f})"
+        f"{_count(round(steps[k] / median - 1), 'frame')} missing between {series.time[k]:.4g} and "
+        f"{series.time[k + 1]:.4g} s"
         for k in wide[:3]
     ]
     return lines + ([f"frames are missing at {len(wide) - 3} more places"] if len(wide) > 3 else [])
@@ -116,16 +118,16 @@ def _jumps(markers: Markers, size: float) -> list[str]:
     steps = np.linalg.norm(np.diff(markers.values, axis=0), axis=2)
     lines = []
     # A step must also stand out of what the whole cloud does, as in a fast run at a low rate.
-    common = np.nanmedian(np.where(np.isfinite(steps), steps, np.nan), axis=1) if steps.size else np.zeros(0)
-    with np.errstate(invalid="ignore"):
-        odd = steps > 0.1 * size + 8.0 * np.nan_to_num(common)[:, None]
+    whole = np.nan_to_num(steps)
+    common = np.array([np.median(row[row > 0]) if (row > 0).any() else 0.0 for row in whole])
+    odd = whole > 0.1 * size + 8.0 * common[:, None]
     for index in np.argsort(-odd.sum(axis=0), kind="stable")[:SHOWN]:
         count = int(odd[:, index].sum())
         if not count:
             break
-        frame = int(np.argmax(np.nan_to_num(steps[:, index])))
+        frame = int(np.argmax(whole[:, index]))
         lines.append(
-            f"marker '{markers.names[index]}' jumps {count} times, by {steps[frame, index]:.2g} m at "
+            f"marker '{markers.names[index]}' jumps {_count(count, 'time')}, by {whole[frame, index]:.2g} m at "
             f"{markers.time[frame + 1]:.4g} s"
         )
     return lines
@@ -152,7 +154,7 @@ def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], fou
         if trial.plates:
             found.append("no force plate carries a load")
         return
-    usual = float(np.median(total[total > 0.5 * np.percentile(total[total > 0], 95)]))
+    usual = float(np.median(total[total > 0.5 * np.median(total[total > 0])]))
     facts.append(("load", f"the plates usually carry {usual:.4g} N in all: {usual / 9.81:.3g} kg, if the whole body"))
     # A body of size h weighs about 22 kg/m^2 h^2 (body mass index), from mice to men.
     if np.isfinite(size) and size > 0 and not 0.1 < usual / (9.81 * 22.0 * size**2) < 10.0:
@@ -211,7 +213,7 @@ def _unit_doubts(table: Table) -> list[str]:
     found = []
     sizes = np.array([np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in table.values.T])
     angles = np.array([not NOT_ANGLES.search(name) for name in table.names])
-    points = np.array([bool(re.search(r"_?p[xyz]$", name)) and "force" in name.lower() for name in table.names])
+    points = np.array([bool(POINT.search(name)) for name in table.names])
     likely = angles.any() and not points.any() and angles.sum() > 0.5 * len(angles)
     if likely and table.in_degrees and 0.0 < sizes[angles].max() < FULL_CIRCLE and np.count_nonzero(angles) > 4:
         found.append("the header says degrees, but no angle exceeds 6.28: are they radians?")
