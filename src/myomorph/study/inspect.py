@@ -129,27 +129,17 @@ def inspect_model(model: Model) -> Inspection:
         ("coordinates", _coordinates(model)),
         ("gravity", " ".join(f"{value:g}" for value in model.gravity) + " m/s^2"),
         ("markers", str(len(model.markers))),
-        (
-            "muscles",
-            _counted(
-                [type(muscle).__name__ if not muscle_kind(muscle) else muscle_kind(muscle) for muscle in model.muscles]
-            ),
-        ),
+        ("muscles", _counted([muscle.kind for muscle in model.muscles])),
         ("wrap objects", str(len(model.wrap_objects))),
         ("actuators", _counted([actuator.kind for actuator in model.actuators])),
-        ("coordinates", _list(model.coordinate_names)),
-        ("bodies", _list(model.body_names)),
+        ("coordinate names", _list(model.coordinate_names)),
+        ("body names", _list(model.body_names)),
     ]
     if model.loops:
         facts.append(("closed loops", _list([loop.name for loop in model.loops])))
     if model.kept:
         facts.append(("kept, not modelled", _counted([kept.kind for kept in model.kept])))
-    return Inspection("model", tuple(facts), (*getattr(model, "warnings", ()), *_model_doubts(model)))
-
-
-def muscle_kind(muscle: object) -> str:
-    """The file's own word for a muscle's class, "" where the noun does not carry it."""
-    return str(getattr(muscle, "kind", ""))
+    return Inspection("model", tuple(facts), (*model.warnings, *_model_doubts(model)))
 
 
 def _coordinates(model: Model) -> str:

@@ -15,11 +15,8 @@ from myomorph.study.inspect import Inspection
 
 SHOWN = 12
 POINT = re.compile(r"force.*p[xyz]$", re.IGNORECASE)
-FULL_CIRCLE = 2 * np.pi
-NOT_ANGLES = re.compile(
-    r"force|torque|moment|_[vpmft][xyz]$|activation|excitation|fiber|_t[xyz]\b|/speed$|_u$|emg|grf|cop|power|length",
-    re.IGNORECASE,
-)
+ANGLE = re.compile(r"flexion|angle|adduction|rotation|tilt|list|bending|elev|pro_sup|/value$|abd|_rot_", re.IGNORECASE)
+NOT_ANGLE = re.compile(r"force|torque|moment|activation|fiber|_t[xyz]\b|/speed$|_u$|_acc", re.IGNORECASE)
 
 
 def inspect_trial(trial: Trial, kind: str) -> Inspection:
@@ -209,21 +206,32 @@ def inspect_table(table: Table) -> Inspection:
 
 
 def _unit_doubts(table: Table) -> list[str]:
-    """Angles whose size does not fit the header, and forces or points of pressure of an unlikely size."""
+    """Angles whose size does not fit the header, and points of pressure of an unlikely size."""
     found = []
     sizes = np.array([np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in table.values.T])
-    angles = np.array([not NOT_ANGLES.search(name) for name in table.names])
-    points = np.array([bool(POINT.search(name)) for name in table.names])
-    likely = angles.any() and not points.any() and angles.sum() > 0.5 * len(angles)
-    if likely and table.in_degrees and 0.0 < sizes[angles].max() < FULL_CIRCLE and np.count_nonzero(angles) > 4:
+    angles = sizes[[bool(ANGLE.search(name)) and not NOT_ANGLE.search(name) for name in table.names]]
+    if len(angles) > 4 and table.in_degrees and 0.0 < angles.max() < 2.0 * np.pi:
         found.append("the header says degrees, but no angle exceeds 6.28: are they radians?")
-    if likely and not table.in_degrees and np.median(sizes[angles]) > 4.0 * FULL_CIRCLE and angles.sum() > 4:
+    if len(angles) > 4 and not table.in_degrees and np.median(angles) > 8.0 * np.pi:
         found.append("the header says radians, but many angles exceed 25: are they degrees?")
-    if points.any() and sizes[points].max() > 50.0:
-        found.append(
-            f"points of application reach {sizes[points].max():.4g}: are they in millimetres instead of metres?"
-        )
+    reach = max((_reach(table, name) for name in table.names if POINT.search(name)), default=0.0)
+    if reach > 50.0:
+        found.append(f"points of application reach {reach:.4g} under load: are they in millimetres instead of metres?")
     return found
+
+
+def _reach(table: Table, name: str) -> float:
+    """Largest coordinate of a point of application while its force is more than a tenth of its peak."""
+    forces = [f"{name[:-2]}v{axis}" for axis in "xyz"]
+    point = np.abs(np.nan_to_num(table[name]))
+    if not set(forces) <= set(table.names):
+        return 0.0
+    size = np.linalg.norm(np.nan_to_num(np.column_stack([table[one] for one in forces])), axis=1)
+    return float(np.max(point[size > 0.1 * size.max()], initial=0.0))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def _names(names: Sequence[str], most: int = 400) -> str:
