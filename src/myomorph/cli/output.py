@@ -41,7 +41,7 @@ def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, Result
     check_out_file(out, Path(name).suffix)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
         folder = Path(temporary)
-        with new_result(folder / f"result{STORED}") as writer:
+        with new_result(folder / f"result{STORED}", step) as writer:
             yield folder, writer
         os.replace(folder / f"result{STORED}", out.with_name(f"{out.stem}_{step}{STORED}"))
         os.replace(folder / name, out)
@@ -60,5 +60,5 @@ def check_out_file(out: Path, ending: str) -> None:
 @contextmanager
 def folder_with(out: Path, name: str) -> Iterator[tuple[Path, ResultWriter]]:
     """A folder of results that appears whole, and a NetCDF file `name` in it."""
-    with whole_folder(out) as folder, new_result(folder / f"{name}{STORED}") as writer:
+    with whole_folder(out) as folder, new_result(folder / f"{name}{STORED}", name) as writer:
         yield folder, writer

@@ -23,6 +23,7 @@ from myomorph.model.spatial import Array
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
+STEP = "step"
 BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
 
 
@@ -63,8 +64,12 @@ def provenance_of(step: str, sources: Iterable[Source], options: Mapping[str, ob
 class ResultWriter:
     """An open NetCDF file that takes named values; made by `new_result`."""
 
-    def __init__(self, file: Any):
-        self._file = file
+    def __init__(self, file: Any, step: str = ""):
+        self._file, self._step = file, step
+
+    def has(self, name: str) -> bool:
+        """Whether a variable is there already."""
+        return name in self._file.variables
 
     def names(self, dimension: str, names: Sequence[str]) -> None:
         """Make a dimension whose entries have names, unless it exists already; none makes none."""
@@ -104,6 +109,8 @@ class ResultWriter:
         variable = self._file.create_variable(name, dimensions, kind, fillvalue=filler, chunks=chunks)
         variable.attrs["units"] = unit
         variable.attrs["long_name"] = meaning
+        if self._step:
+            variable.attrs[STEP] = self._step
         return variable
 
     def put(self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str) -> None:
@@ -122,25 +129,26 @@ class ResultWriter:
         """Write what a step's values were made from."""
         self._file.attrs[PROVENANCE + provenance.step] = provenance.to_json()
 
-    def copy(self, path: Path) -> None:
-        """Take over everything in another result that is not here yet, block by block."""
+    def copy(self, path: Path, steps: Sequence[str]) -> None:
+        """Take over what some steps wrote into another result, block by block, unless it is here already."""
         import h5netcdf
 
         with h5netcdf.File(path, "r") as other:
-            for name, size in other.dimensions.items():
-                if name not in self._file.dimensions:
-                    self._file.dimensions[name] = size.size
-                elif self._size(name) != size.size:
-                    raise BadData(f"{path}: has {size.size} of {name}, the other steps {self._size(name)}")
             for name, variable in other.variables.items():
-                if name in self._file.variables:
-                    continue
-                self._copy_variable(name, variable)
+                made_by = _text(variable.attrs.get(STEP, ""))
+                if name not in self._file.variables and (not made_by or made_by in steps):
+                    self._copy_variable(name, variable)
             for name, value in other.attrs.items():
-                if name not in self._file.attrs:
+                marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
+                if name not in self._file.attrs and not marked:
                     self._file.attrs[name] = value
 
     def _copy_variable(self, name: str, variable: Any) -> None:
+        for dimension, size in zip(variable.dimensions, variable.shape, strict=True):
+            if dimension not in self._file.dimensions:
+                self._file.dimensions[dimension] = size
+            elif self._size(dimension) != size:
+                raise BadData(f"'{name}' has {size} of {dimension}, what is there already {self._size(dimension)}")
         kind = variable.dtype
         if kind.kind in "OSU":
             import h5py
@@ -152,15 +160,16 @@ class ResultWriter:
             for start in range(0, variable.shape[0] if variable.shape else 0, BLOCK_ROWS):
                 copied[start : start + BLOCK_ROWS] = variable[start : start + BLOCK_ROWS]
         for key, value in variable.attrs.items():
-            copied.attrs[key] = value
+            if not key.startswith("_"):
+                copied.attrs[key] = value
 
     def _size(self, dimension: str) -> int:
         return int(self._file.dimensions[dimension].size)
 
 
 @contextmanager
-def new_result(path: str | os.PathLike[str]) -> Iterator[ResultWriter]:
-    """A NetCDF file that appears under its name only when it is whole."""
+def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultWriter]:
+    """A NetCDF file that appears under its name only when it is whole; `step` is what makes its values."""
     import h5netcdf
 
     path = Path(path)
@@ -170,7 +179,7 @@ def new_result(path: str | os.PathLike[str]) -> Iterator[ResultWriter]:
         with h5netcdf.File(name, "w") as file:
             file.attrs["Conventions"] = "CF-1.10"
             file.attrs["source"] = f"myomorph {__version__}"
-            yield ResultWriter(file)
+            yield ResultWriter(file, step)
         os.chmod(name, 0o644)
         os.replace(name, path)
     except BaseException:

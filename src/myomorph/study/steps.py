@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,9 +13,9 @@ import numpy as np
 
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Provenance, Source
-from myomorph.model.series import Emg, Event, Markers, Motion, Series, Table, Wrenches
+from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
@@ -41,8 +42,12 @@ class Take:
     mass : of the subject [kg], None where only the model tells
     time : start and end of what is used [s], None for all
     kinematics, derivatives, tension : what the steps are told
+    actuators : beside the model's own; None adds a weak reserve for every coordinate
+    plates : outlines of the force plates, for pictures
+    emg_muscles : EMG channel to the muscles it was measured on
+    root_note : what the forces at the root are where they are not residuals, see `ReportInput`
     real, assumed, simulated : sentences for the first lines of the report
-    truth : where the recording was simulated, what is known of it, by the name of the estimate
+    truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
     sources : inputs by their hashes
     """
 
@@ -58,6 +63,10 @@ class Take:
     kinematics: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
     derivatives: Differentiation = field(default_factory=Differentiation)
     tension: TensionOptions | None = None
+    actuators: tuple[Actuator, ...] | None = None
+    plates: tuple[ForcePlate, ...] = ()
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    root_note: str = ""
     real: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
     simulated: tuple[str, ...] = ()
@@ -132,8 +141,29 @@ def _recorded(take: Take, found: Found) -> Motion:
 def run_step(step: str, take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
     """Run one of `CHAIN`, write its tables into a folder and its values into a result file."""
     after = RUNNERS[step](take, found, writer, folder)
+    _put_take(writer, take)
     writer.provenance(step_provenance(step, take))
     return after
+
+
+def _put_take(writer: ResultWriter, take: Take) -> None:
+    """What every result file tells of the recording, so that a report can be made of it alone."""
+    store.put_events(writer, take.events)
+    store.put_plates(writer, take.plates)
+    store.put_truth(writer, take.truth)
+    if take.emg is not None:
+        store.put_emg(writer, take.emg)
+    facts = {
+        "trial": take.name,
+        "subject": take.subject,
+        "mass": "" if take.mass is None else repr(take.mass),
+        "root_note": take.root_note,
+        "notes": json.dumps({"real": take.real, "assumed": take.assumed, "simulated": take.simulated}),
+        "warnings": json.dumps(take.warnings),
+        "emg_muscles": json.dumps({channel: list(names) for channel, names in take.emg_muscles.items()}),
+    }
+    for name, text in facts.items():
+        writer.fact(name, text)
 
 
 def step_provenance(step: str, take: Take) -> Provenance:
@@ -161,7 +191,9 @@ def _run_ik(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Fou
     write_sto(table_from_motion(fit.motion, take.model), folder / "coordinates.mot")
     write_sto(error_table(fit), folder / "marker_errors.sto")
     store.put_fit(writer, fit, take.model)
-    store.put_events(writer, take.events)
+    if take.markers is not None:
+        kept = np.isin(take.markers.time, fit.motion.time)
+        store.put_markers(writer, replace(take.markers, time=fit.motion.time, values=take.markers.values[kept]))
     return replace(found, fit=fit, recorded=fit.motion)
 
 
@@ -174,11 +206,66 @@ def _run_id(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Fou
     return after
 
 
-RUNNERS: dict[str, Callable[[Take, Found, ResultWriter, Path], Found]] = {"ik": _run_ik, "id": _run_id}
+def _run_muscles(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
+    from myomorph.study.muscle_files import write_muscles
+
+    motion = found.motion
+    if motion is None:
+        motion = with_derivatives(take, _recorded(take, found))
+        store.put_derivatives(writer, motion, take.model)
+    write_muscles(take.model, motion, writer, folder, f"{take.name}: muscle paths")
+    return replace(found, motion=motion)
 
 
-def read_step(step: str, found: Found, stored: Stored) -> Found:
+def _run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
+    from myomorph.tension.solve import TensionOptions, solve_tension
+
+    if found.torques is None:
+        found = solve_dynamics(take, found)
+        assert found.motion is not None and found.torques is not None
+        store.put_derivatives(writer, found.motion, take.model)
+        store.put_torques(writer, found.torques, found.wrenches)
+    assert found.motion is not None and found.torques is not None
+    options = take.tension or TensionOptions()
+    added = added_actuators(take, options)
+    with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
+        tension = solve_tension(take.model, found.motion, found.torques, options, added, advance)
+    by_name = {one.name: one.coordinate for one in (*take.model.actuators, *added)}
+    store.put_tension(writer, tension, tuple(by_name.get(name, "") for name in tension.reserve_names))
+    tables = (
+        ("activations", tension.muscles, tension.activations),
+        ("forces", tension.muscles, tension.forces),
+        ("reserves", tension.reserve_names, tension.reserves),
+    )
+    for name, columns, values in tables:
+        facts = MappingProxyType({"name": f"Muscle tensions: {name}"})
+        write_sto(Table(tension.time, columns, values, facts=facts), folder / f"{name}.sto")
+    return replace(found, tension=tension)
+
+
+def added_actuators(take: Take, options: TensionOptions) -> tuple[Actuator, ...]:
+    """Actuators beside the model's own: those of a file, or a weak reserve for every free coordinate."""
+    from myomorph.tension.actuators import default_reserves
+
+    if take.actuators is not None:
+        return take.actuators
+    return default_reserves(take.model, options.reserve, options.residual)
+
+
+RUNNERS: dict[str, Callable[[Take, Found, ResultWriter, Path], Found]] = {
+    "ik": _run_ik,
+    "id": _run_id,
+    "muscles": _run_muscles,
+    "tension": _run_tension,
+}
+
+
+def read_step(step: str, take: Take, found: Found, stored: Stored) -> Found:
     """What a step found, from the file in which it was stored."""
+    if step == "tension":
+        from myomorph.tension.solve import TensionOptions
+
+        return replace(found, tension=store.get_tension(stored, take.tension or TensionOptions()))
     if step == "ik":
         fit = store.get_fit(stored)
         return replace(found, fit=fit, recorded=None if fit is None else fit.motion)

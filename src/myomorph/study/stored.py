@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from myomorph.model.model import Model
-from myomorph.model.series import Emg, Event, Motion, Series, Wrenches
+from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
 from myomorph.study.results import ResultWriter, Stored, coordinate_units
+
+if TYPE_CHECKING:
+    from myomorph.tension.solve import Tension, TensionOptions
 
 XYZ = ("x", "y", "z")
 
@@ -135,6 +142,48 @@ def get_emg(stored: Stored) -> Emg | None:
     return Emg(stored.values["emg_time"], stored.names["emg_channel"], stored.values["emg"])
 
 
+def put_truth(writer: ResultWriter, truth: Mapping[str, Series]) -> None:
+    """What is known of a simulated recording, each on its own clock."""
+    for kind, series in truth.items():
+        writer.sizes(f"true_{kind}_time", len(series))
+        writer.names(f"true_{kind}_name", series.names)
+        writer.put(f"true_{kind}_time", (f"true_{kind}_time",), series.time, "s", f"clock of the true {kind}")
+        two = (f"true_{kind}_time", f"true_{kind}_name")
+        writer.put(f"true_{kind}", two, series.values, "SI", f"true {kind} of the simulated recording")
+
+
+def get_truth(stored: Stored) -> dict[str, Series]:
+    """What `put_truth` wrote."""
+    kinds = [name[len("true_") : -len("_time")] for name in stored.values if re.fullmatch(r"true_\w+_time", name)]
+    return {
+        kind: Series(
+            stored.values[f"true_{kind}_time"], stored.names[f"true_{kind}_name"], stored.values[f"true_{kind}"]
+        )
+        for kind in kinds
+    }
+
+
+def put_plates(writer: ResultWriter, plates: Sequence[ForcePlate]) -> None:
+    """Outlines of force plates."""
+    if not plates:
+        return
+    writer.names("plate", [plate.name for plate in plates])
+    writer.names("axis", XYZ)
+    writer.sizes("corner", 4)
+    corners = np.array([plate.corners for plate in plates])
+    writer.put("plate_corner", ("plate", "corner", "axis"), corners, "m", "corner of a force plate in ground")
+
+
+def get_plates(stored: Stored) -> tuple[ForcePlate, ...]:
+    """Outlines of force plates, without forces."""
+    none = np.zeros((0, 3))
+    corners = stored.values.get("plate_corner", ())
+    return tuple(
+        ForcePlate(name, 2, place, none, none, none)
+        for name, place in zip(stored.names.get("plate", ()), corners, strict=True)
+    )
+
+
 def put_events(writer: ResultWriter, events: tuple[Event, ...]) -> None:
     """Events of the recording."""
     if not events:
@@ -151,3 +200,65 @@ def get_events(stored: Stored) -> tuple[Event, ...]:
         return ()
     parts = zip(stored.values["event_time"], stored.names["event_label"], stored.names["event_side"], strict=True)
     return tuple(Event(float(time), label, side) for time, label, side in parts)
+
+
+def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tuple[str, ...]) -> None:
+    """Muscle tensions, reserves, and whether each frame is an optimum."""
+    writer.time(tension.time)
+    writer.names("muscle", tension.muscles)
+    writer.names("actuator", tension.reserve_names)
+    writer.names("balanced_coordinate", tension.coordinates)
+    writer.texts("actuator_coordinate", "actuator", reserve_coordinates)
+    by_muscle = ("time", "muscle")
+    writer.put("activation", by_muscle, tension.activations, "1", "muscle activation")
+    writer.put("muscle_force", by_muscle, tension.forces, "N", "muscle force along the tendon")
+    if tension.reserve_names:
+        meaning = "force or torque of reserve, residual and other actuators"
+        writer.put("actuator_force", ("time", "actuator"), tension.reserves, "N m or N", meaning)
+    two = ("time", "balanced_coordinate")
+    writer.put("balanced_torque", two, tension.torques, "N m or N", "what muscles and actuators had to balance")
+    writer.put("tension_imbalance", ("time",), tension.imbalance, "N m or N", "largest torque left unbalanced")
+    writer.put("tension_status", ("time",), np.asarray(tension.status, np.int8), "1", "0 where the frame is optimal")
+    writer.put("tension_iterations", ("time",), np.asarray(tension.iterations, np.int32), "1", "iterations taken")
+    writer.put("activation_lower", ("muscle",), tension.lower, "1", "lower bound of the activation")
+    writer.put("activation_upper", ("muscle",), tension.upper, "1", "upper bound of the activation")
+
+
+def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
+    """What `put_tension` wrote, or None."""
+    from myomorph.tension.solve import Tension
+
+    values, names = stored.values, stored.names
+    if "activation" not in values:
+        return None
+    return Tension(
+        time=stored.time,
+        muscles=names["muscle"],
+        activations=values["activation"],
+        forces=values["muscle_force"],
+        reserve_names=names.get("actuator", ()),
+        reserves=values.get("actuator_force", np.zeros((len(stored.time), 0))),
+        coordinates=names["balanced_coordinate"],
+        torques=values["balanced_torque"],
+        imbalance=values["tension_imbalance"],
+        status=values["tension_status"],
+        iterations=values["tension_iterations"],
+        lower=values["activation_lower"],
+        upper=values["activation_upper"],
+        options=options,
+    )
+
+
+def put_markers(writer: ResultWriter, markers: Markers) -> None:
+    """Markers as they were recorded, in ground."""
+    writer.time(markers.time)
+    writer.names("recorded_marker", markers.names)
+    writer.names("axis", XYZ)
+    three = ("time", "recorded_marker", "axis")
+    writer.put("recorded_marker_position", three, markers.values, "m", "recorded marker in ground")
+
+
+def get_markers(stored: Stored) -> Markers | None:
+    """Markers of a result, or None."""
+    found = stored.values.get("recorded_marker_position")
+    return None if found is None else Markers(stored.time, stored.names["recorded_marker"], found)

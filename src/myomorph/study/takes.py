@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Motion, Trial
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
@@ -118,7 +118,8 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         mass=files.mass,
         kinematics=kinematics_options(files, settings.get("ik", {}), model),
         derivatives=derivative_options(settings),
-        tension=_tension_options(files, settings, model),
+        tension=tension_options(settings),
+        actuators=_actuators(files, model),
         sources=tuple(sources),
         warnings=tuple(f"{files.model.name}: {text}" for text in model.warnings),
     )
@@ -176,8 +177,22 @@ def derivative_options(settings: Settings) -> Differentiation:
     return options
 
 
-def _tension_options(files: FileTake, settings: Settings, model: Model) -> Any:
-    return None
+def tension_options(settings: Settings) -> Any:
+    """Options of muscle tensions, or None where nothing is said, so that commands without them start faster."""
+    if not settings.get("tension"):
+        return None
+    from myomorph.tension.solve import TensionOptions
+
+    return with_settings(TensionOptions(), settings["tension"])
+
+
+def _actuators(files: FileTake, model: Model) -> tuple[Actuator, ...] | None:
+    if files.actuators is None:
+        return None
+    from myomorph.io.actuators import read_actuators
+
+    with inputs.about(files.actuators):
+        return read_actuators(files.actuators, model)
 
 
 def _real(files: FileTake, take: Take) -> tuple[str, ...]:

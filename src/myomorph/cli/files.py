@@ -1,0 +1,28 @@
+"""`info` and `report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from myomorph.cli.output import said
+
+
+def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
+    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it."""
+    from myomorph.study.inspect import inspect
+
+    for line in inspect(file).lines():
+        said(line)
+    return 0
+
+
+def report_command(folder: Annotated[Path, Parameter(help="Folder of results.")], /) -> int:
+    """Make report.html of a folder of results."""
+    from myomorph.study.reporting import report_folder
+
+    for path in report_folder(folder):
+        said(f"wrote {path}")
+    return 0

@@ -1,0 +1,84 @@
+"""`muscles` and `tension`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from myomorph.cli.options import (
+    LoadsFile,
+    ModelFile,
+    MotionFile,
+    OutFolder,
+    Threads,
+    Time,
+    given,
+    options_class,
+    use_threads,
+)
+from myomorph.cli.output import folder_with, said, warn
+from myomorph.study.settings import Differentiation
+from myomorph.tension.solve import TensionOptions
+
+MusclesOptions = options_class(Differentiation)
+TensionSettings = options_class(Differentiation, TensionOptions)
+
+
+def muscles_command(
+    *,
+    model: ModelFile,
+    motion: MotionFile,
+    out: OutFolder,
+    time: Time = None,
+    options: MusclesOptions | None = None,
+    threads: Threads = None,
+) -> int:
+    """Muscle lengths, lengthening velocities and moment arms."""
+    from myomorph.study.steps import Found, run_step
+    from myomorph.study.takes import FileTake, open_motion_take
+
+    use_threads(threads)
+    files = FileTake(model=model, motion=motion, time=time)
+    take, recorded = open_motion_take(files, {"muscles": given(options)})
+    with folder_with(out, "muscles") as (folder, writer):
+        run_step("muscles", take, Found(recorded=recorded), writer, folder)
+    warn(take.warnings)
+    said(f"{len(take.model.muscles)} muscles, {len(recorded)} frames; wrote {out}")
+    return 0
+
+
+def tension_command(
+    *,
+    model: ModelFile,
+    motion: MotionFile,
+    out: OutFolder,
+    loads: LoadsFile = None,
+    emg: Annotated[Path | None, Parameter(help="EMG envelopes (.sto), shown over the activations in a report.")] = None,
+    actuators: Annotated[
+        Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
+    ] = None,
+    time: Time = None,
+    options: TensionSettings | None = None,
+    threads: Threads = None,
+) -> int:
+    """Muscle tensions that make the joint torques with the least effort."""
+    from myomorph.study.steps import Found, run_step
+    from myomorph.study.takes import FileTake, open_motion_take
+
+    use_threads(threads)
+    files = FileTake(model=model, motion=motion, loads=loads, emg=emg, actuators=actuators, time=time)
+    take, recorded = open_motion_take(files, {"tension": given(options)})
+    with folder_with(out, "tension") as (folder, writer):
+        found = run_step("tension", take, Found(recorded=recorded), writer, folder)
+    tension = found.tension
+    assert tension is not None
+    warn(take.warnings)
+    text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {int(tension.optimal.sum())} frames optimal"
+    if tension.reserves.size:
+        worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
+        text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
+    said(f"{text}; wrote {out}")
+    return 0

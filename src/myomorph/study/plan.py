@@ -1,0 +1,296 @@
+"""A study file: what is to be done with which files, checked as a whole before anything runs."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+
+from myomorph.model.errors import BadFile, listing
+from myomorph.study.settings import Differentiation, Setting, settings_of
+from myomorph.study.takes import FileTake
+
+STEPS = ("ik", "id", "muscles", "tension", "report")
+MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
+LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
+EMG = ("emg", "EMG", "electromyography", "envelopes")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _options_model() -> type[BaseModel]:
+    """The table `[options]`: one table a step, its keys the settings of the step's option dataclass."""
+    tables: dict[str, Any] = {}
+    for step, settings in step_settings().items():
+        keys: dict[str, Any] = {one.name: (one.kind, one.default) for one in settings}
+        made = create_model(f"{step.capitalize()}Options", __base__=_Strict, **keys)
+        tables[step] = (made, Field(default_factory=made))
+    return create_model("StepOptions", __base__=_Strict, **tables)
+
+
+def step_settings() -> dict[str, tuple[Setting, ...]]:
+    """Settings of every step, by its name."""
+    from myomorph.motion.ik import InverseKinematicsOptions
+    from myomorph.tension.solve import TensionOptions
+
+    kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
+    filters = settings_of(Differentiation)
+    return {"ik": kinematics, "id": filters, "muscles": filters, "tension": (*filters, *settings_of(TensionOptions))}
+
+
+class _Study(_Strict):
+    name: str
+
+
+class _Trial(_Strict):
+    """A trial given by a table, where its files do not follow the rule of names."""
+
+    markers: str
+    name: str = ""
+    loads: str | None = None
+    bodies: dict[str, str] = {}
+    plates: list[str] = []
+    emg: str | None = None
+    time: tuple[float, float] | None = None
+
+
+class _Subject(_Strict):
+    name: str
+    model: str
+    mass: float | None = Field(default=None, gt=0.0)
+    trials: list[str | _Trial]
+    steps: list[str] = list(STEPS)
+    tasks: str | None = None
+    actuators: str | None = None
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a study does: one `FileTake` a trial, and what the steps are told.
+
+    Attributes
+    ----------
+    settings : by step, only what the study file says
+    steps : of each take, in the order in which they run
+    remarks : which files were found by the rule of names
+    """
+
+    name: str
+    path: Path
+    takes: tuple[FileTake, ...]
+    steps: tuple[tuple[str, ...], ...]
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
+    remarks: tuple[str, ...] = ()
+
+
+def read_plan(path: str | Path) -> Plan:
+    """Read a study file; paths in it are relative to its folder.
+
+    Raises
+    ------
+    BadFile
+        where it is no TOML, or with one list of all that is wrong: unknown keys and steps, values of the
+        wrong kind, files that do not exist, patterns that no file matches
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode("utf-8")
+        raw = tomllib.loads(text)
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise BadFile(path, "is not text", "give a study file in TOML") from None
+    except tomllib.TOMLDecodeError as error:
+        raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
+    found, problems = _checked(raw)
+    takes: list[FileTake] = []
+    steps: list[tuple[str, ...]] = []
+    remarks: list[str] = []
+    if found is not None:
+        for subject in found.subject:
+            for take in _takes(subject, path.parent, problems, remarks):
+                takes.append(take)
+                steps.append(tuple(step for step in STEPS if step in subject.steps))
+        _distinct(takes, problems)
+    if problems:
+        count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
+        raise BadFile(path, f"{count}: " + " | ".join(problems))
+    assert found is not None
+    settings = {step: told for step, told in found.options.model_dump(exclude_unset=True).items() if told}
+    return Plan(found.study.name, path, tuple(takes), tuple(steps), MappingProxyType(settings), tuple(remarks))
+
+
+def _checked(raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
+    """The file as checked values, or None and what is wrong."""
+    options = _options_model()
+    file = create_model(
+        "StudyFile",
+        __base__=_Strict,
+        study=(_Study, ...),
+        subject=(list[_Subject], Field(min_length=1)),
+        options=(options, Field(default_factory=options)),
+    )
+    try:
+        return file.model_validate(raw), []
+    except ValidationError as error:
+        found = [one for one in error.errors() if not (one["loc"][-1] == "str" and isinstance(one["input"], dict))]
+        return None, list(dict.fromkeys(_sentence(one, file) for one in found))
+
+
+def _sentence(error: Any, file: type[BaseModel]) -> str:
+    """One validation error: where it is, what was given, what exists."""
+    where = [one for one in error["loc"] if one not in ("str", "_Trial")]
+    name = ".".join(f"{one + 1}" if isinstance(one, int) else str(one) for one in where)
+    if error["type"] == "extra_forbidden":
+        return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
+    if error["type"] == "missing":
+        return f"'{name}' is missing"
+    return f"'{name}' = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _keys(file: type[BaseModel], where: list[Any]) -> tuple[str, ...]:
+    """Keys that exist in the table at a place of the file."""
+    inner = next((one for one in reversed(where) if one in ("subject", "trials")), "")
+    table: Any = {"subject": _Subject, "trials": _Trial}.get(str(inner))
+    if where and where[0] == "study":
+        table = _Study
+    if where and where[0] == "options":
+        table = file.model_fields["options"].annotation
+        if len(where) > 1:
+            table = table.model_fields[where[1]].annotation
+    return tuple((table or file).model_fields)
+
+
+def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[str]) -> Iterator[FileTake]:
+    where = f"subject '{subject.name}'"
+    for step in subject.steps:
+        if step not in STEPS:
+            problems.append(f"{where}: unknown step '{step}': there are {listing(step, STEPS)}")
+    if "ik" not in subject.steps:
+        problems.append(f"{where}: steps lack 'ik', which every other step needs")
+    shared = {
+        role: _existing(folder, name, f"{where}: {role}", problems)
+        for role, name in (("model", subject.model), ("tasks", subject.tasks), ("actuators", subject.actuators))
+    }
+    if not subject.trials:
+        problems.append(f"{where}: has no trials")
+    for given in subject.trials:
+        for trial, markers in _matches(given, folder, where, problems):
+            remarks_before = len(remarks)
+            loads = _companion(folder, trial.loads, markers, "loads", f"{where}: loads", problems, remarks)
+            emg = _companion(folder, trial.emg, markers, "emg", f"{where}: emg", problems, remarks)
+            _check_time(trial.time or subject.time, f"{where}: time", problems)
+            if loads is not None and loads.suffix.lower() != ".xml" and not trial.bodies:
+                if trial.loads is None:
+                    del remarks[remarks_before:]
+                    remarks.append(f"{loads.name} is not used: it does not say which bodies its forces act on")
+                    loads = None
+                else:
+                    problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
+            assert shared["model"] is not None or problems
+            yield FileTake(
+                model=shared["model"] or folder,
+                name=trial.name or plain_stem(markers),
+                subject=subject.name,
+                markers=markers,
+                loads=loads,
+                bodies=MappingProxyType(dict(trial.bodies)),
+                plates=tuple(trial.plates),
+                emg=emg,
+                tasks=shared["tasks"],
+                actuators=shared["actuators"],
+                mass=subject.mass,
+                time=trial.time or subject.time,
+            )
+
+
+def _check_time(time: tuple[float, float] | None, where: str, problems: list[str]) -> None:
+    if time is not None and not time[0] < time[1]:
+        problems.append(f"{where} = [{time[0]:g}, {time[1]:g}]: expected a start before an end [s]")
+
+
+def _matches(
+    given: str | _Trial, folder: Path, where: str, problems: list[str]
+) -> list[tuple[_Trial, Path]]:
+    """The recordings that an entry of `trials` names: a pattern, a file, or a table."""
+    pattern = given if isinstance(given, str) else given.markers
+    table = _Trial(markers=pattern) if isinstance(given, str) else given
+    if any(sign in pattern for sign in "*?["):
+        found = sorted(path for path in folder.glob(pattern) if path.is_file())
+        if not found:
+            problems.append(f"{where}: no file matches '{pattern}' in {folder}")
+        return [(table, path) for path in found]
+    path = _existing(folder, pattern, f"{where}: trial", problems)
+    return [] if path is None else [(table, path)]
+
+
+def _existing(folder: Path, name: str | None, what: str, problems: list[str]) -> Path | None:
+    if name is None:
+        return None
+    path = folder / name
+    if path.is_file():
+        return path
+    near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if path.parent.is_dir() else []
+    problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
+    return None
+
+
+def _companion(
+    folder: Path, given: str | None, markers: Path, kind: str, what: str, problems: list[str], remarks: list[str]
+) -> Path | None:
+    """The forces or EMG of a trial: as given, or found by its stem."""
+    if given is not None:
+        return _existing(folder, given, what, problems)
+    found = companion(markers, kind)
+    if found is not None:
+        remarks.append(f"{markers.name}: {kind} from {found.name}")
+    return found
+
+
+def plain_stem(markers: Path) -> str:
+    """A recording's name without its ending, and without "markers" before or after it."""
+    stem = markers.stem
+    for part in MARKERS:
+        if part.endswith("_") and stem.lower().startswith(part):
+            stem = stem[len(part) :]
+        elif part.startswith("_") and stem.lower().endswith(part):
+            stem = stem[: -len(part)]
+    return stem or markers.stem
+
+
+def companion(markers: Path, kind: str) -> Path | None:
+    """The file of forces ("loads") or EMG ("emg") that belongs to a recording, by its stem, or None.
+
+    With STEM the recording's name (and the same without "markers"), and WORD one of `LOADS` or `EMG`, the
+    first of these that exists beside it: STEM_WORD, WORD_STEM, STEM; forces first as an external loads file
+    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot), and never STEM alone.
+    """
+    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot"))
+    stems = dict.fromkeys((markers.stem, plain_stem(markers)))
+    for ending in endings:
+        for stem in stems:
+            names = [name for word in words for name in (f"{stem}_{word}", f"{word}_{stem}")]
+            if kind == "loads":
+                names.append(stem)
+            for name in names:
+                path = markers.with_name(name + ending)
+                if path.is_file():
+                    return path
+    return None
+
+
+def _distinct(takes: list[FileTake], problems: list[str]) -> None:
+    seen: set[tuple[str, str]] = set()
+    for take in takes:
+        key = (take.subject, take.name)
+        if key in seen:
+            problems.append(f"subject '{take.subject}' has two trials named '{take.name}': give one a 'name'")
+        seen.add(key)

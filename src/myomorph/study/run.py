@@ -1,0 +1,190 @@
+"""Run a study: every trial through its steps, what failed by name, the rest whole."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.errors import MyomorphError
+from myomorph.model.model import Model
+from myomorph.study.inputs import open_model
+from myomorph.study.muscle_files import file_name
+from myomorph.study.plan import Plan
+from myomorph.study.results import STORED, new_result, read_result, stored_provenance, whole_folder
+from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
+from myomorph.study.takes import FileTake, open_take
+
+PARTS = ".steps"
+PART = f"step{STORED}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one trial.
+
+    Attributes
+    ----------
+    done : steps that ended well, those taken over from an earlier run included
+    kept : steps taken over from an earlier run
+    frames : of the motion
+    rms, largest : mean over frames of the markers' root mean square error, and the largest error [m]
+    seconds : it took [s]
+    error : why it stopped, "" where all went well
+    fault : whether that is a fault of Myomorph rather than of the input
+    """
+
+    subject: str
+    trial: str
+    folder: Path
+    done: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+    frames: int = 0
+    rms: float = float("nan")
+    largest: float = float("nan")
+    seconds: float = 0.0
+    error: str = ""
+    fault: bool = False
+
+
+def run_study(
+    plan: Plan, out: Path, resume: bool = False, said: Callable[[Outcome], None] = lambda outcome: None
+) -> list[Outcome]:
+    """Run all trials of a plan, each into `out/subject/trial`, and write the table `results.csv`.
+
+    Parameters
+    ----------
+    resume : take over steps whose inputs, options and version are those of an earlier run
+    said : called with each trial's outcome when it ends
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    models: dict[Path, Model] = {}
+    outcomes = []
+    for files, steps in zip(plan.takes, plan.steps, strict=True):
+        folder = out / file_name(files.subject) / file_name(files.name)
+        started = time.monotonic()
+        outcome = _trial(files, steps, plan, folder, resume, models)
+        outcomes.append(replace(outcome, seconds=time.monotonic() - started))
+        said(outcomes[-1])
+        write_table(outcomes, out / "results.csv")
+    return outcomes
+
+
+def _trial(
+    files: FileTake, steps: tuple[str, ...], plan: Plan, folder: Path, resume: bool, models: dict[Path, Model]
+) -> Outcome:
+    """One trial; an error ends it, but not the study."""
+    outcome = Outcome(files.subject, files.name, folder)
+    try:
+        if files.model not in models:
+            models[files.model] = open_model(files.model)
+        take = open_take(files, plan.settings, models[files.model])
+        return run_take(take, steps, folder, resume)
+    except (MyomorphError, OSError) as error:
+        return replace(outcome, error=" ".join(str(error).split()))
+    except Exception as error:
+        return replace(outcome, error=f"{type(error).__name__}: {' '.join(str(error).split())}", fault=True)
+
+
+def run_take(take: Take, steps: Sequence[str], folder: Path, resume: bool = False) -> Outcome:
+    """Run the steps of one recording into a folder: tables, `<trial>.nc` and `report.html`.
+
+    Where a step fails, what the steps before it found is kept.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    outcome = Outcome(take.subject, take.name, folder)
+    parts, earlier = folder / PARTS, folder / f"{file_name(take.name)}{STORED}"
+    if not resume:
+        shutil.rmtree(parts, ignore_errors=True)
+    known = {step: made.key for step, made in stored_provenance(earlier).items()} if resume else {}
+    found = Found()
+    try:
+        for step in [one for one in CHAIN if one in steps]:
+            key = step_provenance(step, take).key
+            part = parts / step / PART
+            made = stored_provenance(part).get(step)
+            if made is not None and made.key == key:
+                found = read_step(step, take, found, read_result(part, leave_out=("moment_arm",)))
+                outcome = replace(outcome, kept=(*outcome.kept, step))
+            elif known.get(step) == key:
+                found = read_step(step, take, found, read_result(earlier, leave_out=("moment_arm",)))
+                outcome = replace(outcome, kept=(*outcome.kept, step))
+            else:
+                shutil.rmtree(parts / step, ignore_errors=True)
+                with whole_folder(parts / step) as temporary, new_result(temporary / PART, step) as writer:
+                    found = run_step(step, take, found, writer, temporary)
+            outcome = replace(outcome, done=(*outcome.done, step))
+    except (MyomorphError, OSError) as error:
+        outcome = replace(outcome, error=f"{_next(steps, outcome.done)}: {' '.join(str(error).split())}")
+    except Exception as error:
+        text = f"{_next(steps, outcome.done)}: {type(error).__name__}: {' '.join(str(error).split())}"
+        outcome = replace(outcome, error=text, fault=True)
+    if outcome.done:
+        _gather(parts, earlier, outcome)
+    outcome = _with_numbers(outcome, found)
+    if "report" in steps and outcome.done:
+        outcome = _report(take, found, outcome)
+    return outcome
+
+
+def _next(steps: Sequence[str], done: Sequence[str]) -> str:
+    return next((step for step in CHAIN if step in steps and step not in done), "report")
+
+
+def _gather(parts: Path, stored: Path, outcome: Outcome) -> None:
+    """Move the steps' tables up and put their values, and those taken over, into one file."""
+    fresh = [step for step in outcome.done if (parts / step / PART).is_file()]
+    if fresh:
+        with new_result(stored) as writer:
+            for step in fresh:
+                writer.copy(parts / step / PART, (step,))
+            taken = [step for step in outcome.kept if step not in fresh]
+            if taken:
+                writer.copy(stored, taken)
+        for step in fresh:
+            for path in (parts / step).iterdir():
+                if path.name != PART:
+                    os.replace(path, stored.parent / path.name)
+    shutil.rmtree(parts, ignore_errors=True)
+
+
+def _with_numbers(outcome: Outcome, found: Found) -> Outcome:
+    if found.recorded is not None:
+        outcome = replace(outcome, frames=len(found.recorded))
+    if found.fit is not None and np.isfinite(found.fit.errors).any():
+        rms, largest = float(np.nanmean(found.fit.rms)), float(np.nanmax(found.fit.largest))
+        outcome = replace(outcome, rms=rms, largest=largest)
+    return outcome
+
+
+def _report(take: Take, found: Found, outcome: Outcome) -> Outcome:
+    from myomorph.study.reporting import report_folder
+
+    try:
+        report_folder(outcome.folder, take)
+    except (MyomorphError, OSError) as error:
+        return replace(outcome, error=outcome.error or f"report: {' '.join(str(error).split())}")
+    except Exception as error:
+        text = f"report: {type(error).__name__}: {' '.join(str(error).split())}"
+        return replace(outcome, error=outcome.error or text, fault=True)
+    return replace(outcome, done=(*outcome.done, "report"))
+
+
+def write_table(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Write what became of every trial as a CSV file, whole or not at all."""
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(("subject", "trial", "steps", "frames", "marker_rms_m", "marker_largest_m", "seconds", "error"))
+    for one in outcomes:
+        numbers = (one.frames, f"{one.rms:.6g}", f"{one.largest:.6g}", f"{one.seconds:.2f}")
+        table.writerow((one.subject, one.trial, " ".join(one.done), *numbers, one.error))
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(text.getvalue(), encoding="utf-8")
+    os.replace(temporary, path)
