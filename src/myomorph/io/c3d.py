@@ -50,7 +50,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     raw = _read_raw(path)
     if not 0.0 < raw.point_rate < 1e6:
         raise BadFile(path, f"states a frame rate of {raw.point_rate:g} Hz", HINT)
-    found = [*raw.remarks]
+    found = [*raw.remarks, *_cut_off(raw, path)]
     facts = _facts(raw)
     meters = _meters(raw, found)
     start = (max(raw.first_frame, 1) - 1) / raw.point_rate
@@ -93,6 +93,18 @@ def _whole(raw: RawC3d, head: bytes) -> bool:
     words = np.frombuffer(head, dtype="<u2")
     announced, analog = int(words[1]), int(words[2])
     return raw.points.shape[1] >= announced and len(raw.points) > 0 and (analog == 0 or raw.analog.size > 0)
+
+
+def _cut_off(raw: RawC3d, path: Path) -> list[str]:
+    """A warning if ezc3d, which does not tell, met the end of the file before the last frame."""
+    if not raw.reader.startswith("ezc3d"):
+        return []
+    with path.open("rb") as stream:
+        first, last = np.frombuffer(stream.read(10)[6:], dtype="<u2").astype(int)
+    announced = last - first + 1
+    if last == 65535 or len(raw.points) >= announced:
+        return []
+    return [f"the file ends early: it holds {len(raw.points)} frames of {announced}"]
 
 
 def _meters(raw: RawC3d, found: list[str]) -> float:
@@ -190,9 +202,7 @@ def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
     values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
     if np.isnan(values).any():
         found.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
-    return Analog(
-        start + np.arange(samples) / rate, unique_names(names, "channel", found), values, units=tuple(units)
-    )
+    return Analog(start + np.arange(samples) / rate, unique_names(names, "channel", found), values, units=tuple(units))
 
 
 def _events(raw: RawC3d, found: list[str]) -> tuple[Event, ...]:

@@ -79,7 +79,6 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
         found.append("the header has no line 'endheader': the line that begins with 'time' was taken for the columns")
     facts: dict[str, str] = {}
     stated: bool | None = None
-    simm = False
     for number, raw in enumerate(header.splitlines()[:HEADER_LINES]):
         line = raw.strip(' \t",\r')
         old = re.match(r"(name|datacolumns|datarows|otherdata|range)\s+(.*)", line, re.IGNORECASE)
@@ -89,14 +88,13 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
             if key.strip().lower() == "indegrees":
                 stated = value.strip().lower() in ("yes", "y", "true", "1")
         elif old is not None:
-            simm = simm or old.group(1).lower() == "datacolumns"
             facts[old.group(1).lower()] = old.group(2).strip()
         elif line.lower() == "angles are in degrees." and stated is None:
             stated = True
         elif number == 0 and line:
             facts["name"] = line
-    # OpenSim takes an old file, without a version, as SIMM's own format: angles in degrees.
-    old_motion = simm or (path.suffix.lower() == ".mot" and "version" not in facts)
+    # OpenSim takes an old motion, without a version, as SIMM's own format: angles in degrees.
+    old_motion = path.suffix.lower() == ".mot" and "version" not in facts
     return facts, old_motion if stated is None else stated, after, found
 
 
