@@ -9,10 +9,11 @@ from collections.abc import Iterable
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim_write_forces import wrap_name, write_actuator, write_coupler, write_loop, write_muscle
-from myomorph.io.osim_write_functions import child, number, numbers
+from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle
+from myomorph.io.osim_write_functions import child, legal, number, numbers
 from myomorph.io.osim_write_joints import body_path, euler, plan_joints, write_joint, write_offset_frame
 from myomorph.io.text import written
+from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Body, Frame, Kept, Mesh, Model
 from myomorph.model.paths import WrapObject
 from myomorph.model.spatial import Transform
@@ -32,7 +33,7 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
     -------
     warnings : what could not be written as it is, one line each
     """
-    warnings: list[str] = []
+    warnings = _renamed(model)
     root = etree.Element("OpenSimDocument", Version=str(VERSION))
     _model(child(root, "Model", name=model.name), model, warnings)
     etree.indent(root, space="\t")
@@ -44,10 +45,32 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(warnings))
 
 
+def _renamed(model: Model) -> list[str]:
+    """A warning for names that OpenSim cannot hold; an error where two would become one."""
+    groups = {
+        "bodies": model.body_names,
+        "joints": tuple(joint.name for joint in model.joints),
+        "coordinates": model.coordinate_names,
+        "markers": model.marker_names,
+        "muscles": model.muscle_names,
+    }
+    changed = []
+    for what, names in groups.items():
+        meant: dict[str, str] = {}
+        for name in names:
+            if meant.setdefault(legal(name), name) != name:
+                raise BadModel(f"{what} '{meant[legal(name)]}' and '{name}' would have one name in OpenSim")
+        changed += [name for name in names if legal(name) != name]
+    if not changed:
+        return []
+    shown = ", ".join(f"'{name}'" for name in changed[:3]) + (", ..." if len(changed) > 3 else "")
+    return [f"blanks and signs in {len(changed)} names ({shown}) are written as '_', as OpenSim wants"]
+
+
 def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
     plan = plan_joints(model, warnings)
     coordinates = {one.name: one for one in model.coordinates}
-    joints = {name: joint.name for joint in plan.joints for name in joint.coordinates}
+    joints = {name: legal(joint.name) for joint in plan.joints for name in joint.coordinates}
     kept = _usable(model.kept, warnings)
     _put_back(element, kept, "Model")
     child(element, "gravity", numbers(model.gravity))
@@ -98,7 +121,9 @@ def _write_groups(parent: etree._Element, model: Model) -> None:
     while waiting:
         name = next((one for one in waiting if not sooner[one] & set(waiting)), waiting[0])
         waiting.remove(name)
-        child(child(groups, "ObjectGroup", name=name), "members", " ".join(members[name]))
+        group = child(groups, "ObjectGroup")
+        group.set("name", name)
+        child(group, "members", " ".join(legal(one) for one in members[name]))
 
 
 def _write_mass(parent: etree._Element, body: Body, model: Model, kept: list[Kept]) -> None:
@@ -181,7 +206,7 @@ def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> Non
 
 def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
     kinds = {"cylinder": "WrapCylinder", "sphere": "WrapSphere", "ellipsoid": "WrapEllipsoid", "torus": "WrapTorus"}
-    element = child(parent, kinds[wrap.kind], name=wrap_name(wrap.name))
+    element = child(parent, kinds[wrap.kind], name=wrap.name)
     child(element, "active", str(wrap.active).lower())
     child(element, "xyz_body_rotation", numbers(euler(wrap.pose.rotation)))
     child(element, "translation", numbers(wrap.pose.translation))
@@ -202,8 +227,10 @@ def _usable(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
         new = part.version >= 40000 and not (part.room == "ControllerSet" and part.version < VERSION)
         if new or part.room == "Model" or part.kind in SAME_SINCE_2:
             usable.append(part)
-        else:
+        elif part.version:
             warnings.append(f"{part.kind} '{part.name}' is left out: its layout is of document version {part.version}")
+        else:
+            warnings.append(f"{part.kind} '{part.name}' is left out: it is not OpenSim's")
     return usable
 
 

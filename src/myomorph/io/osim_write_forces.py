@@ -5,7 +5,7 @@ from __future__ import annotations
 from lxml import etree
 
 from myomorph.io.osim_muscles import DEFAULTS
-from myomorph.io.osim_write_functions import child, number, numbers, write_function
+from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.io.osim_write_joints import body_path, write_offset_frame
 from myomorph.model.model import Actuator, Coupler, Loop
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap
@@ -35,7 +35,10 @@ def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str],
         child(element, tag, number(value))
     if kind == "Thelen2003Muscle_Deprecated":
         child(element, "Vmax", number(muscle.max_contraction_velocity))
-    if kind == muscle.kind:
+    if kind != muscle.kind:
+        child(element, "ignore_tendon_compliance", "true")
+        child(element, "minimum_activation", number(muscle.min_activation))
+    else:
         _write_parameters(element, muscle)
         for tag, curve in muscle.curves.items():
             write_function(child(element, tag), curve, f"muscle '{muscle.name}' {tag}", warnings)
@@ -64,16 +67,11 @@ def _write_path(element: etree._Element, muscle: Muscle, joints: dict[str, str],
     names: set[str] = set()
     for wrap in muscle.path.wraps:
         if isinstance(wrap, PathWrap):
-            written = child(wraps, "PathWrap", name=f"{wrap_name(wrap.wrap_object)}_{len(names)}")
+            written = child(wraps, "PathWrap", name=f"{legal(wrap.wrap_object)}_{len(names)}")
             names.add(wrap.wrap_object + str(len(names)))
-            child(written, "wrap_object", wrap_name(wrap.wrap_object))
+            child(written, "wrap_object", legal(wrap.wrap_object))
             child(written, "method", wrap.method)
             child(written, "range", f"{wrap.first} {wrap.last}")
-
-
-def wrap_name(name: str) -> str:
-    """A wrap object's name without the slash that tells two of one name apart."""
-    return name.replace("/", "_")
 
 
 def _warn_of_path(path: Path, warnings: list[str]) -> None:
@@ -98,14 +96,14 @@ def _write_point(
         for axis, function, coordinate in zip("xyz", point.functions, point.coordinates, strict=True):
             chosen = coordinate or some
             if chosen:
-                child(element, f"socket_{axis}_coordinate", f"/jointset/{joints[chosen]}/{chosen}")
+                child(element, f"socket_{axis}_coordinate", f"/jointset/{joints[chosen]}/{legal(chosen)}")
             write_function(child(element, f"{axis}_location"), function, f"path point '{name}' {axis}", warnings)
         return
     element = child(parent, "ConditionalPathPoint" if point.coordinate else "PathPoint", name=name)
     child(element, "socket_parent_frame", body_path(point.body))
     child(element, "location", numbers(point.location))
     if point.coordinate:
-        child(element, "socket_coordinate", f"/jointset/{joints[point.coordinate]}/{point.coordinate}")
+        child(element, "socket_coordinate", f"/jointset/{joints[point.coordinate]}/{legal(point.coordinate)}")
         child(element, "range", numbers(point.range))
 
 
@@ -124,17 +122,17 @@ def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
     child(element, "optimal_force", number(actuator.optimal_force))
     is_global = str(actuator.point_is_global).lower(), str(actuator.direction_is_global).lower()
     if actuator.kind == "coordinate":
-        child(element, "coordinate", actuator.coordinate)
+        child(element, "coordinate", legal(actuator.coordinate))
     elif actuator.kind == "point":
-        child(element, "body", actuator.body)
+        child(element, "body", legal(actuator.body))
         child(element, "point", numbers(actuator.point))
         child(element, "point_is_global", is_global[0])
         child(element, "direction", numbers(actuator.direction))
         child(element, "force_is_global", is_global[1])
     else:
-        child(element, "bodyA", actuator.body)
+        child(element, "bodyA", legal(actuator.body))
         if actuator.other_body:
-            child(element, "bodyB", actuator.other_body)
+            child(element, "bodyB", legal(actuator.other_body))
         if actuator.kind == "torque":
             child(element, "torque_is_global", is_global[1])
             child(element, "axis", numbers(actuator.direction))
@@ -153,8 +151,8 @@ def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str])
     write_function(holder, coupler.function, f"coupler '{coupler.name}'", warnings)
     if not names:
         warnings.append(f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it is")
-    child(element, "independent_coordinate_names", " ".join(names))
-    child(element, "dependent_coordinate_name", coupler.dependent)
+    child(element, "independent_coordinate_names", " ".join(legal(name) for name in names))
+    child(element, "dependent_coordinate_name", legal(coupler.dependent))
     child(element, "scale_factor", "1")
 
 
@@ -169,7 +167,7 @@ def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
         element = child(parent, "WeldConstraint", name=loop.name)
         frames = etree.Element("frames")
         for i, body, pose in (("1", loop.body_1, loop.pose_1), ("2", loop.body_2, loop.pose_2)):
-            child(element, f"socket_frame{i}", f"{body}_frame{i}")
+            child(element, f"socket_frame{i}", legal(f"{body}_frame{i}"))
             write_offset_frame(frames, f"{body}_frame{i}", body_path(body), pose)
         element.append(frames)
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from lxml import etree
 from numpy.typing import ArrayLike
@@ -25,9 +27,14 @@ def numbers(values: ArrayLike) -> str:
     return " ".join(number(one) for one in np.ravel(np.asarray(values, dtype=np.float64)))
 
 
+def legal(name: str) -> str:
+    """A name without the characters that OpenSim 4 refuses in one."""
+    return re.sub(r"[\\*+\s/]", "_", name)
+
+
 def child(parent: etree._Element, tag: str, text: str = "", name: str = "") -> etree._Element:
     """A new element inside `parent`."""
-    element = etree.SubElement(parent, tag, {"name": name} if name else {})
+    element = etree.SubElement(parent, tag, {"name": legal(name)} if name else {})
     if text:
         element.text = text
     return element

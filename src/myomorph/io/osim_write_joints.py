@@ -8,7 +8,7 @@ import numpy as np
 from lxml import etree
 
 from myomorph.io.osim_joints import CURVED, SIMPLE, SPATIAL, reversed_joint
-from myomorph.io.osim_write_functions import child, number, numbers, write_function
+from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.model.functions import PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.model.spatial import Array, Transform, euler_xyz_from_rotation
@@ -170,9 +170,9 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
         ("child", joint.child, joint.child_frame, joint.child_frame_name),
     ):
         name = given if given and given not in (body, GROUND) else f"{body}_offset"
-        if end == "child" and name == frames[0].get("name"):
+        if end == "child" and legal(name) == frames[0].get("name"):
             name = f"{name}_child"
-        child(element, f"socket_{end}_frame", name)
+        child(element, f"socket_{end}_frame", legal(name))
         write_offset_frame(frames, name, body_path(body), pose)
     owned = child(element, "coordinates")
     for name in joint.coordinates:
@@ -187,7 +187,7 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
 
 def body_path(body: str) -> str:
     """Component path of a body."""
-    return "/ground" if body == GROUND else f"/bodyset/{body}"
+    return "/ground" if body == GROUND else f"/bodyset/{legal(body)}"
 
 
 def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Transform) -> etree._Element:
@@ -210,7 +210,13 @@ def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: 
     child(element, "default_value", number(coordinate.default))
     child(element, "default_speed_value", number(coordinate.default_speed))
     child(element, "range", numbers(coordinate.range))
-    child(element, "clamped", str(coordinate.clamped).lower())
+    low, high = coordinate.range
+    outside = coordinate.clamped and not low - 1e-8 < coordinate.default < high + 1e-8
+    if outside:
+        warnings.append(
+            f"coordinate '{coordinate.name}' is written without its clamp: its default is outside its range"
+        )
+    child(element, "clamped", str(coordinate.clamped and not outside).lower())
     child(element, "locked", str(coordinate.locked).lower())
     if coordinate.prescribed is not None:
         holder = child(element, "prescribed_function")
@@ -229,7 +235,7 @@ def _write_spatial(
         if not names and idle:
             names = (idle.pop(0),)
         element = child(spatial, "TransformAxis", name=name)
-        child(element, "coordinates", " ".join(names))
+        child(element, "coordinates", " ".join(legal(one) for one in names))
         child(element, "axis", numbers(axis.vector))
         holder = child(element, "function")
         if _is_pure(axis) and coordinates[names[0]].motion == "coupled":
