@@ -45,8 +45,9 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     text = file_text(path, HINT)
     found: list[str] = []
     facts, labels, start, delimiter = _header(text, path, found)
-    table, columns = _table(text, start, labels, delimiter, path, found)
-    labels = _marker_names(labels, (columns - 2) // 3, facts, found)
+    labels = _labels(labels, facts)
+    table, columns = _table(text, start, len(labels), delimiter, path, found)
+    labels = _marker_names(labels, (columns - 2) // 3, found)
     time, table = _clock(table, facts, path, found)
     values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
     values = _hidden(values, labels, found) * _unit(facts, values, found)
@@ -102,18 +103,15 @@ def _header_values(keys: str, values: str) -> dict[str, str]:
     return facts
 
 
-def _table(
-    text: str, start: int, labels: list[str], delimiter: str | None, path: Path, found: list[str]
-) -> tuple[Array, int]:
+def _table(text: str, start: int, named: int, delimiter: str | None, path: Path, found: list[str]) -> tuple[Array, int]:
     """Values (frames, columns) with frame number and time first, NaN where a cell is blank."""
     body = text[start:]
-    named = len([label for label in labels if label])
     columns = 2 + 3 * named
     quick = quick_numbers(body, delimiter, columns) if named else None
     if quick is not None:
         return quick, columns
     first = line_from(body, 0)[0]
-    if delimiter not in first if delimiter else False:
+    if delimiter and delimiter not in first:
         delimiter = None
     lines = [line for line in body.split("\n") if line.strip(" \t,")]
     if not lines:
@@ -141,20 +139,22 @@ def _table(
     return table[~bad], columns
 
 
-def _marker_names(cells: list[str], slots: int, facts: Mapping[str, str], found: list[str]) -> list[str]:
-    """Name of each marker of the table; a slot without a name becomes `unnamed_k`."""
+def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
+    """Name of each marker from the cells of the line of names, "" for one without."""
     names = [cell for cell in cells if cell]
     stated = facts.get("NumMarkers", "")
-    positions = [column for column, cell in enumerate(cells) if cell]
-    aligned = positions and positions[0] == 0 and all(position % 3 == 0 for position in positions)
-    if aligned and stated.isdigit() and len(names) < int(stated) and positions[-1] // 3 + 1 > len(names):
-        # A blank name amid the others: the columns say which marker it is.
-        gaps = [cells[3 * slot] if 3 * slot < len(cells) else "" for slot in range(positions[-1] // 3 + 1)]
-        names = gaps[:slots] if slots >= len(gaps) else names
-    unnamed = max(slots - len(names), 0) + names.count("")
-    if unnamed:
-        found.append(f"{unnamed} markers have no name")
-    names += [""] * (slots - len(names))
+    places = [column // 3 for column, cell in enumerate(cells) if cell and column % 3 == 0]
+    if len(places) < len(names) or not stated.isdigit() or len(names) >= int(stated) or not names:
+        return names
+    # A blank name amid the others: the columns say which marker it is.
+    return [cells[3 * slot] for slot in range(places[-1] + 1)]
+
+
+def _marker_names(names: list[str], slots: int, found: list[str]) -> list[str]:
+    """Name of each marker of the table; a slot without a name becomes `unnamed_k`."""
+    names = names + [""] * (slots - len(names))
+    if "" in names:
+        found.append(f"{names.count('')} markers have no name")
     return [name or f"unnamed_{slot + 1}" for slot, name in enumerate(names[:slots])]
 
 
@@ -213,7 +213,7 @@ def _check(facts: Mapping[str, str], frames: int, markers: int, found: list[str]
 
 
 def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm") -> None:
-    """Write markers as a TRC file that OpenSim opens (blank where hidden), whole or not at all.
+    """Write markers as a TRC file that OpenSim opens (nan where hidden), whole or not at all.
 
     Raises
     ------
@@ -231,5 +231,5 @@ def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm")
         stream.write(f"\t{labels}\n\n")
         flat = (markers.values / METERS[units]).reshape(frames, 3 * count)
         for frame in range(frames):
-            cells = ["" if value != value else f"{value:.9g}" for value in flat[frame].tolist()]
-            stream.write("\t".join((str(frame + 1), f"{markers.time[frame]:.9g}", *cells)) + "\n")
+            cells = [f"{value:.10g}" for value in flat[frame].tolist()]
+            stream.write("\t".join((str(frame + 1), f"{markers.time[frame]:.10g}", *cells)) + "\n")
