@@ -56,7 +56,7 @@ class InverseKinematicsOptions:
     coordinates: Motion | None = None
     tolerance: float = 1e-6
     iterations: int = 100
-    posture_weight: float = 1e-8
+    posture_weight: float = 1e-7
 
 
 @dataclass(frozen=True, eq=False)

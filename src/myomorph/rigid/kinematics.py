@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from myomorph.model.spatial import Array
-from myomorph.rigid.coordinates import evaluate
+from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import ROTATION, Tree
 
@@ -227,7 +227,7 @@ class Poses:
     axis_points: Array
     axis_slopes: Array
 
-    def points(self, bodies: Array, locations: Array) -> Array:
+    def points(self, bodies: Ints, locations: Array) -> Array:
         """Points fixed to bodies, in ground.
 
         Parameters
