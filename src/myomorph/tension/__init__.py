@@ -1,0 +1,1 @@
+"""Muscle tensions: terms, actuators and the one convex problem of a frame."""

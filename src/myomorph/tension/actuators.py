@@ -178,7 +178,9 @@ def _add_force(T, P, w, o, dphi, body, x, d, sign, column):
         if T.axis_kind[k] == ROTATION:
             r0, r1, r2 = x[0] - o[k, 0], x[1] - o[k, 1], x[2] - o[k, 2]
             power = (
-                w[k, 0] * (r1 * d[2] - r2 * d[1]) + w[k, 1] * (r2 * d[0] - r0 * d[2]) + w[k, 2] * (r0 * d[1] - r1 * d[0])
+                w[k, 0] * (r1 * d[2] - r2 * d[1])
+                + w[k, 1] * (r2 * d[0] - r0 * d[2])
+                + w[k, 2] * (r0 * d[1] - r1 * d[0])
             )
         else:
             power = w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2]

@@ -296,7 +296,13 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
     n, variables = balance.shape[1], x.shape[1]
     M = np.zeros((n, n))
     work = _Work(
-        np.empty(variables), np.empty(variables), np.empty(variables), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+        np.empty(variables),
+        np.empty(variables),
+        np.empty(variables),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
     )
     for frame in range(balance.shape[0]):
         A, b, result = values[frame], balance[frame], y[frame]

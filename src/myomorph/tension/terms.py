@@ -201,4 +201,6 @@ def _certified(problem: Program, x: Array, y: Array, z: Array, status: int) -> S
     near = 1e-7 * (1.0 + np.abs(x))
     inward = np.where(x <= problem.lower + near, np.minimum(gradient, 0.0), gradient)
     inward = np.where(x >= problem.upper - near, np.maximum(inward, 0.0), inward)
-    return Solution(x, y, STATUS_NAMES[status], float(violated.max(initial=0.0)), float(np.abs(inward).max(initial=0.0)))
+    return Solution(
+        x, y, STATUS_NAMES[status], float(violated.max(initial=0.0)), float(np.abs(inward).max(initial=0.0))
+    )

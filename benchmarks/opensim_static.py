@@ -1,0 +1,120 @@
+"""OpenSim's static optimization (AnalyzeTool) on our cases: activations, forces, and the seconds it took."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import opensim
+
+from benchmarks.opensim_tools import read_table
+from myomorph.model.model import Actuator
+
+opensim.Logger.setLevelString("Off")
+
+
+@dataclass(frozen=True)
+class StaticResult:
+    """What the analysis wrote.
+
+    Attributes
+    ----------
+    activations, forces : (frames, actuators), reserves included, in the order of `names`
+    """
+
+    time: np.ndarray
+    names: tuple[str, ...]
+    activations: np.ndarray
+    forces: np.ndarray
+    seconds: float
+
+
+def write_actuators(actuators: Sequence[Actuator], path: Path) -> None:
+    """Coordinate, point and torque actuators as a ForceSet that OpenSim appends."""
+    forces = opensim.ForceSet()
+    for one in actuators:
+        if one.kind == "coordinate":
+            made = opensim.CoordinateActuator(one.coordinate)
+        elif one.kind == "point":
+            made = opensim.PointActuator(one.body)
+            made.set_point(opensim.Vec3(*one.point))
+            made.set_direction(opensim.Vec3(*one.direction))
+            made.set_point_is_global(one.point_is_global)
+            made.set_force_is_global(one.direction_is_global)
+        else:
+            made = opensim.TorqueActuator()
+            made.set_bodyA(one.body)
+            made.set_bodyB(one.other_body or "ground")
+            made.set_axis(opensim.Vec3(*one.direction))
+            made.set_torque_is_global(one.direction_is_global)
+        made.setName(one.name)
+        made.setOptimalForce(one.optimal_force)
+        made.setMinControl(one.min_control)
+        made.setMaxControl(one.max_control)
+        forces.cloneAndAppend(made)
+    forces.printToXML(str(path))
+
+
+def static_optimization(
+    model_path: Path,
+    motion: Path,
+    loads: Path | None,
+    start: float,
+    end: float,
+    actuators: Path | None = None,
+    cutoff: float = -1.0,
+    interval: int = 1,
+    exponent: float = 2.0,
+    tolerance: float = 1e-4,
+) -> StaticResult:
+    """Run AnalyzeTool with StaticOptimization on a coordinates file.
+
+    Parameters
+    ----------
+    cutoff : low-pass filter of the coordinates [Hz], -1 for none
+    interval : frames between two solutions
+    tolerance : its `optimizer_convergence_criterion`
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        model = opensim.Model(str(model_path))
+        analysis = opensim.StaticOptimization()
+        analysis.setStartTime(start)
+        analysis.setEndTime(end)
+        analysis.setStepInterval(interval)
+        analysis.setUseModelForceSet(True)
+        analysis.setActivationExponent(exponent)
+        analysis.setUseMusclePhysiology(True)
+        analysis.setConvergenceCriterion(tolerance)
+        analysis.setMaxIterations(1000)
+        tool = opensim.AnalyzeTool()
+        tool.setName("so")
+        tool.setModelFilename(str(model_path.resolve()))
+        tool.setCoordinatesFileName(str(motion.resolve()))
+        if loads is not None:
+            tool.setExternalLoadsFileName(str(loads.resolve()))
+        if actuators is not None:
+            files = opensim.ArrayStr()
+            files.append(str(actuators.resolve()))
+            tool.setForceSetFiles(files)
+        tool.setReplaceForceSet(False)
+        tool.setLowpassCutoffFrequency(cutoff)
+        tool.setInitialTime(start)
+        tool.setFinalTime(end)
+        tool.setSolveForEquilibrium(False)
+        tool.setResultsDir(folder)
+        tool.updAnalysisSet().cloneAndAppend(analysis)
+        setup = Path(folder) / "setup.xml"
+        tool.printToXML(str(setup))
+        del model
+        tool = opensim.AnalyzeTool(str(setup))
+        began = time.perf_counter()
+        tool.run()
+        seconds = time.perf_counter() - began
+        clock, names, activations = read_table(Path(folder) / "so_StaticOptimization_activation.sto")
+        _, force_names, forces = read_table(Path(folder) / "so_StaticOptimization_force.sto")
+    columns = [force_names.index(name) for name in names]
+    return StaticResult(clock, names, activations, forces[:, columns], seconds)
