@@ -113,7 +113,7 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     BadData
         where no run of six frames is free of gaps
     """
-    seen: np.ndarray = np.isfinite(motion.values).all(axis=1)
+    seen = np.all(np.isfinite(motion.values), axis=1)
     values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))
     runs = [run for run in _runs(seen) if run.stop - run.start > 5]
     if not runs:

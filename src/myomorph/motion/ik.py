@@ -11,7 +11,8 @@ from myomorph.model.errors import BadData, BadModel, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array
-from myomorph.motion.least_squares import MarkerArrays, solve_frames
+from myomorph.motion.least_squares import solve_frames
+from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import chunk_starts
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import CHUNK, over_frames

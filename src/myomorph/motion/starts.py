@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.model.spatial import Array
-from myomorph.motion.least_squares import MarkerArrays, hold, new_work, solve_frame
+from myomorph.motion.least_squares import hold, solve_frame
+from myomorph.motion.marker_cost import MarkerArrays, new_work
 from myomorph.rigid.frames import CHUNK
 from myomorph.rigid.tree import Tree
 

@@ -59,8 +59,15 @@ def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
             coefficients.extend([function.factor, function.offset])
             for frequency, phase in zip(function.frequencies, function.phases, strict=True):
                 coefficients.extend([frequency, phase])
-    ints = [np.array(column, dtype=np.int64) for column in (kind, first, pieces, width, start)]
-    return FunctionArrays(*ints, np.array(breaks, dtype=np.float64), np.array(coefficients, dtype=np.float64))
+    return FunctionArrays(
+        kind=np.array(kind, np.int64),
+        first=np.array(first, np.int64),
+        pieces=np.array(pieces, np.int64),
+        width=np.array(width, np.int64),
+        start=np.array(start, np.int64),
+        breaks=np.array(breaks, np.float64),
+        coefficients=np.array(coefficients, np.float64),
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -178,7 +178,7 @@ def _stack(parts: list[Array], shape: tuple[int, ...]) -> Array:
 
 
 def _fixed_motion(axis: Axis) -> Transform:
-    amount = float(axis.function(*(0.0 for _ in axis.coordinates[:1] or (0.0,))))
+    amount = float(axis.function(0.0))
     if axis.kind == "translation":
         return Transform(np.eye(3), axis.vector * amount)
     rotation = axis_rotation(axis.vector / np.linalg.norm(axis.vector), amount)
