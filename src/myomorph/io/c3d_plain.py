@@ -23,6 +23,7 @@ from myomorph.model.spatial import Array
 BLOCK = 512
 PC, DEC, SGI = 84, 85, 86
 EVENT_KEY = 12345
+MOST_DIMENSIONS = 7
 
 
 def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
@@ -42,10 +43,12 @@ def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
     if data[1] != 0x50:
         raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
     remarks: list[str] = []
-    section, order = _section(data, remarks)
-    header = _header(data, order)
-    groups = _parameters(data, section, order, remarks)
-    return _samples(data, header, groups, order, remarks, path)
+    # A damaged file holds numbers of any size; what is not finite is dealt with where it is used.
+    with np.errstate(all="ignore"):
+        section, order = _section(data, remarks)
+        header = _header(data, order)
+        groups = _parameters(data, section, order, remarks)
+        return _samples(data, header, groups, order, remarks, path)
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ def _parameters(data: bytes, section: int, order: _Order, remarks: list[str]) ->
         else:
             value = _value(data, field + 2, order)
             if value is None:
-                remarks.append(f"parameter '{name}' reaches past the end of the file and was left out")
+                remarks.append(f"parameter '{name}' is broken or reaches past the end of the file: it was left out")
             else:
                 records.append((group, name, value))
         if step <= 0:
@@ -156,7 +159,7 @@ def _signed(byte: int) -> int:
 
 def _value(data: bytes, at: int, order: _Order) -> Value | None:
     """Value of a parameter that begins at its type byte, or None if the file ends before it does."""
-    if at + 2 > len(data):
+    if at + 2 > len(data) or data[at + 1] > MOST_DIMENSIONS:
         return None
     kind, rank = _signed(data[at]), data[at + 1]
     shape = tuple(data[at + 2 : at + 2 + rank])
