@@ -1,0 +1,1 @@
+"""What was found, for people: events, tables, figures, pictures and one HTML page. Changes no result."""

@@ -1,0 +1,305 @@
+"""Meshes of bones and skins: VTP, OBJ, STL and PLY files, looked up only inside given folders."""
+
+from __future__ import annotations
+
+import base64
+import io
+import logging
+import re
+import struct
+import zlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import numpy as np
+from lxml import etree
+
+from myomorph.io.xml import read_xml
+from myomorph.model.errors import BadFile, MyomorphError
+from myomorph.model.model import Model
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+
+LARGEST = 256 * 1024 * 1024
+ENDINGS = (".vtp", ".obj", ".stl", ".ply")
+_TYPES = {
+    "Float32": "f4",
+    "Float64": "f8",
+    "Int8": "i1",
+    "UInt8": "u1",
+    "Int16": "i2",
+    "UInt16": "u2",
+    "Int32": "i4",
+    "UInt32": "u4",
+    "Int64": "i8",
+    "UInt64": "u8",
+}
+
+
+def read_surfaces(
+    model: Model, folders: Sequence[str | Path], root: str | Path | None = None
+) -> tuple[dict[str, Surface], tuple[str, ...]]:
+    """The meshes a model draws its bodies with, by the name the model gives them.
+
+    What cannot be drawn is left out and named in a warning: a picture is not worth a stop.
+
+    Parameters
+    ----------
+    folders : where to look, in order
+    root : names may climb out of a folder (`../meshes/femur.stl`, as MuJoCo's models do) as long as they
+        stay inside this one; None forbids climbing
+
+    Returns
+    -------
+    surfaces by `Mesh.file`, and warnings, one line each
+    """
+    wanted = [mesh.file for body in model.bodies for mesh in body.meshes if mesh.shape == "mesh" and mesh.file]
+    found: dict[str, Surface] = {}
+    refused, missing, warnings = [], [], []
+    for name in dict.fromkeys(wanted):
+        if not _allowed(name, root is not None):
+            refused.append(name)
+            continue
+        path = find_mesh(name, folders, root)
+        if path is None:
+            missing.append(name)
+            continue
+        try:
+            found[name] = read_mesh(path)
+        except MyomorphError as error:
+            warnings.append(str(error))
+    if refused:
+        warnings.append(f"mesh files outside the model's folder are not opened: {_few(refused)}")
+    if missing:
+        where = ", ".join(str(folder) for folder in folders) or "no folder"
+        warnings.append(
+            f"{len(missing)} of {len(dict.fromkeys(wanted))} mesh files are not in {where}: {_few(missing)}"
+        )
+    return found, tuple(warnings)
+
+
+def find_mesh(name: str, folders: Iterable[str | Path], root: str | Path | None = None) -> Path | None:
+    """Path of a mesh inside one of the folders, None where there is none or the name leads outside.
+
+    Models made on Windows often write another case than the file has; the one that exists is taken.
+    """
+    if not _allowed(name, root is not None):
+        return None
+    relative = PurePosixPath(name.replace("\\", "/"))
+    for given in folders:
+        folder = Path(given).resolve()
+        border = Path(root).resolve() if root is not None else folder
+        path = (folder / relative).resolve()
+        if not path.is_relative_to(border):
+            continue
+        if path.is_file():
+            return path
+        if path.parent.is_dir():
+            for one in path.parent.iterdir():
+                inside = one.resolve().is_relative_to(border)
+                if one.name.lower() == path.name.lower() and inside and one.is_file():
+                    return one
+    return None
+
+
+def _allowed(name: str, climbing: bool) -> bool:
+    """Whether a mesh's name stays where the model is: relative, no drive, no way up."""
+    windows, posix = PureWindowsPath(name), PurePosixPath(name.replace("\\", "/"))
+    if not name or "\0" in name or windows.drive or windows.root or posix.is_absolute():
+        return False
+    return climbing or ".." not in posix.parts
+
+
+def _few(names: Sequence[str], most: int = 4) -> str:
+    return ", ".join(f"'{name}'" for name in names[:most]) + (", ..." if len(names) > most else "")
+
+
+def read_mesh(path: str | Path) -> Surface:
+    """The surface in a VTP, OBJ, STL or PLY file, in the file's own units (meters in models).
+
+    Vertices that lie on each other become one; polygons become triangles; textures and materials are
+    not read.
+
+    Raises
+    ------
+    BadFile
+        The file is absent, too large, cut off, of another kind or without a surface.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise BadFile(path, f"is not a mesh: its name ends in '{ending}'", f"expected {', '.join(ENDINGS)}")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    if size > LARGEST:
+        raise BadFile(path, f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed for a mesh")
+    try:
+        surface = _read_vtp(path) if ending == ".vtp" else _read_other(path, ending[1:])
+    except MyomorphError:
+        raise
+    except (
+        ValueError,
+        IndexError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        struct.error,
+        zlib.error,
+        MemoryError,
+    ) as error:
+        raise BadFile(path, f"is not a readable mesh ({_line(error)})", "is the file cut off?") from None
+    if not len(surface.faces):
+        raise BadFile(path, "holds no triangles")
+    return surface
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:160]
+
+
+def _read_other(path: Path, kind: str) -> Surface:
+    # Imported here because trimesh takes half a second, which only drawing should pay.
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.ERROR)
+    content = path.read_bytes()
+    options = {"skip_materials": True} if kind == "obj" else {}
+    loaded = trimesh.load(io.BytesIO(content), file_type=kind, process=False, force="mesh", **options)
+    vertices = np.asarray(getattr(loaded, "vertices", ()), dtype=np.float64)
+    faces = np.asarray(getattr(loaded, "faces", ()), dtype=np.int64)
+    if vertices.size == 0 or faces.size == 0:
+        raise BadFile(path, "holds no triangles")
+    return merged(vertices, faces)
+
+
+def merged(vertices: Array, faces: np.ndarray) -> Surface:
+    """A surface whose equal vertices are one, so that its normals are smooth (STL repeats every corner)."""
+    unique, owner = np.unique(np.asarray(vertices, dtype=np.float64), axis=0, return_inverse=True)
+    return Surface(unique, owner.reshape(-1)[faces])
+
+
+def _read_vtp(path: Path) -> Surface:
+    """VTK's XML PolyData: ASCII, base64 and appended arrays, compressed by zlib or not."""
+    content = path.read_bytes()
+    marked = re.search(rb"<AppendedData[^>]*>", content)
+    appended = b""
+    if marked:
+        # Raw appended bytes are no XML: they are cut out before it is parsed.
+        end = content.rfind(b"</AppendedData>")
+        appended = content[marked.end() : end if end > 0 else len(content)].lstrip()[1:]
+        document = etree.fromstring(
+            content[: marked.end()] + b"</AppendedData>" + content[end + 15 if end > 0 else len(content) :],
+            etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, recover=True),
+        )
+    else:
+        document = read_xml(path).root
+    if document is None or document.tag != "VTKFile" or document.get("type") != "PolyData":
+        raise BadFile(path, "is not a VTP file", 'expected <VTKFile type="PolyData">')
+    reader = _Arrays(document, appended, b'encoding="raw"' in (marked[0] if marked else b""))
+    vertices, faces, first = [], [], 0
+    for piece in document.iter("Piece"):
+        points = reader.array(piece.find("Points/DataArray")).reshape(-1, 3)
+        for name, triangles in (("Polys", _fans), ("Strips", _strips)):
+            group = piece.find(name)
+            arrays = {} if group is None else {one.get("Name"): one for one in group.findall("DataArray")}
+            if "connectivity" in arrays and "offsets" in arrays:
+                corners = reader.array(arrays["connectivity"]).astype(np.int64)
+                ends = reader.array(arrays["offsets"]).astype(np.int64)
+                if len(ends):
+                    faces.append(triangles(corners, ends) + first)
+        vertices.append(points)
+        first += len(points)
+    if not vertices or not faces:
+        raise BadFile(path, "holds no polygons")
+    return Surface(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Triangles of polygons given by the end of each one's corners."""
+    starts = np.concatenate([[0], ends[:-1]])
+    sides = ends - starts
+    found = [
+        np.stack(
+            [
+                corners[starts[sides > k + 1]],
+                corners[starts[sides > k + 1] + k],
+                corners[starts[sides > k + 1] + k + 1],
+            ],
+            axis=1,
+        )
+        for k in range(1, int(sides.max()) - 1)
+    ]
+    return np.concatenate(found) if found else np.zeros((0, 3), np.int64)
+
+
+def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Triangles of strips: every next corner makes one with the two before it."""
+    found = []
+    for start, end in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
+        strip = corners[start:end]
+        three = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
+        three[1::2] = three[1::2, ::-1]
+        found.append(three)
+    return np.concatenate(found) if found else np.zeros((0, 3), np.int64)
+
+
+class _Arrays:
+    """Reads the `DataArray` elements of one VTP document."""
+
+    def __init__(self, document: etree._Element, appended: bytes, raw: bool):
+        self.order = ">" if document.get("byte_order") == "BigEndian" else "<"
+        self.header = self.order + _TYPES[document.get("header_type", "UInt32")]
+        self.compressor = document.get("compressor", "")
+        self.appended, self.raw = appended, raw
+
+    def array(self, element: etree._Element | None) -> np.ndarray:
+        """Numbers of one element, flat."""
+        if element is None:
+            raise ValueError("no DataArray")
+        kind = _TYPES[element.get("type", "Float32")]
+        form = element.get("format", "ascii")
+        if form == "ascii":
+            return np.array((element.text or "").split(), dtype=kind)
+        if form == "appended":
+            data = self.appended[int(element.get("offset", "0")) :]
+            return self._decoded(data, self.order + kind, self.raw)
+        return self._decoded("".join((element.text or "").split()).encode(), self.order + kind, False)
+
+    def _decoded(self, data: bytes, kind: str, raw: bool) -> np.ndarray:
+        size = np.dtype(self.header).itemsize
+        if not self.compressor:
+            body = data if raw else base64.b64decode(_only_base64(data))
+            count = int(np.frombuffer(body, self.header, 1)[0])
+            return np.frombuffer(_exactly(body[size:], count), kind)
+        if self.compressor != "vtkZLibDataCompressor":
+            raise ValueError(f"compressor {self.compressor}")
+        if raw:
+            blocks = int(np.frombuffer(data, self.header, 1)[0])
+            head, body = data[: size * (3 + blocks)], data[size * (3 + blocks) :]
+        else:
+            blocks = int(np.frombuffer(base64.b64decode(data[: _padded(size)]), self.header, 1)[0])
+            cut = _padded(size * (3 + blocks))
+            head, body = base64.b64decode(data[:cut]), base64.b64decode(_only_base64(data[cut:]))
+        sizes = np.frombuffer(head, self.header, 3 + blocks)[3:].astype(np.int64)
+        ends = np.cumsum(sizes)
+        parts = [zlib.decompress(_exactly(body[end - one : end], one)) for end, one in zip(ends, sizes, strict=True)]
+        return np.frombuffer(b"".join(parts), kind)
+
+
+def _padded(size: int) -> int:
+    """Characters that base64 needs for so many bytes."""
+    return 4 * ((size + 2) // 3)
+
+
+def _only_base64(data: bytes) -> bytes:
+    """The first run of base64 text: appended arrays stand one behind the other."""
+    found = re.match(rb"[A-Za-z0-9+/]*={0,2}", data)
+    return found[0] if found else b""
+
+
+def _exactly(data: bytes, count: int) -> bytes:
+    if len(data) < count:
+        raise ValueError(f"expected {count} bytes, but got {len(data)}")
+    return data[:count]

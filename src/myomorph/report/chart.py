@@ -1,0 +1,351 @@
+"""Small, calm charts as SVG text: lines over time, bars, pictures of tables, paths on the floor.
+
+Written here rather than with a plotting library, so that a page follows the reader's light or dark
+setting, a script in it can read values back from the drawn lines, and a hundred panels cost
+milliseconds. Colors are classes, given by the page's style sheet.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.series import Event
+from myomorph.model.spatial import Array
+
+MOST_POINTS = 420
+"""Bins of a drawn line; each keeps its smallest and largest value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Values over time and how they are drawn.
+
+    Attributes
+    ----------
+    time, values : (samples,)
+    style : class of the style sheet: "right", "left", "middle", "truth", "emg", "first", "second", "third"
+    label : what the reading under the pointer says
+    filled : as an area down to zero
+    """
+
+    time: Array
+    values: Array
+    style: str
+    label: str
+    filled: bool = False
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A horizontal line that should not be crossed, at `value`."""
+
+    value: float
+    label: str
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One chart over time.
+
+    Attributes
+    ----------
+    title, unit : printed above it
+    span : (first, last) time shown [s]
+    events : drawn as vertical lines
+    low, high : values that must be inside, or None
+    width, height : in the drawing's own units
+    name_events : print the events' labels above the chart
+    second : factor and unit of a second scale on the right, e.g. moments per kilogram
+    margin : free space on the right, so that charts above each other line up
+    """
+
+    title: str
+    unit: str
+    lines: Sequence[Line]
+    span: tuple[float, float]
+    events: Sequence[Event] = ()
+    limits: Sequence[Limit] = ()
+    low: float | None = None
+    high: float | None = None
+    width: int = 330
+    height: int = 190
+    name_events: bool = False
+    second: tuple[float, str] | None = None
+    margin: int = 8
+
+
+def ticks(low: float, high: float, count: int = 4) -> Array:
+    """Round numbers within [low, high], about `count` of them."""
+    if not (np.isfinite(low) and np.isfinite(high)) or high <= low:
+        return np.array([low])
+    raw = (high - low) / max(count, 1)
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = power * next(one for one in (1.0, 2.0, 2.5, 5.0, 10.0) if one * power >= raw * 0.8)
+    # Adding zero turns the -0.0 that ceil leaves into 0.0.
+    values: Array = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0
+    return values
+
+
+def number(value: float, step: float | None = None) -> str:
+    """A value for print: about three digits, or as many as a tick of `step` needs; a true minus sign."""
+    if not np.isfinite(value):
+        return "–"
+    if step is None:
+        size = abs(value)
+        if size != 0.0 and (size >= 1e6 or size < 1e-3):
+            mantissa, power = f"{value:.1e}".split("e")
+            return f"{mantissa}·10{_raised(int(power))}".replace("-", "−")
+        digits = 0 if size >= 100 or size == 0.0 else 1 if size >= 10 else 2 if size >= 1 else 3
+        text = f"{value:,.{digits}f}".replace(",", "\u202f")
+    else:
+        digits = max(0, -int(np.floor(np.log10(step) + 1e-9))) if step > 0 else 0
+        if step > 0 and abs(step * 10**digits - round(step * 10**digits)) > 1e-6:
+            digits += 1
+        text = f"{value:,.{digits}f}".replace(",", "\u202f")
+    return text.replace("-", "−")
+
+
+def _raised(power: int) -> str:
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def decimate(time: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
+    """Fewer points that draw the same line: the first of the smallest and of the largest of every bin.
+
+    Peaks survive; a bin without any value becomes one NaN, which breaks the line.
+    """
+    if len(time) <= 2 * most:
+        return time, values
+    edges = np.linspace(0, len(time), most + 1).astype(np.int64)
+    low = np.where(np.isnan(values), np.inf, values)
+    high = np.where(np.isnan(values), -np.inf, values)
+    keep = np.empty((most, 2), dtype=np.int64)
+    for i, (start, stop) in enumerate(itertools.pairwise(edges)):
+        keep[i] = start + np.argmin(low[start:stop]), start + np.argmax(high[start:stop])
+    keep.sort(axis=1)
+    keep[0, 0], keep[-1, 1] = 0, len(time) - 1
+    chosen = np.unique(keep)
+    return time[chosen], values[chosen]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The area of a chart in its drawing and the values at its borders."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
+    def x(self, value: ArrayLike) -> Array:
+        """Place of a value along the chart."""
+        along: Array = self.left + (np.asarray(value) - self.x0) / (self.x1 - self.x0) * (self.right - self.left)
+        return along
+
+    def y(self, value: ArrayLike) -> Array:
+        """Place of a value across the chart, downwards."""
+        down: Array = self.bottom - (np.asarray(value) - self.y0) / (self.y1 - self.y0) * (self.bottom - self.top)
+        return down
+
+    @property
+    def data(self) -> str:
+        """Attributes that let the page's script turn places back into values."""
+        places = " ".join(f"{one:g}" for one in (self.left, self.top, self.right, self.bottom))
+        values = " ".join(f"{one:.9g}" for one in (self.x0, self.x1, self.y0, self.y1))
+        return f'data-place="{places}" data-range="{values}"'
+
+
+def path_data(x: Array, y: Array) -> str:
+    """SVG path of the points (x, y), broken where one is NaN."""
+    parts: list[str] = []
+    pen = "M"
+    for u, v, good in zip(x.tolist(), y.tolist(), (np.isfinite(x) & np.isfinite(y)).tolist(), strict=True):
+        if good:
+            parts.append(f"{pen}{u:.1f} {v:.1f}")
+            pen = "L"
+        else:
+            pen = "M"
+    return "".join(parts)
+
+
+def heading(title: str, unit: str) -> str:
+    """A chart's title with its unit, at the upper left."""
+    return f'<text class="title" x="2" y="12">{escape(title)} <tspan class="unit">{escape(unit)}</tspan></text>'
+
+
+def value_range(panel: Panel) -> tuple[float, float]:
+    """Lowest and highest value to draw, with a little air."""
+    finite = [line.values[np.isfinite(line.values)] for line in panel.lines]
+    lows = [float(one.min()) for one in finite if one.size]
+    highs = [float(one.max()) for one in finite if one.size]
+    lows += [] if panel.low is None else [panel.low]
+    highs += [] if panel.high is None else [panel.high]
+    if any(line.filled for line in panel.lines):
+        lows.append(0.0)
+    low, high = (min(lows), max(highs)) if lows and highs else (0.0, 1.0)
+    if high - low < 1e-12 * max(1.0, abs(high)):
+        air = abs(high) * 0.1 or 1.0
+        return low - air, high + air
+    air = 0.06 * (high - low)
+    return (low if low == panel.low else low - air), (high if high == panel.high else high + air)
+
+
+def time_plot(panel: Panel) -> str:
+    """The chart as an `<svg>` element."""
+    low, high = value_range(panel)
+    top = 40.0 if panel.name_events and panel.events else 26.0
+    first, last = panel.span
+    frame = Frame(
+        46,
+        top,
+        panel.width - (36 if panel.second else panel.margin),
+        panel.height - 22,
+        first,
+        max(last, first + 1e-9),
+        low,
+        high,
+    )
+    parts = [
+        f'<svg class="chart time" viewBox="0 0 {panel.width} {panel.height}" role="img" '
+        f'aria-label="{escape(panel.title, True)}" {frame.data}>',
+        heading(panel.title, panel.unit),
+    ]
+    parts += _grid(frame, panel.height)
+    if panel.second:
+        parts += _second_scale(frame, *panel.second)
+    parts += _events(panel, frame)
+    for limit in panel.limits:
+        if low <= limit.value <= high:
+            level = float(frame.y(limit.value))
+            parts.append(f'<path class="limit" d="M{frame.left:g} {level:.1f}H{frame.right:g}"/>')
+            parts.append(
+                f'<text class="limit" x="{frame.right - 3:g}" y="{level - 3:.1f}">{escape(limit.label)}</text>'
+            )
+    for line in panel.lines:
+        t, v = decimate(np.asarray(line.time), np.asarray(line.values))
+        inside = (t >= first - 1e-9) & (t <= last + 1e-9)
+        x, y = frame.x(t[inside]), frame.y(v[inside])
+        if line.filled and len(x):
+            base = float(frame.y(max(0.0, low)))
+            closed = np.concatenate([[base], np.where(np.isfinite(y), y, base), [base]])
+            ends = np.concatenate([x[:1], x, x[-1:]])
+            parts.append(f'<path class="area {line.style}" d="{path_data(ends, closed)}Z"/>')
+        label = escape(line.label, True)
+        parts.append(f'<path class="line {line.style}" data-label="{label}" d="{path_data(x, y)}"/>')
+    parts.append("</svg>")
+    return "".join(parts)
+
+
+def _grid(frame: Frame, height: int) -> list[str]:
+    parts = []
+    across = ticks(frame.y0, frame.y1, max(2, min(4, int((frame.bottom - frame.top) / 32))))
+    step = float(across[1] - across[0]) if len(across) > 1 else 1.0
+    for value in across:
+        y = float(frame.y(value))
+        style = "zero" if abs(value) < 1e-9 * step else "grid"
+        parts.append(f'<path class="{style}" d="M{frame.left:g} {y:.1f}H{frame.right:g}"/>')
+        parts.append(f'<text class="tick y" x="{frame.left - 4:g}" y="{y + 3:.1f}">{number(float(value), step)}</text>')
+    parts += _time_ticks(frame, height)
+    return parts
+
+
+def _second_scale(frame: Frame, factor: float, unit: str) -> list[str]:
+    values = ticks(frame.y0 * factor, frame.y1 * factor)
+    step = float(values[1] - values[0]) if len(values) > 1 else 1.0
+    parts = [f'<text class="tick y second" x="{frame.right + 32:g}" y="{frame.top - 7:g}">{escape(unit)}</text>']
+    for value in values:
+        y = float(frame.y(value / factor))
+        parts.append(f'<path class="grid" d="M{frame.right:g} {y:.1f}h3"/>')
+        parts.append(
+            f'<text class="tick end second" x="{frame.right + 5:g}" y="{y + 3:.1f}">{number(float(value), step)}</text>'
+        )
+    return parts
+
+
+def _time_ticks(frame: Frame, height: int) -> list[str]:
+    parts = []
+    along = ticks(frame.x0, frame.x1, max(3, int((frame.right - frame.left) / 52)))
+    step = float(along[1] - along[0]) if len(along) > 1 else 1.0
+    for value in along:
+        x = float(frame.x(value))
+        text = number(float(value), step) + (" s" if value == along[-1] else "")
+        parts.append(f'<path class="grid" d="M{x:.1f} {frame.bottom:g}v3"/>')
+        parts.append(f'<text class="tick x" x="{x:.1f}" y="{height - 8}">{text}</text>')
+    return parts
+
+
+def _events(panel: Panel, frame: Frame) -> list[str]:
+    parts = []
+    taken = -np.inf
+    for event in panel.events:
+        if not frame.x0 <= event.time <= frame.x1:
+            continue
+        x = float(frame.x(event.time))
+        name = f"{event.side} {event.label}".strip()
+        style = event.side.lower() or "middle"
+        parts.append(
+            f'<path class="event {style}" d="M{x:.1f} {frame.top:g}V{frame.bottom:g}">'
+            f"<title>{escape(name)}, {number(event.time, 0.001)} s</title></path>"
+        )
+        short = f"{event.side[:1]} {event.label.replace('Foot ', '')}".strip()
+        half = 2.6 * len(short) + 3
+        if panel.name_events and x - half > taken:
+            parts.append(f'<text class="event {style}" x="{x:.1f}" y="{frame.top - 4:g}">{escape(short)}</text>')
+            taken = x + half
+    return parts
+
+
+def bar_plot(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Array],
+    styles: Sequence[str],
+    labels: Sequence[str],
+    limits: Sequence[Limit] = (),
+    width: int = 680,
+) -> str:
+    """Horizontal bars, one row a name; several `values` lie over each other, the widest first."""
+    row, top, left = 15.0, 26.0, 8.0 + 6.1 * max((len(name) for name in names), default=1)
+    height = int(top + row * len(names) + 24)
+    peak = max([float(np.nanmax(one)) for one in values if np.isfinite(one).any()] + [one.value for one in limits])
+    frame = Frame(left, top, width - 14, top + row * len(names), 0.0, 1.06 * (peak or 1.0), 0.0, 1.0)
+    parts = [
+        f'<svg class="chart bars" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title, True)}">',
+        heading(title, unit),
+    ]
+    along = ticks(0.0, frame.x1, 6)
+    step = float(along[1] - along[0]) if len(along) > 1 else 1.0
+    for value in along:
+        x = float(frame.x(value))
+        parts.append(f'<path class="grid" d="M{x:.1f} {top:g}V{frame.bottom:g}"/>')
+        parts.append(f'<text class="tick x" x="{x:.1f}" y="{height - 8}">{number(float(value), step)}</text>')
+    for i, name in enumerate(names):
+        y = top + row * i
+        told = ", ".join(f"{label} {number(float(one[i]))}" for label, one in zip(labels, values, strict=True))
+        parts.append(f"<g><title>{escape(name)}: {escape(told)} {escape(unit)}</title>")
+        parts.append(f'<text class="tick y" x="{left - 5:g}" y="{y + 11:.1f}">{escape(name)}</text>')
+        for j, (one, style) in enumerate(zip(values, styles, strict=True)):
+            if np.isfinite(one[i]):
+                thick = row - 4 if j == 0 else row - 9
+                parts.append(
+                    f'<rect class="bar {style}" x="{left:g}" y="{y + (row - thick) / 2:.1f}" '
+                    f'width="{float(frame.x(one[i])) - left:.1f}" height="{thick:g}"/>'
+                )
+        parts.append("</g>")
+    for limit in limits:
+        x = float(frame.x(limit.value))
+        parts.append(f'<path class="limit" d="M{x:.1f} {top - 4:g}V{frame.bottom:g}"/>')
+        parts.append(f'<text class="limit" x="{x - 3:.1f}" y="{top - 5:g}">{escape(limit.label)}</text>')
+    parts.append("</svg>")
+    return "".join(parts)

@@ -1,0 +1,271 @@
+"""The report: one HTML text that needs nothing else, from everything a trial produced."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+
+from myomorph.model.series import Event, Motion, Series
+from myomorph.model.spatial import Array
+from myomorph.report.chart import number
+from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
+from myomorph.report.pictures import pictures
+from myomorph.report.player import frames_to_play, player
+from myomorph.report.prepared import Prepared, prepare
+from myomorph.report.references import Reference, references
+from myomorph.report.scene import make_scene
+from myomorph.report.sections import sections
+from myomorph.report.tables import Verdict
+
+__all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
+
+KEY_INSTANTS = 6
+LONGEST_PLAY = 7.5
+_KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A picture of the body at one time: label and PNG addresses from the side and the front."""
+
+    label: str
+    side: str
+    front: str
+    width: int
+    front_width: int
+    height: int
+
+
+def report_page(given: ReportInput) -> str:
+    """One self-contained HTML page: no network, every style, script and picture inside.
+
+    A section appears where its part is given; what is absent is told in one sentence each. Works
+    without scripts; with them, values are read under the pointer and the skeleton plays.
+
+    Parameters
+    ----------
+    given : everything one trial produced, each part optional
+
+    Returns
+    -------
+    HTML text, to be written as UTF-8
+    """
+    prepared = prepare(given)
+    parts, missing = sections(prepared)
+    instants, motion = _body(prepared)
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(_text("report.html.j2"))
+    return template.render(
+        given=given,
+        style=_text("report.css"),
+        script=_text("report.js"),
+        facts=_facts(prepared),
+        tiles=_tiles(prepared),
+        kinds=_KINDS,
+        verdicts=[_printed(one) for one in _ordered(prepared.verdicts)],
+        over=sum(1 for one in prepared.verdicts if one.state == "over"),
+        judged=sum(1 for one in prepared.verdicts if one.limit is not None),
+        sections=parts,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+        muscles_colored=given.tension is not None,
+        references=_numbered(prepared),
+    )
+
+
+def _text(name: str) -> str:
+    return (files("myomorph.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _numbered(prepared: Prepared) -> Sequence[Reference]:
+    given = prepared.given
+    return references(
+        given.fit is not None, given.torques is not None, given.tension is not None, prepared.movement.kind == "jump"
+    )
+
+
+def _facts(prepared: Prepared) -> list[tuple[str, str]]:
+    """Lines of the heading: name and text."""
+    given = prepared.given
+    rows = [("Subject", given.subject)] if given.subject else []
+    rows += list(given.facts.items())
+    if given.model is not None:
+        model = given.model
+        told = f"{model.name}: {len(model.bodies)} bodies, {len(model.coordinates)} coordinates"
+        told += f", {len(model.muscles)} muscles" if model.muscles else ""
+        rows.append(("Model", f"{told}, {number(model.mass)} kg"))
+    motion = given.kinematics
+    for name, series in (
+        ("Motion", motion),
+        ("Markers", given.markers),
+        ("Forces", given.wrenches),
+        ("EMG", given.emg),
+    ):
+        if series is not None and len(series.time) > 1:
+            # The rate of a long clock is its mean; times are often rounded to a millisecond.
+            rate = (len(series.time) - 1) / float(series.time[-1] - series.time[0])
+            rows.append(
+                (
+                    name,
+                    f"{number(len(series.time), 1.0)} frames at {number(rate)} Hz, "
+                    f"{number(float(series.time[0]), 0.01)} to {number(float(series.time[-1]), 0.01)} s",
+                )
+            )
+    if prepared.movement.kind:
+        kind = {"gait": "gait", "jump": "countermovement jump", "contact": "contacts with the ground"}
+        told = kind.get(prepared.movement.kind, prepared.movement.kind)
+        rows.append(("Movement", f"{told}, {len(prepared.events)} events"))
+    return rows
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the summary: value, what it is, whether it is within its limit."""
+
+    value: str
+    name: str
+    state: str
+
+
+def _tiles(prepared: Prepared) -> list[Tile]:
+    """The few numbers to see first."""
+    given = prepared.given
+    tiles = []
+    if given.fit is not None and np.isfinite(given.fit.errors).any():
+        rms = 100 * float(np.sqrt(np.nanmean(given.fit.errors**2)))
+        tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, "Marker error, RMS")))
+        done = int(np.sum(given.fit.converged))
+        tiles.append(Tile(f"{done} / {len(given.fit.converged)}", "frames fitted", _state(prepared, "Frames whose")))
+    for start, name in (
+        ("Residual force, peak", "residual force, of peak external force"),
+        ("Residual moment, peak", "residual moment, of COM height × force"),
+        ("Reserve actuators", "largest reserve, of its peak torque"),
+    ):
+        for one in prepared.verdicts:
+            if one.quantity.startswith(start):
+                tiles.append(Tile(f"{number(one.value)} %", name, one.state))
+    if given.tension is not None:
+        solved = int(np.sum(given.tension.solved))
+        tiles.append(
+            Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", _state(prepared, "Frames without"))
+        )
+        full = next(one for one in prepared.verdicts if one.quantity == "Saturated muscles")
+        tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
+    return tiles
+
+
+def _state(prepared: Prepared, start: str) -> str:
+    return next((one.state for one in prepared.verdicts if one.quantity.startswith(start)), "note")
+
+
+def _ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """What is over its limit first."""
+    rank = {"over": 0, "note": 1, "ok": 2}
+    return sorted(verdicts, key=lambda one: rank[one.state])
+
+
+@dataclass(frozen=True)
+class PrintedVerdict:
+    """A verdict as text."""
+
+    quantity: str
+    value: str
+    limit: str
+    state: str
+    worst: str
+    time: str
+    source: str
+    detail: str
+
+
+def _printed(one: Verdict) -> PrintedVerdict:
+    limit = "none agreed" if one.limit is None else "none" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
+    if "%" in one.unit and one.limit:
+        limit = f"{number(one.limit)} %"
+    whole = one.value == int(one.value) and "%" not in one.unit and "cm" not in one.unit
+    value = number(one.value, 1.0) if whole else number(one.value)
+    return PrintedVerdict(
+        one.quantity,
+        f"{value} {one.unit}".strip(),
+        limit,
+        one.state,
+        one.worst,
+        "" if one.time is None else f"{number(one.time, 0.001)} s",
+        one.source,
+        one.detail,
+    )
+
+
+def _body(prepared: Prepared) -> tuple[list[Instant], str]:
+    """Pictures at key instants, and the moving skeleton; empty without a model and a motion."""
+    given, motion = prepared.given, prepared.given.kinematics
+    if given.model is None or motion is None or not given.model.bodies:
+        return [], ""
+    good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    if not len(good):
+        return [], ""
+    activations = None
+    if given.tension is not None:
+        activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
+    chosen = _key_frames(motion, good, prepared.events)
+    still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, given.wrenches)
+    drawn = pictures(still)
+    instants = []
+    for i, (frame, label) in enumerate(chosen):
+        side, front = (next(one for one in drawn if one.frame == i and one.view == view) for view in ("side", "front"))
+        text = (
+            f"{label}, {number(float(motion.time[frame]), 0.001)} s"
+            if label
+            else f"{number(float(motion.time[frame]), 0.001)} s"
+        )
+        instants.append(
+            Instant(text, _address(side.image), _address(front.image), side.width, front.width, side.height)
+        )
+    points = sum(len(muscle.path.points) for muscle in given.model.muscles)
+    count = frames_to_play(len(good), points, len(given.model.bodies))
+    played = _played(motion.time[good], prepared.events)
+    moving = good[played][np.unique(np.linspace(0, len(good[played]) - 1, count).round().astype(np.int64))]
+    scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, given.wrenches)
+    return instants, player(scene)
+
+
+def _played(time: Array, events: Sequence[Event]) -> slice:
+    """Frames to play: a short recording whole, of a long one some seconds around its events."""
+    start, stop = float(time[0]), float(time[-1])
+    inside = [one.time for one in events if start <= one.time <= stop]
+    if inside:
+        start, stop = max(start, min(inside) - 0.5), min(stop, max(inside) + 1.0)
+    if stop - start > LONGEST_PLAY:
+        middle = (start + stop) / 2
+        start, stop = middle - LONGEST_PLAY / 2, middle + LONGEST_PLAY / 2
+    first, last = np.searchsorted(time, [start - 1e-9, stop + 1e-9])
+    return slice(int(first), max(int(last), int(first) + 1))
+
+
+def _address(image: bytes) -> str:
+    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
+
+
+def _key_frames(motion: Motion, good: np.ndarray, events: Sequence[Event]) -> list[tuple[int, str]]:
+    """Frames to show with their labels: at events where there are some, else evenly spread."""
+    time = motion.time[good]
+    marked = [
+        (int(good[int(np.argmin(np.abs(time - one.time)))]), f"{one.side} {one.label}".strip().capitalize())
+        for one in events
+        if time[0] <= one.time <= time[-1]
+    ]
+    marked = [one for i, one in enumerate(marked) if i == 0 or one[0] != marked[i - 1][0]]
+    if len(marked) > KEY_INSTANTS:
+        # Neighbouring events of one cycle tell more than single ones far apart.
+        start = max(0, (len(marked) - KEY_INSTANTS) // 2)
+        marked = marked[start : start + KEY_INSTANTS]
+    if marked:
+        return marked
+    count = min(KEY_INSTANTS, len(good))
+    return [(int(good[i]), "") for i in np.unique(np.linspace(0, len(good) - 1, count).round().astype(np.int64))]

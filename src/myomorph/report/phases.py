@@ -1,0 +1,266 @@
+"""Events and phases of a movement, from what presses on the ground: gait, jumps, single contacts."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.series import Event, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.report.selection import split_side
+
+_SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class PhaseOptions:
+    """What counts as contact, flight and standing still.
+
+    Attributes
+    ----------
+    threshold : vertical force that is contact, as a share of body weight (0.03 is about 20 N)
+    shortest_contact : contacts and gaps shorter than this are noise [s]
+    shortest_flight : a jump flies at least so long [s]
+    quiet_time : a jump starts from standing still so long [s]
+    quiet_spread : standard deviation of the force that is still standing, as a share of body weight
+    onset_spread : a jump begins where the force leaves body weight by so many standard deviations of
+        quiet standing (Owen et al. 2014)
+    onset_lead : the movement has begun so long before that [s] (the same)
+    """
+
+    threshold: float = 0.03
+    shortest_contact: float = 0.03
+    shortest_flight: float = 0.12
+    quiet_time: float = 0.3
+    quiet_spread: float = 0.03
+    onset_spread: float = 5.0
+    onset_lead: float = 0.03
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number about a movement: name, value, unit and how it was found."""
+
+    name: str
+    value: float
+    unit: str
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """What a recording shows.
+
+    Attributes
+    ----------
+    kind : "gait", "jump", "contact" or "" where no force tells
+    events : in order of time
+    measures : numbers that usually go with such a movement
+    """
+
+    kind: str = ""
+    events: tuple[Event, ...] = ()
+    measures: tuple[Measure, ...] = ()
+
+
+def side_of(name: str, body: str = "") -> str:
+    """Side of a wrench from its body's name or its own: "Right", "Left" or ""."""
+    for text in (body, name):
+        side = split_side(text)[1] if text else ""
+        word = _SIDE_WORD.search(text)
+        side = side or (word[1].lower() if word else "")
+        if side:
+            return side.capitalize()
+    return ""
+
+
+def find_movement(
+    wrenches: Wrenches,
+    up: Array,
+    weight: float | None = None,
+    height: Series | None = None,
+    options: PhaseOptions | None = None,
+) -> Movement:
+    """Events of a walk, a run or a jump from the ground forces.
+
+    A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon et
+    al. 2018: onset, start of braking, lowest point, take-off, landing. Otherwise every side that touches
+    and leaves the ground gets foot strikes and foot offs.
+
+    Parameters
+    ----------
+    up : (3,) unit vector against gravity
+    weight : of the body [N]; without it, the largest quiet force or a third of the peak stands in
+    height : center of mass over time; its largest column along `up` gives the lowest point
+    """
+    options = options or PhaseOptions()
+    vertical = np.nan_to_num(wrenches.forces @ up)
+    if len(wrenches) < 3 or not vertical.size or np.max(vertical) <= 0.0:
+        return Movement()
+    total = vertical.sum(axis=1)
+    scale = weight or float(np.max(total)) / 3.0
+    com = None
+    if height is not None:
+        com = np.interp(wrenches.time, height.time, height.values @ up, left=np.nan, right=np.nan)
+    jump = _jump(wrenches.time, total, scale, com, options)
+    if jump:
+        return jump
+    sides = [side_of(name, body) for name, body in zip(wrenches.names, wrenches.bodies, strict=True)]
+    return _gait(wrenches.time, vertical, sides, scale, options)
+
+
+def contacts(time: Array, force: Array, threshold: float, shortest: float) -> tuple[tuple[int, int], ...]:
+    """Intervals [first, last] of samples with contact, in order.
+
+    Contact is a force over the threshold, averaged over a hundredth of a second so that the noise of an
+    unloaded plate does not touch it; it must reach three times the threshold and last `shortest`, and a
+    gap shorter than that does not end it.
+
+    Parameters
+    ----------
+    time, force : (samples,) [s], [N]
+    threshold : [N]
+    shortest : [s]
+    """
+    width = max(1, round(0.01 / max(float(np.median(np.diff(time))), 1e-9)))
+    smooth = np.convolve(np.pad(force, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]
+    steps = np.flatnonzero(np.diff(np.concatenate([[False], smooth > threshold, [False]]).astype(np.int8)))
+    joined: list[tuple[int, int]] = []
+    for start, stop in zip(steps[::2], steps[1::2] - 1, strict=True):
+        if np.max(smooth[start : stop + 1]) < 3.0 * threshold:
+            continue
+        if joined and time[start] - time[joined[-1][1]] < shortest:
+            joined[-1] = (joined[-1][0], int(stop))
+        else:
+            joined.append((int(start), int(stop)))
+    return tuple((start, stop) for start, stop in joined if time[stop] - time[start] >= shortest)
+
+
+def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float, options: PhaseOptions) -> Movement:
+    events: list[Event] = []
+    measures: list[Measure] = []
+    known = [side for side in ("Right", "Left") if side in sides]
+    for side in known or [""]:
+        force = vertical[:, [i for i, one in enumerate(sides) if one == side]].sum(axis=1)
+        strikes, stances = [], []
+        for start, stop in contacts(time, force, options.threshold * weight, options.shortest_contact):
+            if start > 0:
+                events.append(Event(float(time[start]), "Foot Strike" if side else "Contact", side))
+                strikes.append(time[start])
+            if stop < len(time) - 1:
+                events.append(Event(float(time[stop]), "Foot Off" if side else "Release", side))
+            if start > 0 and stop < len(time) - 1:
+                stances.append(time[stop] - time[start])
+        if side and stances:
+            measures.append(
+                Measure(f"{side} stance time", float(np.mean(stances)), "s", f"mean of {len(stances)}, from the plates")
+            )
+        if side and len(strikes) > 1:
+            measures.append(
+                Measure(f"{side} stride time", float(np.mean(np.diff(strikes))), "s", f"mean of {len(strikes) - 1}")
+            )
+    kind = "" if not events else "gait" if known else "contact"
+    return Movement(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+
+
+def _jump(time: Array, total: Array, weight: float, com: Array | None, options: PhaseOptions) -> Movement | None:
+    """Phases of the first jump that starts from standing, None where there is none."""
+    grounded = contacts(time, total, options.threshold * weight, options.shortest_contact)
+    for (start, off), (land, last) in itertools.pairwise(grounded):
+        if time[land] - time[off] < options.shortest_flight:
+            continue
+        quiet = _quiet(time, total, start, off, weight, options)
+        if quiet is None:
+            continue
+        onset, standing = quiet
+        # An unknown weight was a guess; quiet standing measures it.
+        return _jump_phases(time, total, (onset, off, land, last), standing, com, options)
+    return None
+
+
+def _quiet(
+    time: Array, total: Array, start: int, off: int, weight: float, options: PhaseOptions
+) -> tuple[int, float] | None:
+    """Sample of the movement's onset and the weight that stood there [N], before a take-off."""
+    step = float(np.median(np.diff(time)))
+    width = max(3, round(options.quiet_time / step))
+    part = total[start : off + 1]
+    if len(part) <= width:
+        return None
+    sums = np.concatenate([[0.0], np.cumsum(part)])
+    squares = np.concatenate([[0.0], np.cumsum((part - weight) ** 2)])
+    mean = (sums[width:] - sums[:-width]) / width
+    spread = np.sqrt(np.maximum((squares[width:] - squares[:-width]) / width - (mean - weight) ** 2, 0.0))
+    still = np.flatnonzero(spread < options.quiet_spread * mean)
+    if not len(still):
+        return None
+    window = slice(int(still[-1]), int(still[-1]) + width)
+    standing = float(np.median(part[window]))
+    band = max(options.onset_spread * float(np.std(part[window])), 0.01 * standing)
+    inside = np.abs(part - standing) < band
+    # The last stay inside the band of at least a third of the quiet time ends where the movement begins.
+    end = still[-1] + width - 1
+    run = 0
+    for i, one in enumerate(inside):
+        run = run + 1 if one else 0
+        if run >= max(2, width // 3):
+            end = i
+    lead = round(options.onset_lead / step)
+    return start + max(int(end) - lead, 0), standing
+
+
+def _jump_phases(
+    time: Array,
+    total: Array,
+    marks: tuple[int, int, int, int],
+    weight: float,
+    com: Array | None,
+    options: PhaseOptions,
+) -> Movement:
+    onset, off, land, last = marks
+    gravity = 9.80665
+    push = slice(onset, off + 1)
+    accelerating = (total[push] / weight - 1.0) * gravity
+    steps = np.diff(time[push])
+    speed = np.concatenate([[0.0], np.cumsum(0.5 * (accelerating[1:] + accelerating[:-1]) * steps)])
+    events = [Event(float(time[onset]), "Onset")]
+    flight = float(time[land] - time[off])
+    measures = [
+        Measure("Body weight on the plates", weight, "N", "quiet standing"),
+        Measure("Flight time", flight, "s", f"vertical force under {100 * options.threshold:.0f} % of body weight"),
+        Measure("Jump height from flight time", gravity * flight**2 / 8.0, "m", "g t² / 8"),
+        Measure(
+            "Jump height from take-off velocity", max(speed[-1], 0.0) ** 2 / (2 * gravity), "m", "v² / 2g, impulse"
+        ),
+    ]
+    slowest = int(np.argmin(speed))
+    if speed[slowest] < -0.05 * max(speed.max(), 1e-9):
+        turn = slowest + int(np.argmax(speed[slowest:] >= 0.0))
+        if com is not None and np.isfinite(com[push]).any():
+            turn = int(np.nanargmin(com[push]))
+            measures.append(
+                Measure("Countermovement depth", float(com[onset] - com[push][turn]), "m", "center of mass")
+            )
+        events.append(Event(float(time[onset + slowest]), "Braking"))
+        events.append(Event(float(time[onset + turn]), "Lowest point"))
+    events += [Event(float(time[off]), "Take-off"), Event(float(time[land]), "Landing")]
+    settled = min(last, land + max(1, int(np.searchsorted(time[land:], time[land] + 0.5))))
+    measures += [
+        Measure(
+            "Peak force before take-off",
+            float(total[push].max()),
+            "N",
+            f"{total[push].max() / weight:.2f} body weights",
+        ),
+        Measure(
+            "Peak force of landing",
+            float(total[land : settled + 1].max()),
+            "N",
+            f"{total[land : settled + 1].max() / weight:.2f} body weights",
+        ),
+    ]
+    return Movement("jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures))

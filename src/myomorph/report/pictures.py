@@ -1,0 +1,129 @@
+"""Pictures of a scene: the body from the side and from the front at some instants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.report.image import activation_color, png
+from myomorph.report.raster import Canvas, View
+from myomorph.report.scene import Scene
+from myomorph.report.shapes import normals
+
+BONE = (0.93, 0.89, 0.80)
+FORCE = (0.10, 0.58, 0.46)
+MUSCLE, UNKNOWN = (0.72, 0.24, 0.24), (0.55, 0.52, 0.52)
+SHRINK = 2
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One rendered view.
+
+    Attributes
+    ----------
+    frame : index in the scene
+    view : "side" or "front"
+    image : a PNG file
+    width, height : of it [pixels]
+    """
+
+    frame: int
+    view: str
+    image: bytes
+    width: int
+    height: int
+
+
+def pictures(scene: Scene, height: int = 460, widest: int = 420) -> list[Picture]:
+    """Every frame of the scene from its right side, and from the front.
+
+    All share one scale and one floor, so that they can be compared; what is transparent is background.
+    """
+    shading = [normals(solid.surface) for solid in scene.solids]
+    corners = _corners(scene)
+    found = []
+    for name, axes in (
+        ("side", np.stack([scene.forward, scene.up, scene.right])),
+        ("front", np.stack([-scene.right, scene.up, scene.forward])),
+    ):
+        centers, width, scale = _framing(scene, corners, axes, height, widest)
+        for frame in range(len(scene.time)):
+            view = View(axes, centers[frame], scale * SHRINK, width * SHRINK, height * SHRINK)
+            canvas = Canvas(view)
+            _draw(canvas, scene, frame, shading)
+            found.append(Picture(frame, name, png(canvas.picture(SHRINK)), width, height))
+    return found
+
+
+def plain_color(scene: Scene) -> tuple[float, float, float]:
+    """Color of a muscle without an activation: a muscle's own, but grey among others that have one."""
+    known = any(np.isfinite(muscle.activation).any() for muscle in scene.muscles)
+    return UNKNOWN if known else MUSCLE
+
+
+def _corners(scene: Scene) -> Array:
+    """(frames, n, 3) corners of the boxes around all solids and all points of muscle paths, in ground."""
+    clouds = [scene.origins[:, 1:]]
+    for solid in scene.solids:
+        low, high = solid.surface.vertices.min(axis=0), solid.surface.vertices.max(axis=0)
+        box = np.array(
+            [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        )
+        clouds.append(
+            np.einsum("fij,pj->fpi", scene.rotations[:, solid.body], box) + scene.origins[:, None, solid.body]
+        )
+    return np.concatenate(clouds, axis=1)
+
+
+def _framing(scene: Scene, corners: Array, axes: Array, height: int, widest: int) -> tuple[Array, int, float]:
+    """Middle of every picture, the width of all and pixels per meter."""
+    across, upward = corners @ axes[0], corners @ axes[1]
+    middle = (across.min(axis=1) + across.max(axis=1)) / 2
+    wide = float((across.max(axis=1) - across.min(axis=1)).max()) * 1.06
+    low, high = min(float(upward.min()), scene.floor), float(upward.max())
+    tall = (high - low) * 1.05
+    scale = min(height / tall, widest / wide)
+    depth = (corners @ axes[2]).mean(axis=1)
+    centers = (
+        middle[:, None] * axes[0] + np.full((len(middle), 1), (low + high) / 2) * axes[1] + depth[:, None] * axes[2]
+    )
+    return centers, max(int(np.ceil(wide * scale)), 40), scale
+
+
+def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array]) -> None:
+    for solid, normal in zip(scene.solids, shading, strict=True):
+        turn = scene.rotations[frame, solid.body]
+        vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
+        canvas.surface(vertices, normal @ turn.T, solid.surface.faces, BONE)
+    plain = plain_color(scene)
+    starts, ends, radii, colors = [], [], [], []
+    for muscle in scene.muscles:
+        points = muscle.points[frame]
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points) < 2:
+            continue
+        active = muscle.activation[frame]
+        color = np.array(plain) if np.isnan(active) else activation_color(np.array([active]))[0]
+        starts.append(points[:-1])
+        ends.append(points[1:])
+        radii.append(np.full((len(points) - 1, 2), muscle.radius))
+        colors.append(np.tile(color, (len(points) - 1, 1)))
+    # Half the body's height for one body weight shows both a quiet stance and a landing.
+    meters_per_newton = 0.35 * scene.size / scene.weight
+    for k in range(scene.force_starts.shape[1]):
+        start, force = scene.force_starts[frame, k], scene.force_vectors[frame, k]
+        if not (np.isfinite(start).all() and np.isfinite(force).all()):
+            continue
+        tip = start + force * meters_per_newton
+        along = (tip - start) / max(float(np.linalg.norm(tip - start)), 1e-12)
+        thick = 0.006 * scene.size
+        neck = tip - along * min(4.5 * thick, 0.5 * float(np.linalg.norm(tip - start)))
+        starts.append(np.stack([start, neck]))
+        ends.append(np.stack([neck, tip]))
+        radii.append(np.array([[thick * 0.6, thick * 0.6], [thick * 1.9, 0.1 * thick]]))
+        colors.append(np.tile(FORCE, (2, 1)))
+    if starts:
+        canvas.tubes(np.concatenate(starts), np.concatenate(ends), np.concatenate(radii), np.concatenate(colors))

@@ -1,0 +1,93 @@
+"""Where the limits and the formulas come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A source: what it is cited for, authors and title, place, digital object identifier or address."""
+
+    key: str
+    used: str
+    text: str
+    link: str
+
+
+REFERENCES: tuple[Reference, ...] = (
+    Reference(
+        "hicks2015",
+        "limits on marker errors and residuals",
+        "Hicks JL, Uchida TK, Seth A, Rajagopal A, Delp SL (2015). Is my model good enough? Best practices for "
+        "verification and validation of musculoskeletal models and simulations of movement. J Biomech Eng 137:020905.",
+        "https://doi.org/10.1115/1.4029304",
+    ),
+    Reference(
+        "opensim",
+        "limit on reserve actuators; inverse kinematics, inverse dynamics and static optimization as defined there",
+        "Delp SL, Anderson FC, Arnold AS, Loan P, Habib A, John CT, Guendelman E, Thelen DG (2007). OpenSim: "
+        "open-source software to create and analyze dynamic simulations of movement. IEEE Trans Biomed "
+        "Eng 54:1940–1950; and the "
+        "simulation checklist of its user's guide.",
+        "https://doi.org/10.1109/TBME.2007.901024",
+    ),
+    Reference(
+        "lu1999",
+        "inverse kinematics as one least-squares problem over all markers",
+        "Lu TW, O'Connor JJ (1999). Bone position estimation from skin marker co-ordinates using global optimisation "
+        "with joint constraints. J Biomech 32:129–134.",
+        "https://doi.org/10.1016/S0021-9290(98)00158-4",
+    ),
+    Reference(
+        "featherstone2008",
+        "inverse dynamics by the recursive Newton-Euler algorithm",
+        "Featherstone R (2008). Rigid Body Dynamics Algorithms. Springer, chapter 5.",
+        "https://doi.org/10.1007/978-1-4899-7560-7",
+    ),
+    Reference(
+        "woltring1986",
+        "derivatives of the motion by splines",
+        "Woltring HJ (1986). A Fortran package for generalized, cross-validatory spline smoothing and differentiation. "
+        "Adv Eng Softw 8:104–113.",
+        "https://doi.org/10.1016/0141-1195(86)90098-7",
+    ),
+    Reference(
+        "crowninshield1981",
+        "sharing of torques between muscles by least effort",
+        "Crowninshield RD, Brand RA (1981). A physiologically based criterion of muscle force prediction in "
+        "locomotion. J Biomech 14:793–801.",
+        "https://doi.org/10.1016/0021-9290(81)90035-X",
+    ),
+    Reference(
+        "millard2013",
+        "muscle force from length, velocity and activation",
+        "Millard M, Uchida T, Seth A, Delp SL (2013). Flexing computational muscle: modeling and simulation of "
+        "musculotendon dynamics. J Biomech Eng 135:021005.",
+        "https://doi.org/10.1115/1.4023390",
+    ),
+    Reference(
+        "owen2014",
+        "onset of a jump: five standard deviations of quiet standing, less 30 ms",
+        "Owen NJ, Watkins J, Kilduff LP, Bevan HR, Bennett MA (2014). Development of a criterion method to determine "
+        "peak mechanical power output in a countermovement jump. J Strength Cond Res 28:1552–1558.",
+        "https://doi.org/10.1519/JSC.0000000000000311",
+    ),
+    Reference(
+        "mcmahon2018",
+        "phases of a countermovement jump",
+        "McMahon JJ, Suchomel TJ, Lake JP, Comfort P (2018). Understanding the key phases of the countermovement jump "
+        "force-time curve. Strength Cond J 40:96–106.",
+        "https://doi.org/10.1519/SSC.0000000000000375",
+    ),
+)
+
+
+def references(kinematics: bool, dynamics: bool, tension: bool, jump: bool) -> tuple[Reference, ...]:
+    """Those that a report with these parts relies on."""
+    wanted = {"hicks2015", "opensim"}
+    wanted |= {"lu1999"} if kinematics else set()
+    wanted |= {"featherstone2008", "woltring1986"} if dynamics else set()
+    wanted |= {"crowninshield1981", "millard2013"} if tension else set()
+    wanted |= {"owen2014", "mcmahon2018"} if jump else set()
+    return tuple(one for one in REFERENCES if one.key in wanted)

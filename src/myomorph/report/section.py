@@ -1,0 +1,47 @@
+"""What the page is put together from: sections of figures and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing with its caption; `size` is "small", "medium" or "full"."""
+
+    svg: str
+    size: str = "small"
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table: its heading, its rows of text, and whether it is folded away at first."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    title: str = ""
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page.
+
+    Attributes
+    ----------
+    key : anchor
+    lead : a sentence or two before the figures
+    legend : styles and what they stand for
+    figures, grids : shown in this order
+    """
+
+    key: str
+    title: str
+    lead: str = ""
+    legend: tuple[tuple[str, str], ...] = ()
+    figures: tuple[Figure, ...] = ()
+    grids: tuple[Grid, ...] = ()
+
+
+SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"))

@@ -1,0 +1,155 @@
+"""Surfaces made here: primitive shapes, sticks for bodies without a mesh, and coarser copies."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from myomorph.model.model import Mesh, Model
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+
+
+def primitive(mesh: Mesh) -> Surface | None:
+    """Surface of a primitive in its own frame, of the half sizes `mesh.scale`; None for other meshes.
+
+    A cylinder or capsule of two sizes (the third is zero) stands along z with a radius and half a
+    length, as in MuJoCo; one of three along y, as in OpenSim.
+    """
+    size = np.asarray(mesh.scale, dtype=np.float64)
+    if mesh.shape == "sphere":
+        return _scaled(_ball(), np.full(3, size[0]))
+    if mesh.shape == "ellipsoid":
+        return _scaled(_ball(), size)
+    if mesh.shape == "box":
+        return _scaled(_box(), size)
+    if mesh.shape == "cylinder":
+        if size[2] > 0.0:
+            rod = _rod()
+            return _scaled(Surface(rod.vertices[:, [0, 2, 1]], rod.faces), size)
+        return _scaled(_rod(), np.array([size[0], size[0], size[1]]))
+    if mesh.shape == "capsule":
+        ball = _ball()
+        shift = np.where(ball.vertices[:, 2:] >= 0, size[1], -size[1]) * np.array([0.0, 0.0, 1.0])
+        return Surface(ball.vertices * size[0] + shift, ball.faces)
+    return None
+
+
+def _scaled(surface: Surface, factors: Array) -> Surface:
+    return Surface(surface.vertices * factors, surface.faces)
+
+
+@lru_cache(maxsize=1)
+def _ball(rings: int = 10, sides: int = 14) -> Surface:
+    """Unit sphere: rings around z, both middle rings on one side of the equator so that it can be pulled apart."""
+    polar = np.linspace(0.0, np.pi, rings)
+    around = np.arange(sides) * 2.0 * np.pi / sides
+    points = np.stack(
+        [
+            np.outer(np.sin(polar), np.cos(around)),
+            np.outer(np.sin(polar), np.sin(around)),
+            np.repeat(np.cos(polar)[:, None], sides, axis=1),
+        ],
+        axis=2,
+    )
+    return Surface(points.reshape(-1, 3), _quads(rings, sides))
+
+
+@lru_cache(maxsize=1)
+def _rod(sides: int = 10) -> Surface:
+    """Closed unit cylinder along z, from -1 to 1."""
+    around = np.arange(sides) * 2.0 * np.pi / sides
+    ring = np.stack([np.cos(around), np.sin(around), np.zeros(sides)], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    points = np.concatenate([0.0 * ring + up, ring + up, ring - up, 0.0 * ring - up])
+    return Surface(points, _quads(4, sides))
+
+
+@lru_cache(maxsize=1)
+def _box() -> Surface:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    # Corners are not shared, so that every side keeps its own normal.
+    points = corners[[i for side in sides for i in side]]
+    faces = [(4 * k + a, 4 * k + b, 4 * k + c) for k in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    return Surface(points, np.array(faces))
+
+
+def _quads(rings: int, sides: int) -> np.ndarray:
+    i, j = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
+    a, b = i * sides + j, i * sides + (j + 1) % sides
+    faces = np.stack([np.stack([a, a + sides, b + sides], axis=-1), np.stack([a, b + sides, b], axis=-1)], axis=2)
+    return faces.reshape(-1, 3)
+
+
+def stick(start: Array, end: Array, radius: float) -> Surface:
+    """A spindle from one point to another, thickest near the start, as bones are drawn without a mesh."""
+    along = np.asarray(end, dtype=np.float64) - start
+    length = float(np.linalg.norm(along))
+    z = along / length
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    axes = np.stack([x, np.cross(z, x), z])
+    ball = _ball().vertices
+    profile = 1.0 - 0.45 * np.clip((ball[:, 2:] + 1.0) / 2.0, 0.0, 1.0)
+    local = np.concatenate([ball[:, :2] * radius * profile, ball[:, 2:] * length / 2], axis=1)
+    return Surface(local @ axes + start + along / 2, _ball().faces)
+
+
+def sticks(model: Model) -> dict[str, list[Surface]]:
+    """For every body, spindles between the centers of its joints, in the body's frame.
+
+    A last body reaches to twice its mass center's distance.
+    """
+    origins = {joint.child: joint.child_frame.translation for joint in model.joints}
+    found: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
+    for body in model.bodies:
+        start = origins[body.name]
+        ends = [joint.parent_frame.translation for joint in model.joints if joint.parent == body.name]
+        if not ends and body.mass > 0.0:
+            ends = [start + 1.8 * (body.mass_center - start)]
+        lengths = [float(np.linalg.norm(end - start)) for end in ends]
+        for end, length in zip(ends, lengths, strict=True):
+            if length > 1e-6 and length > 0.15 * max(lengths):
+                found[body.name].append(stick(start, end, 0.07 * length))
+    return found
+
+
+def coarser(surface: Surface, cell: float) -> Surface:
+    """A copy with fewer triangles: vertices in one cell of a grid become their mean.
+
+    Parameters
+    ----------
+    cell : edge of the grid's cells [m]
+    """
+    if not len(surface.faces):
+        return surface
+    keys = np.floor((surface.vertices - surface.vertices.min(axis=0)) / cell).astype(np.int64)
+    _, owner = np.unique(keys, axis=0, return_inverse=True)
+    owner = owner.reshape(-1)
+    count = np.bincount(owner)
+    points = np.stack([np.bincount(owner, surface.vertices[:, i]) / count for i in range(3)], axis=1)
+    faces = owner[surface.faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    faces = faces[np.sort(first)]
+    used, renumbered = np.unique(faces, return_inverse=True)
+    return Surface(points[used], renumbered.reshape(-1, 3))
+
+
+def normals(surface: Surface) -> Array:
+    """(n, 3) unit normal at every vertex, zero where no face touches it."""
+    corners = surface.vertices[surface.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = np.stack(
+        [
+            sum(np.bincount(surface.faces[:, k], across[:, i], len(surface.vertices)) for k in range(3))
+            for i in range(3)
+        ],
+        axis=1,
+    )
+    lengths = np.linalg.norm(total, axis=1, keepdims=True)
+    unit: Array = total / np.where(lengths > 0, lengths, 1.0)
+    return unit
