@@ -18,7 +18,7 @@ from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import couple_rates_frames
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.progress import progress
-from myomorph.study.results import ResultWriter
+from myomorph.study.results import ResultWriter, file_name
 
 BLOCK = 2048
 """Frames that are in memory at a time."""
@@ -99,11 +99,6 @@ def _arm_tables(motion: Motion, crossing: list[tuple[str, str]], arms: Any, fold
         title = f"Moment arms about {coordinate}"
         _table(motion, names, arms[:, start:stop], title, folder / f"moment_arms_{file_name(coordinate)}.sto")
         start = stop
-
-
-def file_name(name: str) -> str:
-    """A name of the model as part of a file's name: other signs than letters, digits, - . _ become _."""
-    return "".join(one if one.isalnum() or one in "-._" else "_" for one in name)
 
 
 def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:

@@ -286,6 +286,11 @@ def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def file_name(name: str) -> str:
+    """A name of the model as part of a file's name: other signs than letters, digits, - . _ become _."""
+    return "".join(one if one.isalnum() or one in "-._" else "_" for one in name)
+
+
 def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     """Unit of each coordinate: "rad", "m", or "" where it is the file's own."""
     units = {"rotational": "rad", "translational": "m", "coupled": ""}

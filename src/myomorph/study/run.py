@@ -16,9 +16,8 @@ import numpy as np
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
 from myomorph.study.inputs import open_model
-from myomorph.study.muscle_files import file_name
 from myomorph.study.plan import Plan
-from myomorph.study.results import STORED, new_result, read_result, stored_provenance, whole_folder
+from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
 from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
 from myomorph.study.takes import FileTake, open_take
 

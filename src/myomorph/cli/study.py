@@ -1,0 +1,76 @@
+"""`demo` and `run`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import OutFolder, Threads, use_threads
+from myomorph.cli.output import said
+
+BAD_INPUT, OUR_FAULT = 2, 1
+
+
+def demo_command(
+    *,
+    out: Annotated[Path, Parameter(help="Folder to write.")] = Path("demo"),
+    study: Annotated[
+        Literal["jump", "simulated"],
+        Parameter(help="A recorded countermovement jump, or a simulated full-body squat with known truth."),
+    ] = "jump",
+    threads: Threads = None,
+) -> int:
+    """The main job on data that come with the installation, from markers to a report."""
+    from myomorph.study.demo import run_demo
+    from myomorph.study.reporting import REPORT
+
+    use_threads(threads)
+    outcome = run_demo(study, out)
+    if outcome.error:
+        sys.stderr.write(f"error: {outcome.error}\n")
+        return OUR_FAULT if outcome.fault else BAD_INPUT
+    said(
+        f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square error "
+        f"{100 * outcome.rms:.2f} cm"
+    )
+    said(f"report: {(out / REPORT).resolve()}")
+    return 0
+
+
+def run_command(
+    study: Annotated[Path, Parameter(help="Study file (.toml).")],
+    /,
+    *,
+    out: OutFolder,
+    resume: Annotated[
+        bool, Parameter(negative=(), help="Take over steps whose inputs, options and version have not changed.")
+    ] = False,
+    threads: Threads = None,
+) -> int:
+    """Run a study file: subjects, models, trials and steps."""
+    from myomorph.study.plan import read_plan
+    from myomorph.study.run import Outcome, run_study
+
+    use_threads(threads)
+    plan = read_plan(study)
+
+    def told(outcome: Outcome) -> None:
+        name = f"{outcome.subject}/{outcome.trial}"
+        if outcome.error:
+            said(f"{name}: FAILED in {outcome.error}")
+            return
+        kept = f" ({len(outcome.kept)} steps unchanged)" if outcome.kept else ""
+        rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
+        said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}")
+
+    for remark in plan.remarks:
+        said(remark)
+    outcomes = run_study(plan, out, resume, told)
+    failed = [one for one in outcomes if one.error]
+    said(f"{len(outcomes) - len(failed)} of {len(outcomes)} trials done; table: {out / 'results.csv'}")
+    if any(one.fault for one in failed):
+        return OUR_FAULT
+    return BAD_INPUT if failed else 0

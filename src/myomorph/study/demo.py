@@ -1,0 +1,78 @@
+"""The main job on an embedded default: from markers to a report, on data that come with the installation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal, get_args
+
+import numpy as np
+
+from myomorph.model.errors import UnknownName
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.study.results import file_source, value_source
+from myomorph.study.run import Outcome, run_take
+from myomorph.study.settings import Differentiation
+from myomorph.study.steps import CHAIN, Take
+
+DemoName = Literal["jump", "simulated"]
+STEPS = (*CHAIN, "report")
+
+
+def run_demo(name: str, out: Path) -> Outcome:
+    """Run the whole chain on a demo and write tables, NetCDF and `report.html` into a folder.
+
+    Raises
+    ------
+    UnknownName
+        where there is no such demo
+    """
+    return run_take(demo_take(name), STEPS, out)
+
+
+def demo_take(name: str) -> Take:
+    """A demo's recording, ready for the steps.
+
+    "jump": a recorded countermovement jump (package `biomdp`) with a leg model (package `myo-sim`);
+    "simulated": a full-body squat that the project simulates, with known truth.
+
+    Raises
+    ------
+    UnknownName
+        where there is no such demo
+    """
+    if name == "jump":
+        return _jump_take()
+    if name == "simulated":
+        from myomorph.study.simulate import simulated_take
+
+        return simulated_take()
+    raise UnknownName("study", name, get_args(DemoName), "the demo")
+
+
+def _jump_take() -> Take:
+    from myomorph.motion.envelope import envelopes
+    from myomorph.study.jump import jump_study
+
+    jump = jump_study()
+    weights = {name: weight for name, weight in jump.marker_weights.items() if name in jump.markers.names}
+    return Take(
+        name="countermovement jump",
+        subject="jumper",
+        model=jump.model,
+        markers=jump.markers,
+        loads=lambda motion: jump.wrenches,
+        emg=envelopes(jump.analog),
+        events=jump.events,
+        mass=jump.mass,
+        time=jump.window,
+        kinematics=InverseKinematicsOptions(marker_weights=MappingProxyType(weights)),
+        derivatives=Differentiation(jump.cutoff),
+        plates=jump.trial.plates,
+        real=jump.real,
+        assumed=jump.assumed,
+        sources=(
+            value_source("model", "demo:jump", *(np.append(body.mass_center, body.mass) for body in jump.model.bodies)),
+            file_source("recording", jump.source),
+        ),
+    )

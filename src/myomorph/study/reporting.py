@@ -1,0 +1,227 @@
+"""From results to `report.html`: what was found, what it was made from, what is real and what is assumed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph import __version__
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance
+from myomorph.model.series import Series
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
+from myomorph.report.page import report_page
+from myomorph.study import stored as store
+from myomorph.study.inputs import open_model
+from myomorph.study.results import STORED, Stored, file_source, read_result
+from myomorph.study.steps import CHAIN, Take
+from myomorph.tension.solve import Tension, TensionOptions
+
+REPORT = "report.html"
+STEP_NAMES = MappingProxyType(
+    {
+        "ik": "inverse kinematics",
+        "id": "inverse dynamics",
+        "muscles": "muscle paths",
+        "tension": "muscle tensions",
+    }
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ShownTension:
+    """A tension as reports read it; see `TensionResult`."""
+
+    time: Array
+    muscles: tuple[str, ...]
+    activations: Array
+    forces: Array
+    reserves: Array
+    reserve_coordinates: tuple[str, ...]
+    solved: np.ndarray
+
+
+def report_folder(folder: str | Path, take: Take | None = None) -> list[Path]:
+    """Make `report.html` of every folder of results in a folder, or of the folder itself.
+
+    Parameters
+    ----------
+    take : the recording, where it is at hand; else the model is read again from where it was
+
+    Returns
+    -------
+    the reports written
+
+    Raises
+    ------
+    BadFile
+        where there are no results, or the model they were made with is gone
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
+    homes = [folder] if any(folder.glob(f"*{STORED}")) else []
+    homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
+    if not homes:
+        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
+    written = []
+    for home in homes:
+        found = joined([read_result(path, leave_out=("moment_arm",)) for path in sorted(home.glob(f"*{STORED}"))])
+        model = take.model if take is not None else model_of(found)
+        text = report_page(report_input(found, model))
+        temporary = home / f".{REPORT}.part"
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, home / REPORT)
+        written.append(home / REPORT)
+    return written
+
+
+def joined(parts: Sequence[Stored]) -> Stored:
+    """Several results of one recording as one.
+
+    Raises
+    ------
+    BadData
+        where their times differ
+    """
+    first = parts[0]
+    values, names, made, facts = dict(first.values), dict(first.names), dict(first.provenance), dict(first.facts)
+    for part in parts[1:]:
+        if len(part.time) != len(first.time) or np.max(np.abs(part.time - first.time), initial=0.0) > 1e-6:
+            raise BadData(
+                f"{part.path}: has {len(part.time)} frames from {part.time[:1]} s, but {first.path.name} "
+                f"{len(first.time)} from {first.time[:1]} s; keep the results of one recording in a folder of their own"
+            )
+        values, names = values | dict(part.values), names | dict(part.names)
+        made, facts = made | dict(part.provenance), facts | dict(part.facts)
+    return Stored(first.path, values, names, made, facts)
+
+
+def model_of(found: Stored) -> Model:
+    """The model that results were made with, read again.
+
+    Raises
+    ------
+    BadFile
+        where the file is gone or has changed since
+    """
+    sources = [one for made in found.provenance.values() for one in made.sources if one.role == "model"]
+    if not sources:
+        raise BadFile(found.path, "does not tell which model it was made with", "run the steps again")
+    source = sources[0]
+    if source.name.startswith("demo:"):
+        from myomorph.study.demo import demo_take
+
+        return demo_take(source.name.removeprefix("demo:")).model
+    if not Path(source.name).is_file():
+        raise BadFile(source.name, "is gone, but the report needs the model", f"{found.path} was made with it")
+    if file_source("model", source.name).sha256 != source.sha256:
+        raise BadFile(source.name, "has changed since the results were made", "run the steps again")
+    return open_model(source.name)
+
+
+def report_input(found: Stored, model: Model) -> ReportInput:
+    """What a report is made of, from results and their model."""
+    facts = found.facts
+    notes = json.loads(facts.get("notes", "{}"))
+    mass = facts.get("mass", "")
+    tension = store.get_tension(found, TensionOptions())
+    truth = store.get_truth(found)
+    arms = found.names.get("crossing_coordinate", ())
+    fit = store.get_fit(found)
+    warnings = [*json.loads(facts.get("warnings", "[]")), *_mass_doubt(mass, model)]
+    return ReportInput(
+        title=": ".join(one for one in (facts.get("subject", ""), facts.get("trial", "")) if one) or model.name,
+        subject=facts.get("subject", ""),
+        date=max((made.date for made in found.provenance.values()), default=""),
+        version=__version__,
+        notes=tuple(Note(kind, text) for kind in ("real", "assumed", "simulated") for text in notes.get(kind, ())),
+        facts=MappingProxyType({"Body mass": f"{float(mass):g} kg"} if mass else {}),
+        sources=_sources(found.provenance),
+        steps=tuple(_step(step, found) for step in CHAIN if step in found.provenance),
+        model=model,
+        surfaces=surfaces_of(model),
+        markers=store.get_markers(found),
+        fit=fit,
+        motion=store.get_derivatives(found) if fit is None else None,
+        wrenches=store.get_wrenches(found),
+        plates=store.get_plates(found),
+        torques=store.get_torques(found),
+        root_note=facts.get("root_note", ""),
+        lengths=_lengths(found),
+        driven=tuple(dict.fromkeys(arms)),
+        tension=None if tension is None else shown_tension(tension, found),
+        emg=store.get_emg(found),
+        emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
+        events=store.get_events(found) or None,
+        truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
+        warnings=tuple(warnings),
+    )
+
+
+def shown_tension(tension: Tension, found: Stored) -> ShownTension:
+    """A tension with the coordinate of every reserve, "" for those on bodies."""
+    return ShownTension(
+        tension.time,
+        tension.muscles,
+        tension.activations,
+        tension.forces,
+        tension.reserves,
+        found.names.get("actuator_coordinate", ()),
+        tension.optimal,
+    )
+
+
+def surfaces_of(model: Model) -> Mapping[str, Surface]:
+    """Meshes of the model's bodies, as far as they lie beside its file."""
+    from myomorph.io.mesh import read_surfaces
+
+    source = Path(model.source)
+    if not model.source or not source.parent.is_dir():
+        return {}
+    folders = [source.parent, source.parent / "Geometry", source.parent / "geometry"]
+    return read_surfaces(model, [one for one in folders if one.is_dir()])[0]
+
+
+def _lengths(found: Stored) -> Series | None:
+    values = found.values.get("muscle_length")
+    return None if values is None else Series(found.time, found.names["muscle"], values)
+
+
+def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
+    unique = dict.fromkeys((one.role, Path(one.name).name, one.sha256) for each in made.values() for one in each.sources)
+    return tuple(SourceFile(*one) for one in unique)
+
+
+def _step(step: str, found: Stored) -> Step:
+    made = found.provenance[step]
+    prefix = f"{step}."
+    options = {name.removeprefix(prefix): _told(value) for name, value in made.options.items() if name.startswith(prefix)}
+    time = made.options.get("time")
+    if isinstance(time, list):
+        options["time"] = f"{time[0]:g} to {time[1]:g} s"
+    return Step(STEP_NAMES[step], options, None, len(found.time))
+
+
+def _told(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _mass_doubt(mass: str, model: Model) -> list[str]:
+    """A sentence where the subject's mass is not the model's: masses are not scaled by these steps."""
+    if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
+        return []
+    return [f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong to the model's mass"]
