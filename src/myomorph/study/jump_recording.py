@@ -58,11 +58,13 @@ def with_mirrored(markers: Markers) -> Markers:
 
 
 def middle_plane(markers: Markers) -> tuple[Array, Array]:
-    """A point (frames, 3) and the unit normal (frames, 3) of the plane that halves the pelvis.
+    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the pelvis.
 
-    It lies halfway between the spines of the pelvis, across the line from left to right.
+    It lies halfway between the spines of the pelvis, across the level part of the line from left to
+    right: upright, so that the mirror image of a foot on the floor stands on the floor.
     """
     side = markers["RASI"] - markers["LASI"] + markers["RPSI"] - markers["LPSI"]
+    side[:, 1] = 0.0
     middle = 0.25 * (markers["RASI"] + markers["LASI"] + markers["RPSI"] + markers["LPSI"])
     return middle, side / np.linalg.norm(side, axis=1, keepdims=True)
 
