@@ -20,14 +20,15 @@ from numpy.typing import NDArray
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, index_of
 from myomorph.model.spatial import Array
+from myomorph.muscles.path import Paths
 from myomorph.rigid.coordinates import evaluate
 from myomorph.rigid.tree import Tree
 from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
 from myomorph.tension.dual import Pattern, pattern
 
 
-class Folding(NamedTuple):
-    """How entries on all coordinates become entries on the rows of A.
+class Links(NamedTuple):
+    """How generalized forces on all coordinates become entries on the rows of A and b.
 
     Attributes
     ----------
@@ -36,6 +37,8 @@ class Folding(NamedTuple):
     coupler : (links,) number of the coupler it passes, -1 for none
     follows : (links,) coordinate of the row it ends in
     target : (links,) entry of A it is added to
+    arm_muscle, arm_row : (moment arms,) muscle and row of each, row -1 where it takes no part
+    row : (coordinates,) row of each coordinate in the order of elimination, -1 for none
     """
 
     variable: NDArray[np.int64]
@@ -43,43 +46,39 @@ class Folding(NamedTuple):
     coupler: NDArray[np.int64]
     follows: NDArray[np.int64]
     target: NDArray[np.int64]
+    arm_muscle: NDArray[np.int64]
+    arm_row: NDArray[np.int64]
+    row: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """What `fold` needs, and the pattern of A.
+    """The pattern of A, and what fills it frame by frame.
 
     Attributes
     ----------
     rows : names of the free coordinates, one per row
-    row_of : (coordinates,) row of each coordinate, -1 for none
-    links : of the muscles' and the actuators' entries, in this order of entries: muscles, actuators
-        on bodies, actuators on coordinates
-    on_bodies, on_coordinates : numbers of the actuators of either kind
+    links : from entries to A; entries are moment arms, then those of actuators on bodies, then one for
+        each actuator on a coordinate
+    bodies : the actuators on bodies
+    coordinate_actuators : how many act on a coordinate
+    optimal_forces : (actuators,) [N or N m]
     """
 
     tree: Tree
     rows: tuple[str, ...]
-    row_of: NDArray[np.int64]
-    links: Folding
+    links: Links
     pattern: Pattern
     bodies: BodyActuators
-    on_bodies: NDArray[np.int64]
-    on_coordinates: NDArray[np.int64]
-    muscle_entries: int
-    entries: int
+    coordinate_actuators: int
     optimal_forces: Array
 
 
-def assemble(
-    tree: Tree, start: NDArray[np.int64], coordinate: NDArray[np.int64], actuators: Sequence[Actuator]
-) -> Assembly:
+def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     """The pattern of A from that of the moment arms.
 
     Parameters
     ----------
-    start, coordinate : (muscles + 1,), (entries,) the coordinates that each muscle may have a moment
-        arm about are coordinate[start[m]:start[m + 1]]
     actuators : whose controls follow the activations among the variables
 
     Raises
@@ -89,6 +88,7 @@ def assemble(
     BadModel
         where no coordinate is free
     """
+    tree = paths.tree
     model = tree.model
     rows = free_coordinates(model)
     if not rows:
@@ -99,17 +99,24 @@ def assemble(
     on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
     on_coordinates = [i for i, one in enumerate(actuators) if one.kind == "coordinate"]
     bodies = compile_body_actuators(tree, [actuators[i] for i in on_bodies])
-    muscles = len(start) - 1
-    sources = [(m, int(coordinate[e])) for m in range(muscles) for e in range(start[m], start[m + 1])]
-    for k, i in enumerate(on_bodies):
-        sources += [(muscles + i, int(bodies.coordinate[e])) for e in range(bodies.start[k], bodies.start[k + 1])]
-    for i in on_coordinates:
-        sources.append((muscles + i, index_of("coordinate", actuators[i].coordinate, names)))
+    muscles = len(model.muscles)
+    # Moment arms about a coordinate already hold what reaches the muscle through those that follow it.
+    sources = [
+        (int(m), int(j), [(-1, int(j))] if free else [])
+        for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arrays.arm_free, strict=True)
+    ]
     reach = _reach(tree)
+    touched = [
+        (muscles + i, int(j))
+        for k, i in enumerate(on_bodies)
+        for j in bodies.coordinate[bodies.start[k] : bodies.start[k + 1]]
+    ]
+    touched += [(muscles + i, index_of("coordinate", actuators[i].coordinate, names)) for i in on_coordinates]
+    sources += [(variable, j, reach[j]) for variable, j in touched]
     places: dict[tuple[int, int], int] = {}
     links = []
-    for source, (variable, j) in enumerate(sources):
-        for coupler, k in reach[j]:
+    for source, (variable, _, ends) in enumerate(sources):
+        for coupler, k in ends:
             if row_of[k] >= 0:
                 target = places.setdefault((int(row_of[k]), variable), len(places))
                 links.append((variable, source, coupler, k, target))
@@ -117,17 +124,17 @@ def assemble(
     place_rows, place_columns = np.array(list(places), np.int64).reshape(-1, 2).T
     shape = pattern(place_rows, place_columns, (len(rows), muscles + len(actuators)))
     table[:, 4] = shape.place[table[:, 4]]
+    rank = np.append(np.argsort(shape.order), -1)
+    row = rank[row_of]
+    arm_row = np.where(paths.arrays.arm_free, row[paths.arm_coordinate], -1)
+    columns = [np.ascontiguousarray(column) for column in table.T]
     return Assembly(
         tree=tree,
         rows=rows,
-        row_of=row_of,
-        links=Folding(*(np.ascontiguousarray(column) for column in table.T)),
+        links=Links(*columns, np.ascontiguousarray(paths.arm_muscle, np.int64), arm_row.astype(np.int64), row),
         pattern=shape,
         bodies=bodies,
-        on_bodies=np.array(on_bodies, np.int64),
-        on_coordinates=np.array(on_coordinates, np.int64),
-        muscle_entries=int(start[-1]),
-        entries=len(sources),
+        coordinate_actuators=len(on_coordinates),
         optimal_forces=np.array([one.optimal_force for one in actuators], dtype=np.float64),
     )
 
@@ -173,55 +180,46 @@ def _coupling(T, c, C):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fold(T, links, row_of, rank, coordinates, entries, forces, passive, start, coordinate, torques, values, right):
+def fold(T, L, coordinates, entries, forces, passive, torques, values, right):
     """Fill A and b of every frame.
 
     Parameters
     ----------
+    T, L : arrays of the tree, `Links`
     coordinates : (frames, coordinates) all values
     entries : (frames, entries) generalized forces of unit forces
     forces : (frames, variables) force of a unit of each variable
     passive : (frames, muscles) passive forces, taken off the torques
-    start, coordinate : of the muscles' entries
     torques : (frames, coordinates) of inverse dynamics
-    rank : (rows,) place of each row in the order of elimination
     values, right : (frames, entries of A), (frames, rows) filled
     """
     couplers = T.coupler_coordinate.shape[0]
     C = np.zeros((couplers, coordinates.shape[1]))
-    tau = np.empty(coordinates.shape[1])
     for frame in range(coordinates.shape[0]):
         _coupling(T, coordinates[frame], C)
         for k in range(values.shape[1]):
             values[frame, k] = 0.0
-        for k in range(links.variable.shape[0]):
-            share = entries[frame, links.source[k]] * forces[frame, links.variable[k]]
-            if links.coupler[k] >= 0:
-                share *= C[links.coupler[k], links.follows[k]]
-            values[frame, links.target[k]] += share
-        for j in range(tau.shape[0]):
-            tau[j] = torques[frame, j]
-        for m in range(passive.shape[1]):
-            pull = passive[frame, m]
-            if pull != 0.0:
-                for e in range(start[m], start[m + 1]):
-                    tau[coordinate[e]] -= entries[frame, e] * pull
+        for k in range(L.variable.shape[0]):
+            share = entries[frame, L.source[k]] * forces[frame, L.variable[k]]
+            if L.coupler[k] >= 0:
+                share *= C[L.coupler[k], L.follows[k]]
+            values[frame, L.target[k]] += share
+        for j in range(L.row.shape[0]):
+            if L.row[j] >= 0:
+                right[frame, L.row[j]] = torques[frame, j]
         for k in range(couplers):
-            dependent = tau[T.coupler_coordinate[k]]
-            for j in range(tau.shape[0]):
-                if C[k, j] != 0.0:
-                    tau[j] += C[k, j] * dependent
-        for j in range(tau.shape[0]):
-            if row_of[j] >= 0:
-                right[frame, rank[row_of[j]]] = tau[j]
+            dependent = torques[frame, T.coupler_coordinate[k]]
+            for j in range(L.row.shape[0]):
+                if L.row[j] >= 0 and C[k, j] != 0.0:
+                    right[frame, L.row[j]] += C[k, j] * dependent
+        for e in range(L.arm_row.shape[0]):
+            if L.arm_row[e] >= 0:
+                right[frame, L.arm_row[e]] -= entries[frame, e] * passive[frame, L.arm_muscle[e]]
 
 
-def actuator_entries(assembly: Assembly, coordinates: Array, entries: Array) -> None:
-    """Fill the actuators' entries (frames, entries) behind the muscles'."""
-    first = assembly.muscle_entries
-    count = len(assembly.bodies.coordinate)
-    if count:
-        filled = np.empty((len(entries), count))
+def actuator_entries(assembly: Assembly, coordinates: Array) -> Array:
+    """Generalized forces of the actuators' unit forces, (frames, entries behind the moment arms)."""
+    filled = np.empty((len(coordinates), len(assembly.bodies.coordinate)))
+    if filled.shape[1]:
         body_directions(assembly.tree.arrays, assembly.bodies, coordinates, filled)
-        entries[:, first : first + count] = filled
-    entries[:, first + count :] = 1.0
+    return np.hstack([filled, np.ones((len(coordinates), assembly.coordinate_actuators))])

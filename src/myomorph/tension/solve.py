@@ -244,9 +244,8 @@ class TensionProblem:
         self._options = options
         self._coordinates, self._rates, self._tau = coordinates, rates, torques
         self._hill = compile_hill(tree.model)
-        self._paths = compile_paths(tree.model, tree)
-        self.assembly = assemble(tree, self._paths.start, self._paths.coordinate, actuators)
-        self._rank = np.argsort(self.assembly.pattern.order)
+        self._paths = compile_paths(tree.model)
+        self.assembly = assemble(self._paths, actuators)
         self._enabled = np.array([one.enabled for one in muscles])
         self._strength = np.array([one.max_isometric_force for one in muscles])
         # A muscle that is switched off has no force, so its activation must not be free.
@@ -289,10 +288,8 @@ class TensionProblem:
         assembly, part, frames = self.assembly, slice(start, stop), stop - start
         muscles = len(self._lower)
         c = np.ascontiguousarray(self._coordinates[part])
-        entries = np.empty((frames, assembly.entries))
-        lengths, speeds = np.empty((frames, muscles)), np.empty((frames, muscles))
-        self._paths.evaluate(c, self._rates[part], lengths, speeds, entries[:, : assembly.muscle_entries])
-        actuator_entries(assembly, c, entries)
+        lengths, speeds, arms = self._paths.evaluate(c, self._rates[part])
+        entries = np.hstack([arms, actuator_entries(assembly, c)])
         active, passive = np.empty((frames, muscles)), np.empty((frames, muscles))
         hill_frames(self._hill, lengths, speeds, self._options.convention == "opensim", active, passive)
         if self._options.curves == "constant":
@@ -301,21 +298,7 @@ class TensionProblem:
         passive *= self._enabled * self._options.passive
         forces = np.hstack([active, np.broadcast_to(assembly.optimal_forces, (frames, len(assembly.optimal_forces)))])
         values, right = np.empty((frames, len(self.separable.row))), np.empty((frames, len(assembly.rows)))
-        fold(
-            assembly.tree.arrays,
-            assembly.links,
-            assembly.row_of,
-            self._rank,
-            c,
-            entries,
-            forces,
-            passive,
-            self._paths.start,
-            self._paths.coordinate,
-            self._tau[part],
-            values,
-            right,
-        )
+        fold(assembly.tree.arrays, assembly.links, c, entries, forces, passive, self._tau[part], values, right)
         return values, right, active, passive
 
     def solve(self, start: int, stop: int) -> None:
@@ -338,7 +321,7 @@ class TensionProblem:
         self._activations[part] = x[:, :muscles]
         self._forces[part] = active * x[:, :muscles] + passive
         self._reserves[part] = x[:, muscles:] * self.assembly.optimal_forces
-        self._balanced[part] = right[:, self._rank]
+        self._balanced[part] = right[:, np.argsort(self.assembly.pattern.order)]
 
     def result(self, time: Array, names: tuple[str, ...]) -> Tension:
         """What was found, as a value."""
