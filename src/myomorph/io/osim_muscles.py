@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
+
+import numpy as np
 
 from myomorph.io.osim_document import Node
 from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_functions import read_function
 from myomorph.io.osim_joints import plain_name
 from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.functions import Function, constant
+from myomorph.model.functions import Function, SineProduct, constant
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap
+from myomorph.model.spatial import Transform
 
 DEFAULTS = {
     "Thelen2003Muscle": {"min_control": 0.01},
@@ -82,7 +86,7 @@ class PathReader:
     def _point(self, node: Node) -> PathPoint | MovingPathPoint:
         body, pose = self._frames.place(node.socket("parent_frame", "body"), node)
         if node.kind == "MovingPathPoint":
-            return self._moving(node, body, pose.rotation, pose.translation)
+            return self._moving(node, body, pose)
         place = pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
         if node.kind == "PathPoint":
             return PathPoint(node.name, body, place)
@@ -92,17 +96,19 @@ class PathReader:
         coordinate = self._coordinate(node.socket("coordinate", "coordinate", "coordinates"), node)
         return PathPoint(node.name, body, place, coordinate, (float(low), float(high)))
 
-    def _moving(self, node: Node, body: str, rotation: object, translation: object) -> MovingPathPoint:
+    def _moving(self, node: Node, body: str, pose: Transform) -> MovingPathPoint:
+        if not np.array_equal(pose.rotation, np.eye(3)):
+            raise BadModel(f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not built")
         functions: list[Function] = []
         coordinates: list[str] = []
-        for axis in "xyz":
+        for axis, offset in zip("xyz", pose.translation, strict=True):
             inner = node.inner(f"{axis}_location")
             function = constant(0.0) if inner is None else read_function(inner, node)
-            name = node.socket(f"{axis}_coordinate", f"{axis}_coordinate")
-            functions.append(function)
-            coordinates.append(self._coordinate(name, node) if function.arity and name else "")
+            name = node.socket(f"{axis}_coordinate")
             if function.arity and not name:
                 raise node.bad(f"its {axis}_location depends on a coordinate, but names none")
+            functions.append(_raised(function, float(offset)))
+            coordinates.append(self._coordinate(name, node) if function.arity else "")
         return MovingPathPoint(node.name, body, tuple(functions), tuple(coordinates))  # type: ignore[arg-type]
 
     def _coordinate(self, text: str, node: Node) -> str:
@@ -122,6 +128,16 @@ class PathReader:
         if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
             raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")
         return PathWrap(self._wraps[name], "hybrid" if method in ("unassigned", "") else method, first, last)
+
+
+def _raised(function: Function, by: float) -> Function:
+    if by == 0.0:
+        return function
+    if isinstance(function, SineProduct):
+        return replace(function, offset=function.offset + by)
+    coefficients = function.coefficients.copy()
+    coefficients[:, 0] += by
+    return replace(function, coefficients=coefficients)
 
 
 def is_muscle(node: Node) -> bool:

@@ -121,9 +121,9 @@ def _write_groups(parent: etree._Element, model: Model) -> None:
     while waiting:
         name = next((one for one in waiting if not sooner[one] & set(waiting)), waiting[0])
         waiting.remove(name)
-        group = child(groups, "ObjectGroup")
-        group.set("name", name)
-        child(group, "members", " ".join(legal(one) for one in members[name]))
+        written_group = child(groups, "ObjectGroup")
+        written_group.set("name", name)
+        child(written_group, "members", " ".join(legal(one) for one in members[name]))
 
 
 def _write_mass(parent: etree._Element, body: Body, model: Model, kept: list[Kept]) -> None:
