@@ -35,7 +35,7 @@ def ik_command(
     out: OutFile,
     tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
     time: Time = None,
-    options: IkOptions | None = None,
+    options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
@@ -67,7 +67,7 @@ def id_command(
     out: OutFile,
     loads: LoadsFile = None,
     time: Time = None,
-    options: IdOptions | None = None,
+    options: IdOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse dynamics: the generalized force of every coordinate."""
@@ -84,4 +84,3 @@ def id_command(
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     said(f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces; wrote {out}")
     return 0
-

@@ -33,7 +33,7 @@ def muscles_command(
     motion: MotionFile,
     out: OutFolder,
     time: Time = None,
-    options: MusclesOptions | None = None,
+    options: MusclesOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Muscle lengths, lengthening velocities and moment arms."""
@@ -61,7 +61,7 @@ def tension_command(
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,
     time: Time = None,
-    options: TensionSettings | None = None,
+    options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Muscle tensions that make the joint torques with the least effort."""

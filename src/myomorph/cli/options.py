@@ -38,7 +38,7 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
             if setting.name in leave_out or setting.name in {name for name, _, _ in fields}:
                 continue
             text = f"{setting.help[:1].upper()}{setting.help[1:]}".rstrip(".") + "."
-            kind = Annotated[setting.kind, Parameter(help=text)]
+            kind = Annotated[setting.kind, Parameter(help=text)]  # type: ignore[name-defined]
             fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
     made = dataclasses.make_dataclass("Options", fields, frozen=True, namespace={"__module__": __name__})
     return Annotated[made, Parameter(name="*")]

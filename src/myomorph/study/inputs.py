@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.model.errors import BadData, BadFile, BadModel, MyomorphError, UnknownName
 from myomorph.model.model import Model
-from myomorph.model.series import Z_UP_TO_Y_UP, Emg, Markers, Motion, Series, Trial, Wrenches
+from myomorph.model.series import Z_UP_TO_Y_UP, Emg, Motion, Series, Trial, Wrenches
 from myomorph.model.spatial import Array
 
 MARKER_FILES = (".trc", ".c3d")
@@ -48,7 +48,7 @@ def has_mass(model: Model, step: str) -> None:
     """Raise `BadModel` where no body has a mass, so that forces would all be zero."""
     if not np.isfinite(model.mass) or model.mass <= 0.0:
         raise BadModel(
-            f"{model.source or model.name}: {step} needs masses, but the model's bodies weigh {model.mass:g} kg in all; "
+            f"{model.source or model.name}: {step} needs masses, but the model's bodies weigh {model.mass:g} kg; "
             "give the bodies their masses"
         )
 
@@ -208,7 +208,7 @@ def open_loads(path: str | Path, model: Model, motion: Motion, bodies: Mapping[s
 
 
 def force_table(path: str | Path, bodies: Mapping[str, str]) -> Wrenches:
-    """Forces of a table whose columns are PREFIXvx ... PREFIXpx ... and, for torques, PREFIXmx or as OpenSim names them.
+    """Forces of a table whose columns are PREFIXvx ..., PREFIXpx ... and, for torques, PREFIXmx ... or OpenSim's names.
 
     Parameters
     ----------

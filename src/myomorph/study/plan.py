@@ -217,9 +217,7 @@ def _check_time(time: tuple[float, float] | None, where: str, problems: list[str
         problems.append(f"{where} = [{time[0]:g}, {time[1]:g}]: expected a start before an end [s]")
 
 
-def _matches(
-    given: str | _Trial, folder: Path, where: str, problems: list[str]
-) -> list[tuple[_Trial, Path]]:
+def _matches(given: str | _Trial, folder: Path, where: str, problems: list[str]) -> list[tuple[_Trial, Path]]:
     """The recordings that an entry of `trials` names: a pattern, a file, or a table."""
     pattern = given if isinstance(given, str) else given.markers
     table = _Trial(markers=pattern) if isinstance(given, str) else given

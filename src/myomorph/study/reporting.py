@@ -22,7 +22,7 @@ from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
 from myomorph.report.page import report_page
 from myomorph.study import stored as store
 from myomorph.study.inputs import open_model
-from myomorph.study.results import STORED, Stored, file_source, read_result
+from myomorph.study.results import STORED, Stored, file_name, file_source, read_result
 from myomorph.study.steps import CHAIN, Take
 from myomorph.tension.solve import Tension, TensionOptions
 
@@ -69,20 +69,23 @@ def report_folder(folder: str | Path, take: Take | None = None) -> list[Path]:
     folder = Path(folder)
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
+    if take is not None:
+        return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], take.model)]
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
     if not homes:
         raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
-    written = []
-    for home in homes:
-        found = joined([read_result(path, leave_out=("moment_arm",)) for path in sorted(home.glob(f"*{STORED}"))])
-        model = take.model if take is not None else model_of(found)
-        text = report_page(report_input(found, model))
-        temporary = home / f".{REPORT}.part"
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, home / REPORT)
-        written.append(home / REPORT)
-    return written
+    return [_write(home, sorted(home.glob(f"*{STORED}"))) for home in homes]
+
+
+def _write(home: Path, paths: Sequence[Path], model: Model | None = None) -> Path:
+    """The report of the results in one folder, whole or not at all."""
+    found = joined([read_result(path, leave_out=("moment_arm",)) for path in paths])
+    text = report_page(report_input(found, model or model_of(found)))
+    temporary = home / f".{REPORT}.part"
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, home / REPORT)
+    return home / REPORT
 
 
 def joined(parts: Sequence[Stored]) -> Stored:
@@ -198,14 +201,18 @@ def _lengths(found: Stored) -> Series | None:
 
 
 def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
-    unique = dict.fromkeys((one.role, Path(one.name).name, one.sha256) for each in made.values() for one in each.sources)
+    unique = dict.fromkeys(
+        (one.role, Path(one.name).name, one.sha256) for each in made.values() for one in each.sources
+    )
     return tuple(SourceFile(*one) for one in unique)
 
 
 def _step(step: str, found: Stored) -> Step:
     made = found.provenance[step]
     prefix = f"{step}."
-    options = {name.removeprefix(prefix): _told(value) for name, value in made.options.items() if name.startswith(prefix)}
+    options = {
+        name.removeprefix(prefix): _told(value) for name, value in made.options.items() if name.startswith(prefix)
+    }
     time = made.options.get("time")
     if isinstance(time, list):
         options["time"] = f"{time[0]:g} to {time[1]:g} s"
@@ -224,4 +231,6 @@ def _mass_doubt(mass: str, model: Model) -> list[str]:
     """A sentence where the subject's mass is not the model's: masses are not scaled by these steps."""
     if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
         return []
-    return [f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong to the model's mass"]
+    return [
+        f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong to the model's mass"
+    ]

@@ -40,7 +40,7 @@ KEPT_FREE = (
     "elbow_flexion_", "pro_sup_", "hip_", "knee_angle_", "ankle_angle_", "subtalar_angle_",
 )  # fmt: skip
 STANDING = MappingProxyType({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0})
-"""The highest pose, the coordinates' differences from the default pose [deg]; hanging arms have no plane of elevation."""
+"""The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
 SQUAT = MappingProxyType(
     {
         "root_rx": 25.0,
@@ -182,7 +182,7 @@ class Splines:
 
     def at(self, rate: float, duration: float) -> Motion:
         """The motion with exact derivatives at so many frames a second."""
-        time = np.arange(int(round(rate * duration)) + 1) / rate
+        time = np.arange(round(rate * duration) + 1) / rate
         found = [self.spline(time, order) for order in range(3)]
         return Motion(time, self.names, *found)
 
@@ -193,7 +193,7 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     Between standing and `SQUAT` the depth is (1 - cos) / 2; each pose is the one nearest to that whose
     heel markers stay in place.
     """
-    time = np.arange(int(round(KNOT_RATE * options.duration)) + 1) / KNOT_RATE
+    time = np.arange(round(KNOT_RATE * options.duration) + 1) / KNOT_RATE
     depth = 0.5 - 0.5 * np.cos(2.0 * np.pi * options.squats * time / options.duration)
     free = [one for one in model.coordinates if not one.locked and one.name not in model.dependent_coordinates]
     names = tuple(one.name for one in free)

@@ -199,7 +199,8 @@ def _run_ik(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Fou
 
 def _run_id(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
     after = solve_dynamics(take, found)
-    assert after.motion is not None and after.torques is not None
+    assert after.motion is not None
+    assert after.torques is not None
     write_sto(torque_table(after.torques, take.model), folder / "torques.sto")
     store.put_derivatives(writer, after.motion, take.model)
     store.put_torques(writer, after.torques, after.wrenches)
@@ -222,10 +223,12 @@ def _run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) -
 
     if found.torques is None:
         found = solve_dynamics(take, found)
-        assert found.motion is not None and found.torques is not None
+        assert found.motion is not None
+        assert found.torques is not None
         store.put_derivatives(writer, found.motion, take.model)
         store.put_torques(writer, found.torques, found.wrenches)
-    assert found.motion is not None and found.torques is not None
+    assert found.motion is not None
+    assert found.torques is not None
     options = take.tension or TensionOptions()
     added = added_actuators(take, options)
     with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
