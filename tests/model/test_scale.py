@@ -13,6 +13,7 @@ from myomorph.model.model import Body
 from myomorph.model.paths import PathPoint
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
+from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -36,6 +37,15 @@ def scaled_by_opensim(path, factors, keep, mass, folder):
     return read_osim(folder / "scaled.osim")
 
 
+def opensim_lengths(path):
+    """Path lengths in the default pose, from OpenSim: what wraps does not matter to the rule of scaling."""
+    osim = pytest.importorskip("opensim")
+    model = osim.Model(str(path))
+    state = model.initSystem()
+    muscles = model.getMuscles()
+    return np.array([muscles.get(i).getLength(state) for i in range(muscles.getSize())])
+
+
 def random_factors(model, seed=0):
     """Uneven for two bodies of three, even for the third: OpenSim has a rule for each."""
     rng = np.random.default_rng(seed)
@@ -52,7 +62,8 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
     before = read_osim(data(name))
     factors = random_factors(before)
     theirs = scaled_by_opensim(data(name), factors, keep, 80.0, tmp_path)
-    ours = scale(before, factors, 80.0, preserve_mass_distribution=keep)
+    lengths = iter([opensim_lengths(data(name)), opensim_lengths(tmp_path / "scaled.osim")])
+    ours = scale(before, factors, 80.0, preserve_mass_distribution=keep, path_lengths=lambda model: next(lengths))
 
     def equal(part):
         np.testing.assert_allclose(
@@ -78,6 +89,8 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
         np.testing.assert_allclose(one.pose.translation, other.pose.translation, atol=1e-12)
         np.testing.assert_allclose(one.size, other.size, atol=1e-12)
     for one, other in zip(ours.muscles, theirs.muscles, strict=True):
+        assert one.optimal_fiber_length == pytest.approx(other.optimal_fiber_length, rel=1e-9)
+        assert one.tendon_slack_length == pytest.approx(other.tendon_slack_length, rel=1e-9)
         for point, same in zip(one.path.points, other.path.points, strict=True):
             if isinstance(point, PathPoint):
                 np.testing.assert_allclose(point.location, same.location, atol=1e-12)
@@ -122,6 +135,15 @@ def test_affine_inertia_is_that_of_the_stretched_points():
     expected = trunk(points * size)
     np.testing.assert_allclose(ours.mass_center, expected.mass_center, atol=1e-12)
     np.testing.assert_allclose(ours.inertia, expected.inertia, atol=1e-12)
+
+
+def test_larger_twins_have_longer_paths():
+    model = model_from_mujoco(compiled("myolegs"))
+    factors = dict.fromkeys(model.body_names, (1.2, 1.2, 1.2))
+    twin = scale(model, factors, path_lengths=default_path_lengths)
+    np.testing.assert_allclose(default_path_lengths(twin), 1.2 * default_path_lengths(model), rtol=1e-9)
+    for one, other in zip(model.muscles, twin.muscles, strict=True):
+        assert other.tendon_slack_length == pytest.approx(1.2 * one.tendon_slack_length)
 
 
 def test_fiber_and_tendon_keep_their_ratio_to_the_path():

@@ -19,6 +19,7 @@ from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array, Transform
 from myomorph.motion.calibrate import place_markers
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.jump_recording import LEG_MARKERS, PELVIS_MARKERS, SHOULDER, mirrored_name
@@ -143,7 +144,8 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
         name: groups.get(name.rsplit("_", 1)[0], whole.get(name, 0.5 * (thigh + shank))) for name in model.body_names
     }
     sizes = {name: np.full(3, factor) for name, factor in factors.items()}
-    return scale(model, sizes, mass, preserve_mass_distribution=True), factors
+    fitted = scale(model, sizes, mass, preserve_mass_distribution=True, path_lengths=default_path_lengths)
+    return fitted, factors
 
 
 def calibrated(model: Model, markers: Markers, quiet: Markers) -> Model:

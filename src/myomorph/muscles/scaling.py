@@ -1,0 +1,21 @@
+"""What scaling a model needs to know of its muscles: how long their paths are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+from myomorph.muscles.path import muscle_kinematics
+
+
+def default_path_lengths(model: Model) -> Array:
+    """Lengths (muscles,) of a model's muscle paths in its default pose [m].
+
+    Given to `scale(model, factors, path_lengths=default_path_lengths)`, it lets fibers and tendons
+    keep their ratio to the path.
+    """
+    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
+    lengths: Array = muscle_kinematics(model, still, velocities=False, moment_arms=False).lengths[0]
+    return lengths
