@@ -10,9 +10,9 @@ from myomorph.model.model import Kept
 
 HARMLESS = "nothing that is computed changes"
 EFFECTS = {
-    "CoordinateLimitForce": "its passive torque at the end of the range is left out",
+    "CoordinateLimitForce": HARMLESS,
     "ExpressionBasedCoordinateForce": "its passive torque is left out",
-    "SpringGeneralizedForce": "its spring torque is left out",
+    "SpringGeneralizedForce": HARMLESS,
     "Blankevoort1991Ligament": "the ligament's force is left out",
     "Ligament": "the ligament's force is left out",
     "PathSpring": "the spring's force is left out",

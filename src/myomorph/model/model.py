@@ -223,6 +223,24 @@ class Actuator:
 
 
 @dataclass(frozen=True, eq=False)
+class PassiveTorque:
+    """What holds a coordinate besides muscles (ligaments, springs): tau = torque(q) - damping(q) qdot.
+
+    It takes part in muscle tensions; inverse dynamics gives the torque of all that acts together.
+
+    Attributes
+    ----------
+    torque : [N m or N] of the coordinate's value
+    damping : [N m s or N s/m] of the coordinate's value
+    """
+
+    name: str
+    coordinate: str
+    torque: Function
+    damping: Function
+
+
+@dataclass(frozen=True, eq=False)
 class Kept:
     """A part of the file that Myomorph does not model: carried to the file it writes.
 
@@ -256,6 +274,7 @@ class Model:
     source : path of the file it was read from, for messages and provenance
     kept : what the file holds that is not modelled
     warnings : what reading the file found odd, one line each
+    passive_torques : of joints' tissues and springs
     """
 
     name: str
@@ -274,6 +293,7 @@ class Model:
     kept: tuple[Kept, ...] = ()
     source: str = ""
     warnings: tuple[str, ...] = ()
+    passive_torques: tuple[PassiveTorque, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,)))

@@ -31,6 +31,7 @@ class TensionOptions:
     exponent : p > 1 in sum_m w_m a_m^p + sum_r u_r^p of activations a and controls u
     weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
     passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
+        (passive torques of the model's joints always take part, as there)
     curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
         for the maximum isometric force at any length and velocity, or "auto": "rigid-tendon" with
         passive forces and "opensim" without
@@ -189,7 +190,11 @@ def tension_problem(
         raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
     if not any(muscle.enabled for muscle in model.muscles):
         raise BadModel(f"model '{model.name}' has no muscle that is switched on")
-    return TensionProblem(tree, helpers, options, coordinates, rates, _torques_of(tree, motion, torques)), names
+    tau = _torques_of(tree, motion, torques)
+    for one in model.passive_torques:
+        j = model.coordinate_names.index(one.coordinate)
+        tau[:, j] -= one.torque(coordinates[:, j]) - one.damping(coordinates[:, j]) * rates[:, j]
+    return TensionProblem(tree, helpers, options, coordinates, rates, tau), names
 
 
 def _positions_and_rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
