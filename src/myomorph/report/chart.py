@@ -80,6 +80,19 @@ class Panel:
     margin: int = 8
 
 
+def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
+    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m.
+
+    Values of ordinary size keep their unit.
+    """
+    finite = [np.abs(one[np.isfinite(one)]) for one in values]
+    peak = max((float(one.max()) for one in finite if one.size), default=0.0)
+    for floor, factor, prefix in ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ")):
+        if peak >= floor or peak == 0.0:
+            return factor, prefix + unit
+    return 1.0, unit
+
+
 def ticks(low: float, high: float, count: int = 4) -> Array:
     """Round numbers within [low, high], about `count` of them."""
     if not (np.isfinite(low) and np.isfinite(high)) or high <= low:
@@ -134,6 +147,29 @@ def decimate(time: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array
     return time[chosen], values[chosen]
 
 
+def envelope(time: Array, values: Array, most: int = MOST_POINTS // 2) -> tuple[Array, Array, Array, Array] | None:
+    """Time, mean, smallest and largest value of bins, where a line would only fill its chart with ink.
+
+    None for lines that are short, or that change little within a bin.
+    """
+    if len(time) <= 4 * most:
+        return None
+    edges = np.linspace(0, len(time), most + 1).astype(np.int64)[:-1]
+    low = np.minimum.reduceat(np.where(np.isnan(values), np.inf, values), edges)
+    high = np.maximum.reduceat(np.where(np.isnan(values), -np.inf, values), edges)
+    seen = np.isfinite(low) & np.isfinite(high)
+    if not seen.any():
+        return None
+    whole = float(high[seen].max() - low[seen].min())
+    if float(np.mean(high[seen] - low[seen])) < 0.3 * whole or whole == 0.0:
+        return None
+    count = np.add.reduceat((~np.isnan(values)).astype(np.float64), edges)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.add.reduceat(np.nan_to_num(values), edges) / count
+    middle = time[np.minimum(edges + len(time) // (2 * most), len(time) - 1)]
+    return middle, mean, np.where(seen, low, np.nan), np.where(seen, high, np.nan)
+
+
 @dataclass(frozen=True)
 class Frame:
     """The area of a chart in its drawing and the values at its borders."""
@@ -185,7 +221,10 @@ def heading(title: str, unit: str) -> str:
 
 def value_range(panel: Panel) -> tuple[float, float]:
     """Lowest and highest value to draw, with a little air."""
-    finite = [line.values[np.isfinite(line.values)] for line in panel.lines]
+    finite = []
+    for line in panel.lines:
+        shown = (line.time >= panel.span[0] - 1e-9) & (line.time <= panel.span[1] + 1e-9)
+        finite.append(line.values[shown & np.isfinite(line.values)])
     lows = [float(one.min()) for one in finite if one.size]
     highs = [float(one.max()) for one in finite if one.size]
     lows += [] if panel.low is None else [panel.low]
@@ -224,6 +263,23 @@ def time_plot(panel: Panel) -> str:
     if panel.second:
         parts += _second_scale(frame, *panel.second)
     parts += _events(panel, frame)
+    for line in panel.lines:
+        shown = (line.time >= first - 1e-9) & (line.time <= last + 1e-9)
+        t, v = np.asarray(line.time)[shown], np.asarray(line.values)[shown]
+        band = envelope(t, v)
+        if band is not None:
+            t, v, smallest, largest = band
+            parts.append(f'<path class="band {line.style}" d="{_ribbon(frame, t, smallest, largest)}"/>')
+        else:
+            t, v = decimate(t, v)
+        x, y = frame.x(t), frame.y(v)
+        if line.filled and len(x) and band is None:
+            base = float(frame.y(max(0.0, low)))
+            closed = np.concatenate([[base], np.where(np.isfinite(y), y, base), [base]])
+            ends = np.concatenate([x[:1], x, x[-1:]])
+            parts.append(f'<path class="area {line.style}" d="{path_data(ends, closed)}Z"/>')
+        label = escape(line.label, True)
+        parts.append(f'<path class="line {line.style}" data-label="{label}" d="{path_data(x, y)}"/>')
     for limit in panel.limits:
         if low <= limit.value <= high:
             level = float(frame.y(limit.value))
@@ -231,19 +287,16 @@ def time_plot(panel: Panel) -> str:
             parts.append(
                 f'<text class="limit" x="{frame.right - 3:g}" y="{level - 3:.1f}">{escape(limit.label)}</text>'
             )
-    for line in panel.lines:
-        t, v = decimate(np.asarray(line.time), np.asarray(line.values))
-        inside = (t >= first - 1e-9) & (t <= last + 1e-9)
-        x, y = frame.x(t[inside]), frame.y(v[inside])
-        if line.filled and len(x):
-            base = float(frame.y(max(0.0, low)))
-            closed = np.concatenate([[base], np.where(np.isfinite(y), y, base), [base]])
-            ends = np.concatenate([x[:1], x, x[-1:]])
-            parts.append(f'<path class="area {line.style}" d="{path_data(ends, closed)}Z"/>')
-        label = escape(line.label, True)
-        parts.append(f'<path class="line {line.style}" data-label="{label}" d="{path_data(x, y)}"/>')
     parts.append("</svg>")
     return "".join(parts)
+
+
+def _ribbon(frame: Frame, time: Array, low: Array, high: Array) -> str:
+    """Closed outline between two lines; bins without a value are left out."""
+    seen = np.isfinite(low) & np.isfinite(high)
+    x = frame.x(time[seen])
+    both = np.concatenate([frame.y(high[seen]), frame.y(low[seen])[::-1]])
+    return path_data(np.concatenate([x, x[::-1]]), both) + "Z" if len(x) else ""
 
 
 def _grid(frame: Frame, height: int) -> list[str]:
@@ -286,7 +339,7 @@ def _time_ticks(frame: Frame, height: int) -> list[str]:
 
 def _events(panel: Panel, frame: Frame) -> list[str]:
     parts = []
-    taken = -np.inf
+    taken = [-np.inf, -np.inf]
     for event in panel.events:
         if not frame.x0 <= event.time <= frame.x1:
             continue
@@ -299,9 +352,11 @@ def _events(panel: Panel, frame: Frame) -> list[str]:
         )
         short = f"{event.side[:1]} {event.label.replace('Foot ', '')}".strip()
         half = 2.6 * len(short) + 3
-        if panel.name_events and x - half > taken:
-            parts.append(f'<text class="event {style}" x="{x:.1f}" y="{frame.top - 4:g}">{escape(short)}</text>')
-            taken = x + half
+        row = next((k for k in (0, 1) if x - half > taken[k]), None)
+        if panel.name_events and row is not None:
+            y = frame.top - 4 - 10 * row
+            parts.append(f'<text class="event {style}" x="{x:.1f}" y="{y:g}">{escape(short)}</text>')
+            taken[row] = x + half
     return parts
 
 
@@ -314,11 +369,18 @@ def bar_plot(
     labels: Sequence[str],
     limits: Sequence[Limit] = (),
     width: int = 680,
+    peak: float = 0.0,
 ) -> str:
-    """Horizontal bars, one row a name; several `values` lie over each other, the widest first."""
-    row, top, left = 15.0, 26.0, 8.0 + 6.1 * max((len(name) for name in names), default=1)
+    """Horizontal bars, one row a name; several `values` lie over each other, the widest first.
+
+    Parameters
+    ----------
+    peak : largest value that must fit, for charts of one scale
+    """
+    row, top, left = 15.0, 36.0 if limits else 26.0, 8.0 + 6.1 * max((len(name) for name in names), default=1)
     height = int(top + row * len(names) + 24)
-    peak = max([float(np.nanmax(one)) for one in values if np.isfinite(one).any()] + [one.value for one in limits])
+    present = [float(np.nanmax(one)) for one in values if np.isfinite(one).any()]
+    peak = max([peak, *present, *(one.value for one in limits)])
     frame = Frame(left, top, width - 14, top + row * len(names), 0.0, 1.06 * (peak or 1.0), 0.0, 1.0)
     parts = [
         f'<svg class="chart bars" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title, True)}">',

@@ -10,7 +10,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.chart import Limit, Line, Panel, bar_plot, time_plot
+from myomorph.report.chart import Limit, Line, Panel, bar_plot, scaled_unit, time_plot
 from myomorph.report.maps import floor_plot, heat_map
 from myomorph.report.phases import side_of
 from myomorph.report.selection import Pair, muscle_rows
@@ -19,6 +19,7 @@ from myomorph.report.tables import MARKER_LARGEST, MARKER_RMS, RESIDUAL_FORCE, R
 STYLE = {"right": "right", "left": "left", "": "middle"}
 ORDINAL = ("first", "second", "third", "fourth")
 MOST_BARS = 60
+MOST_IN_COLUMN = 14
 Span = tuple[float, float]
 
 
@@ -39,8 +40,8 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
         ],
         low=0.0,
         high=105 * MARKER_LARGEST * scale,
-        width=505,
-        height=210,
+        width=1040,
+        height=200,
         name_events=True,
     )
     seen = np.isfinite(fit.errors)
@@ -53,20 +54,27 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
     title = "Marker errors, one by one"
     if len(fit.marker_names) > MOST_BARS:
         title = f"Marker errors: the {MOST_BARS} largest of {len(fit.marker_names)}"
-    bars = bar_plot(
-        title,
-        "cm",
-        [fit.marker_names[i] for i in order],
-        [largest[order], rms[order]],
-        ["second", "first"],
-        ["largest", "RMS"],
-        [
-            Limit(100 * MARKER_RMS * scale, "RMS limit"),
-            Limit(100 * MARKER_LARGEST * scale, "limit of the largest"),
-        ],
-        width=505,
-    )
-    return [time_plot(panel), bars]
+    limits = [
+        Limit(100 * MARKER_RMS * scale, "RMS limit"),
+        Limit(100 * MARKER_LARGEST * scale, "limit of the largest"),
+    ]
+    peak = float(np.nanmax(largest, initial=0.0))
+    columns = np.array_split(order, 2) if len(order) > MOST_IN_COLUMN else [order]
+    bars = [
+        bar_plot(
+            title if k == 0 else "",
+            "cm" if k == 0 else "",
+            [fit.marker_names[i] for i in part],
+            [largest[part], rms[part]],
+            ["second", "first"],
+            ["largest", "RMS"],
+            limits,
+            width=505,
+            peak=peak,
+        )
+        for k, part in enumerate(columns)
+    ]
+    return [time_plot(panel), *bars]
 
 
 def axis_names(up: Array) -> tuple[list[Array], list[str]]:
@@ -96,18 +104,19 @@ def force_figures(
     vectors, names = axis_names(up)
     styles = wrench_styles(wrenches)
     found = []
+    factor, unit = scaled_unit("N", wrenches.forces)
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
-        components = wrenches.forces @ vector
+        components = factor * (wrenches.forces @ vector)
         lines = [Line(wrenches.time, components[:, k], style, label) for k, (label, style) in enumerate(styles)]
         if i == 0 and len(styles) > 1:
             total = Line(wrenches.time, np.nan_to_num(components).sum(axis=1), "middle", "sum")
             lines.insert(0, total)
-        limits = [Limit(weight, "body weight")] if i == 0 and weight else []
-        second = (1.0 / weight, "BW") if weight else None
+        limits = [Limit(factor * weight, "body weight")] if i == 0 and weight else []
+        second = (1.0 / (factor * weight), "BW") if weight else None
         if i == 0:
             panel = Panel(
                 f"Ground force, {name}",
-                "N",
+                unit,
                 lines,
                 span,
                 events,
@@ -119,7 +128,7 @@ def force_figures(
                 second=second,
             )
         else:
-            panel = Panel(f"Ground force, {name}", "N", lines, span, events, limits, second=second)
+            panel = Panel(f"Ground force, {name}", unit, lines, span, events, limits, second=second)
         found.append(time_plot(panel))
     return found
 
@@ -148,14 +157,14 @@ def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]
     """Height and vertical velocity of the center of mass."""
     height = com.values @ up
     speed = np.gradient(height, com.time) if len(com) > 1 else np.zeros_like(height)
-    return [
-        time_plot(Panel("Center of mass, height", "m", [Line(com.time, height, "middle", "height")], span, events)),
-        time_plot(
-            Panel(
-                "Center of mass, vertical velocity", "m/s", [Line(com.time, speed, "middle", "velocity")], span, events
-            )
-        ),
-    ]
+    found = []
+    for name, label, unit, values in (
+        ("Center of mass, height", "height", "m", height),
+        ("Center of mass, vertical velocity", "velocity", "m/s", speed),
+    ):
+        factor, unit = scaled_unit(unit, values)
+        found.append(time_plot(Panel(name, unit, [Line(com.time, factor * values, "middle", label)], span, events)))
+    return found
 
 
 def residual_figures(
@@ -168,17 +177,18 @@ def residual_figures(
         ("Residual force", "N", force, force_limit, "5 % of peak external force"),
         ("Residual moment", "N·m", moment, moment_limit, "1 % of COM height × peak force"),
     ):
+        factor, unit = scaled_unit(unit, values, np.array([limit]))
         found.append(
             time_plot(
                 Panel(
                     what,
                     unit,
-                    [Line(time, values, "first", what.lower())],
+                    [Line(time, factor * values, "first", what.lower())],
                     span,
                     events,
-                    [Limit(limit, label)],
+                    [Limit(factor * limit, label)],
                     low=0.0,
-                    high=1.15 * limit,
+                    high=1.15 * factor * limit,
                 )
             )
         )
@@ -199,6 +209,9 @@ def pair_panel(
 ) -> str:
     """Right and left of one quantity over each other; what is known to be true in dashes."""
     lines = []
+    if factor == 1.0:
+        factor, unit = scaled_unit(unit, *(series[name] for name in pair.names if name in series.names))
+        second = (second[0] / factor, second[1]) if second else None
     for side, members in pair.members.items():
         for name in members:
             if truth is not None and name in truth.names:
@@ -265,7 +278,8 @@ def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequenc
 
 def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequence[Event]) -> str:
     """All muscle tensions as a heat map [N], one block a side, from hip to ankle."""
-    return heat_map("Muscle tension", "N", time, forces, names, muscle_rows(names), events)
+    factor, unit = scaled_unit("N", forces)
+    return heat_map("Muscle tension", unit, time, factor * forces, names, muscle_rows(names), events)
 
 
 def moment_scale(model: Model | None) -> tuple[float, str] | None:

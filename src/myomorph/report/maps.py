@@ -140,7 +140,7 @@ def floor_plot(
         return ""
     stacked = np.concatenate(everything)
     low, high = stacked.min(axis=0), stacked.max(axis=0)
-    size = max(float((high - low).max()) * 1.12, 1e-6)
+    size = max(float((high - low).max()) * 1.12, 1e-3)
     left, top, right, bottom = 46.0, 26.0, width - 8.0, height - 34.0
     scale = min(
         (right - left) / max((high - low)[0] * 1.12, 0.25 * size),

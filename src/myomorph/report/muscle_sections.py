@@ -52,7 +52,7 @@ def activation_section(prepared: Prepared) -> Section | None:
                 tension.muscles,
                 strengths,
                 series,
-                prepared.span,
+                prepared.detail,
                 prepared.events,
                 _emg_of(prepared, pair),
                 given.truth.activations if given.truth else None,
@@ -70,7 +70,7 @@ def activation_section(prepared: Prepared) -> Section | None:
         legend += (("emg", "EMG"),)
     if given.truth and given.truth.activations is not None:
         legend += (("truth", "truth"),)
-    return Section("activations", "Muscle activations", lead + ".", legend, figures)
+    return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, figures)
 
 
 def tension_section(prepared: Prepared) -> Section | None:
@@ -134,7 +134,7 @@ def emg_section(prepared: Prepared) -> Section | None:
                 name + (f" ({few(prepared.given.emg_muscles[name])})" if name in prepared.given.emg_muscles else ""),
                 emg.time,
                 emg[name],
-                prepared.span,
+                prepared.detail,
                 prepared.events,
             ),
             "quarter",
@@ -152,7 +152,7 @@ def length_section(prepared: Prepared) -> Section | None:
     chosen = major_muscles(given.lengths.names, None)
     figures = tuple(
         Figure(
-            pair_panel(pair.label, "mm", _first_parts(pair), given.lengths, prepared.span, prepared.events, 1000.0),
+            pair_panel(pair.label, "mm", _first_parts(pair), given.lengths, prepared.detail, prepared.events, 1000.0),
             "quarter",
         )
         for pair in chosen

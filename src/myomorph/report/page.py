@@ -10,8 +10,7 @@ from importlib.resources import files
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from myomorph.model.series import Event, Motion, Series
-from myomorph.model.spatial import Array
+from myomorph.model.series import Motion, Series
 from myomorph.report.chart import number
 from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
 from myomorph.report.pictures import pictures
@@ -25,7 +24,6 @@ from myomorph.report.tables import Verdict
 __all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
 
 KEY_INSTANTS = 6
-LONGEST_PLAY = 7.5
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 
 
@@ -114,7 +112,7 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
                 (
                     name,
                     f"{number(len(series.time), 1.0)} frames at {number(rate)} Hz, "
-                    f"{number(float(series.time[0]), 0.01)} to {number(float(series.time[-1]), 0.01)} s",
+                    f"{number(float(series.time[0]), 0.01)} to {number(float(series.time[-1]), 0.01)}\u00a0s",
                 )
             )
     if prepared.movement.kind:
@@ -185,7 +183,7 @@ class PrintedVerdict:
 
 
 def _printed(one: Verdict) -> PrintedVerdict:
-    limit = "none agreed" if one.limit is None else "none" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
+    limit = "none agreed" if one.limit is None else "0" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
     if "%" in one.unit and one.limit:
         limit = f"{number(one.limit)} %"
     whole = one.value == int(one.value) and "%" not in one.unit and "cm" not in one.unit
@@ -213,7 +211,7 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     activations = None
     if given.tension is not None:
         activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
-    chosen = _key_frames(motion, good, prepared.events)
+    chosen = _key_frames(motion, good, prepared)
     still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, given.wrenches)
     drawn = pictures(still)
     instants = []
@@ -229,35 +227,25 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
         )
     points = sum(len(muscle.path.points) for muscle in given.model.muscles)
     count = frames_to_play(len(good), points, len(given.model.bodies))
-    played = _played(motion.time[good], prepared.events)
-    moving = good[played][np.unique(np.linspace(0, len(good[played]) - 1, count).round().astype(np.int64))]
+    first, last = np.searchsorted(motion.time[good], prepared.played)
+    played = good[first : max(last, first) + 1]
+    moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
     scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, given.wrenches)
     return instants, player(scene)
-
-
-def _played(time: Array, events: Sequence[Event]) -> slice:
-    """Frames to play: a short recording whole, of a long one some seconds around its events."""
-    start, stop = float(time[0]), float(time[-1])
-    inside = [one.time for one in events if start <= one.time <= stop]
-    if inside:
-        start, stop = max(start, min(inside) - 0.5), min(stop, max(inside) + 1.0)
-    if stop - start > LONGEST_PLAY:
-        middle = (start + stop) / 2
-        start, stop = middle - LONGEST_PLAY / 2, middle + LONGEST_PLAY / 2
-    first, last = np.searchsorted(time, [start - 1e-9, stop + 1e-9])
-    return slice(int(first), max(int(last), int(first) + 1))
 
 
 def _address(image: bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
 
 
-def _key_frames(motion: Motion, good: np.ndarray, events: Sequence[Event]) -> list[tuple[int, str]]:
+def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:
     """Frames to show with their labels: at events where there are some, else evenly spread."""
+    first, last = np.searchsorted(motion.time[good], prepared.detail)
+    good = good[first : max(last, first) + 1]
     time = motion.time[good]
     marked = [
         (int(good[int(np.argmin(np.abs(time - one.time)))]), f"{one.side} {one.label}".strip().capitalize())
-        for one in events
+        for one in prepared.events
         if time[0] <= one.time <= time[-1]
     ]
     marked = [one for i, one in enumerate(marked) if i == 0 or one[0] != marked[i - 1][0]]

@@ -66,7 +66,7 @@ def plain_color(scene: Scene) -> tuple[float, float, float]:
 
 def _corners(scene: Scene) -> Array:
     """(frames, n, 3) corners of the boxes around all solids and all points of muscle paths, in ground."""
-    clouds = [scene.origins[:, 1:]]
+    clouds = [scene.origins[:, 1:]] + [muscle.points for muscle in scene.muscles]
     for solid in scene.solids:
         low, high = solid.surface.vertices.min(axis=0), solid.surface.vertices.max(axis=0)
         box = np.array(
@@ -81,12 +81,12 @@ def _corners(scene: Scene) -> Array:
 def _framing(scene: Scene, corners: Array, axes: Array, height: int, widest: int) -> tuple[Array, int, float]:
     """Middle of every picture, the width of all and pixels per meter."""
     across, upward = corners @ axes[0], corners @ axes[1]
-    middle = (across.min(axis=1) + across.max(axis=1)) / 2
-    wide = float((across.max(axis=1) - across.min(axis=1)).max()) * 1.06
-    low, high = min(float(upward.min()), scene.floor), float(upward.max())
+    middle = (np.nanmin(across, axis=1) + np.nanmax(across, axis=1)) / 2
+    wide = float((np.nanmax(across, axis=1) - np.nanmin(across, axis=1)).max()) * 1.06
+    low, high = min(float(np.nanmin(upward)), scene.floor), float(np.nanmax(upward))
     tall = (high - low) * 1.05
     scale = min(height / tall, widest / wide)
-    depth = (corners @ axes[2]).mean(axis=1)
+    depth = np.nanmean(corners @ axes[2], axis=1)
     centers = (
         middle[:, None] * axes[0] + np.full((len(middle), 1), (low + high) / 2) * axes[1] + depth[:, None] * axes[2]
     )

@@ -59,6 +59,8 @@ def player(scene: Scene) -> str:
         "right": _short(scene.right),
         "size": float(scene.size),
         "floor": float(scene.floor),
+        "low": float(min(scene.low, scene.floor)),
+        "high": float(scene.high),
         "bodies": [int(np.searchsorted(used, body)) for body in bodies],
         "poseCount": len(used),
         "poses": base64_text(poses),
@@ -93,17 +95,18 @@ def _short(values: Array) -> list[float]:
 def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
     """Surfaces with as many triangles as a browser draws smoothly, and their bodies."""
     total = sum(len(solid.surface.faces) for solid in scene.solids)
-    cell = 0.0
     shrunk = [solid.surface for solid in scene.solids]
     if total > MOST_TRIANGLES:
-        cell = 0.004 * scene.size
-        for _ in range(8):
+        extents = [float(np.linalg.norm(np.ptp(solid.surface.vertices, axis=0))) for solid in scene.solids]
+        # Small bones get smaller cells, or fingers and ribs would vanish before a pelvis looks coarse.
+        cells = [(extent / scene.size) ** 0.7 * scene.size * 0.012 for extent in extents]
+        for attempt in range(10):
             shrunk = [
-                one if len(one.faces) < 60 else coarser(one, cell) for one in (solid.surface for solid in scene.solids)
+                one if len(one.faces) < 60 else coarser(one, cell * 1.25**attempt)
+                for one, cell in zip((solid.surface for solid in scene.solids), cells, strict=True)
             ]
             if sum(len(one.faces) for one in shrunk) <= MOST_TRIANGLES:
                 break
-            cell *= 1.3
     told = []
     bodies = []
     for solid, surface in zip(scene.solids, shrunk, strict=True):

@@ -23,7 +23,9 @@ from myomorph.report.tables import (
     unsolved_verdict,
 )
 
-MOST_CENTROID_FRAMES = 4000
+MOST_CENTROID_FRAMES = 40000
+LONGEST_PLAY = 7.5
+LONGEST_WHOLE = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,33 @@ class Prepared:
     def events(self) -> tuple[Event, ...]:
         """Events within the span."""
         return tuple(one for one in self.movement.events if self.span[0] <= one.time <= self.span[1])
+
+    @property
+    def played(self) -> tuple[float, float]:
+        """What is played: a short recording whole, of a long one some seconds around its events [s]."""
+        start, stop = self.span
+        if self.events:
+            start, stop = max(start, self.events[0].time - 0.5), min(stop, self.events[-1].time + 1.0)
+        if stop - start > LONGEST_PLAY:
+            middle = (start + stop) / 2
+            start, stop = middle - LONGEST_PLAY / 2, middle + LONGEST_PLAY / 2
+        return start, stop
+
+    @property
+    def detail(self) -> tuple[float, float]:
+        """What charts show: the whole, or of a long recording the part that is played [s]."""
+        return self.span if self.span[1] - self.span[0] <= LONGEST_WHOLE else self.played
+
+    @property
+    def detail_note(self) -> str:
+        """A sentence for charts that show a part, else ""."""
+        if self.detail == self.span:
+            return ""
+        first, last = self.detail
+        return (
+            f" Charts show {first:.1f} to {last:.1f} s, the part that plays above, of a recording of "
+            f"{self.span[1] - self.span[0]:.0f} s; tables cover all of it."
+        )
 
     @property
     def center_height(self) -> float:

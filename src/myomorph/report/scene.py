@@ -59,6 +59,7 @@ class Scene:
     weight : of the body [N], the size that force arrows are drawn by
     up, forward, right : unit vectors of the subject in ground, (3,)
     size : of the body [m]
+    low, high : lowest and highest height that the body reaches along `up` [m]
     floor : height of the ground along `up` [m]
     """
 
@@ -74,6 +75,8 @@ class Scene:
     forward: Array
     right: Array
     size: float
+    low: float
+    high: float
     floor: float
 
 
@@ -101,19 +104,25 @@ def make_scene(
     poses = forward_kinematics(tree, coordinates)
     solids = _solids(model, tree.body_index, surfaces or {})
     up = up_axis(model)
-    lowest, size = _extent(poses, solids, up)
+    low, high, size = _extent(poses, solids, up)
+    lowest = low
     forward, right = _heading(model, poses, up)
     starts, vectors = _forces(wrenches, time)
+    muscles = _muscles(model, poses, coordinates, activations, time, size)
+    for muscle in muscles:
+        heights = muscle.points @ up
+        low, high = min(low, float(np.nanmin(heights))), max(high, float(np.nanmax(heights)))
     weight = model.mass * float(np.linalg.norm(model.gravity))
-    floor = lowest
-    if np.isfinite(starts).any():
-        floor = float(np.nanmin(starts @ up))
+    floor = float(np.nanmedian(starts @ up)) if np.isfinite(starts).any() else lowest
+    if not lowest - 0.2 * size < floor < lowest + 0.2 * size:
+        # Forces far from the feet (a bar, a wheel) say nothing of the ground.
+        floor = lowest
     return Scene(
         time=time,
         rotations=poses.rotations,
         origins=poses.origins,
         solids=solids,
-        muscles=_muscles(model, poses, coordinates, activations, time, size),
+        muscles=muscles,
         force_starts=starts,
         force_vectors=vectors,
         weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)),
@@ -121,6 +130,8 @@ def make_scene(
         forward=forward,
         right=right,
         size=size,
+        low=low,
+        high=high,
         floor=floor,
     )
 
@@ -141,8 +152,8 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
     return tuple(found)
 
 
-def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float]:
-    """Lowest height and size of the body over the frames [m], from a few points of every solid."""
+def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
+    """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
     lows, highs, clouds = [], [], []
     for solid in solids:
         vertices = solid.surface.vertices
@@ -155,8 +166,9 @@ def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, fl
     if not clouds:
         clouds = [poses.origins[:, 1:]]
         lows = [float((poses.origins[:, 1:] @ up).min())]
+        highs = [float((poses.origins[:, 1:] @ up).max())]
     stacked = np.concatenate(clouds, axis=1)
-    return float(min(lows)), max(float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max()), 1e-6)
+    return float(min(lows)), float(max(highs)), max(float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max()), 1e-6)
 
 
 def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:

@@ -58,7 +58,7 @@ def marker_section(prepared: Prepared) -> Section | None:
     fit = prepared.given.fit
     if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
         return None
-    over_time, bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
+    over_time, *bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
     told = f"{len(fit.marker_names)} markers were followed"
     if fit.unused_markers:
         told += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
@@ -69,7 +69,7 @@ def marker_section(prepared: Prepared) -> Section | None:
         "Marker errors",
         told + ". The error is the distance between a recorded marker and the same marker on the model.",
         (("first", "RMS"), ("second", "largest"), ("limit", "limit")),
-        (Figure(over_time, "medium"), Figure(bars, "medium")),
+        (Figure(over_time, "full"), *(Figure(one, "medium") for one in bars)),
     )
 
 
@@ -79,7 +79,7 @@ def force_section(prepared: Prepared) -> Section | None:
     figures: list[Figure] = []
     lead = []
     if given.wrenches is not None and len(given.wrenches.names):
-        first, *rest = force_figures(given.wrenches, prepared.up, prepared.span, prepared.events, prepared.weight)
+        first, *rest = force_figures(given.wrenches, prepared.up, prepared.detail, prepared.events, prepared.weight)
         figures.append(Figure(first, "medium"))
         figures += [Figure(one) for one in rest]
         floor = pressure_figure(given.wrenches, given.plates, prepared.up)
@@ -87,7 +87,7 @@ def force_section(prepared: Prepared) -> Section | None:
             figures.append(Figure(floor))
     if prepared.centroid is not None:
         figures += [
-            Figure(one) for one in centroid_figures(prepared.centroid, prepared.up, prepared.span, prepared.events)
+            Figure(one) for one in centroid_figures(prepared.centroid, prepared.up, prepared.detail, prepared.events)
         ]
     if given.wrenches is not None and given.torques is not None and given.model is not None:
         found = residuals(given.model, given.torques)
@@ -114,7 +114,9 @@ def force_section(prepared: Prepared) -> Section | None:
         rows = tuple((one.name, f"{number(one.value)} {one.unit}", one.source) for one in prepared.movement.measures)
         grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
     title = "Ground forces and center of mass" if given.wrenches is not None else "Center of mass"
-    legend = (*SIDES_LEGEND, ("middle", "both or neither"), ("limit", "limit, body weight"))
+    legend: tuple[tuple[str, str], ...] = ()
+    if given.wrenches is not None:
+        legend = (*SIDES_LEGEND, ("middle", "both or neither"), ("limit", "limit, body weight"))
     return Section("forces", title, " ".join(lead), legend, tuple(figures), grids)
 
 
@@ -141,7 +143,7 @@ def joint_section(prepared: Prepared) -> Section | None:
             "°",
             pair,
             motion,
-            prepared.span,
+            prepared.detail,
             prepared.events,
             180 / np.pi,
             truth=truth.motion if truth else None,
@@ -153,7 +155,7 @@ def joint_section(prepared: Prepared) -> Section | None:
                 "N·m",
                 pair,
                 given.torques,
-                prepared.span,
+                prepared.detail,
                 prepared.events,
                 second=scale,
                 truth=truth.torques if truth else None,
@@ -163,7 +165,10 @@ def joint_section(prepared: Prepared) -> Section | None:
     lead = (
         f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that move"
     )
-    lead += "; all are in the table. Vertical lines are events." if prepared.events else "; all are in the table."
+    lead += "; all are in the table."
+    if prepared.events:
+        lead += " Vertical lines are events."
+    lead += prepared.detail_note
     legend = SIDES_LEGEND + ((("truth", "truth"),) if truth else ())
     title = "Joint angles and moments" if given.torques is not None else "Joint angles"
     return Section("joints", title, lead, legend, tuple(figures), tuple(_joint_grids(prepared, motion)))

@@ -16,6 +16,7 @@ Indices = NDArray[np.int64]
 SIDES = ("right", "left", "")
 _SIDE_SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
 _SIDE_PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
+_SIDE_LETTER = re.compile(r"^(.*__)?([RL])([A-Z][a-z].*)$")
 
 MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Gluteus maximus", r"gl(ut)?_?max(imus)?[\d_]*"),
@@ -83,6 +84,9 @@ def split_side(name: str) -> tuple[str, str]:
     found = _SIDE_PREFIX.match(name)
     if found:
         return found[2], "right" if found[1][0] in "rR" else "left"
+    found = _SIDE_LETTER.match(name)
+    if found:
+        return (found[1] or "") + found[3], "right" if found[2] == "R" else "left"
     return name, ""
 
 
@@ -122,7 +126,8 @@ def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
 
 def printed(name: str) -> str:
     """A name as a label: `hip_flexion` becomes `Hip flexion`, `soleus` stays `Soleus`."""
-    text = name.replace("_", " ").strip()
+    # MuJoCo prefixes the names of an included model with its own and two underscores.
+    text = name.rsplit("__", 1)[-1].replace("_", " ").strip()
     return text[:1].upper() + text[1:]
 
 

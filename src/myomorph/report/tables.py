@@ -169,6 +169,7 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
     ----------
     height : mean height of the center of mass over the ground [m]
     """
+    weight = model.mass * float(np.linalg.norm(model.gravity))
     found = residuals(model, torques)
     inside = (wrenches.time >= torques.time[0] - 1e-6) & (wrenches.time <= torques.time[-1] + 1e-6)
     net = np.linalg.norm(np.nan_to_num(wrenches.forces[inside]).sum(axis=1), axis=1)
@@ -196,10 +197,23 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
                     "root joint",
                     time,
                     HICKS,
-                    f"{value * scale:.3g} {size}; F = {peak:.4g} N",
+                    f"{value * scale:.3g} {size}; F = {peak:.4g} N"
+                    + (_support(wrenches, time, weight, values[at]) if time is not None and what == "force" else ""),
                 )
             )
     return rows
+
+
+def _support(wrenches: Wrenches, time: float, weight: float, residual: float) -> str:
+    """A clause where the plates carry little of the body and the residual stands in for them."""
+    near = int(np.argmin(np.abs(wrenches.time - time)))
+    carried = float(np.linalg.norm(np.nan_to_num(wrenches.forces[near]).sum(axis=0)))
+    if weight <= 0.0 or carried > 0.5 * weight or residual < 0.3 * weight:
+        return ""
+    return (
+        f"; the measured forces carry {100 * carried / weight:.0f} % of the body then: a step beside the plates? "
+        "Choose a time range that the plates cover"
+    )
 
 
 def reserve_verdicts(

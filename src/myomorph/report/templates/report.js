@@ -295,7 +295,8 @@
       const [X, Y, Z] = axes();
       const [frame, share] = frameAt(state.time);
       const next = Math.min(frame + 1, last);
-      const scale = ((height * 0.97) / data.size) * state.zoom;
+      const tall = Math.max(data.high - data.low, 0.4 * data.size);
+      const scale = Math.min((height * 0.88) / tall, (width * 0.8) / data.size) * state.zoom;
       const pose = new Float32Array(12 * data.poseCount);
       const center = [0, 0, 0];
       for (let i = 0; i < pose.length; i++) {
@@ -303,7 +304,7 @@
         if (i % 12 > 8) center[(i % 12) - 9] += pose[i] / data.poseCount;
       }
       // The floor stays where it is in the picture; only the way along it is followed.
-      const lift = data.floor + 0.42 * data.size - dot(data.up, ...center);
+      const lift = (data.low + data.high) / 2 - dot(data.up, ...center);
       for (let i = 0; i < 3; i++) center[i] += lift * data.up[i];
       const shift = [width / 2, height / 2];
       const toX = (x, y, z) => shift[0] + scale * dot(X, x - center[0], y - center[1], z - center[2]);
