@@ -14,7 +14,7 @@ from myomorph.io.c3d_ezc3d import read_c3d_ezc3d
 from myomorph.io.c3d_plain import read_c3d_plain
 from myomorph.io.c3d_plates import plate_recordings
 from myomorph.io.c3d_raw import RawC3d
-from myomorph.io.text import unique_names
+from myomorph.io.text import unique_names, without_far_away
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Analog, Event, Markers, Series, Trial
 from myomorph.model.spatial import Array
@@ -153,6 +153,7 @@ def _points(
     values = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
     # Programs differ in how they mark a hidden point; an exact zero in all three is never a place.
     values = np.where(np.all(values == 0.0, axis=2, keepdims=True), np.nan, values)
+    values = without_far_away(values, found)
     markers = Markers(time, unique_names([names[one] for one in real], "marker", found), values) if real else None
     others = None
     if other:

@@ -16,6 +16,7 @@ from myomorph.model.errors import BadFile
 from myomorph.model.spatial import Array
 
 BINARY_SHARE = 0.02
+FARTHEST = 1e5
 
 
 def file_text(path: Path, hint: str) -> str:
@@ -122,6 +123,17 @@ def rising(time: Array) -> np.ndarray:
     highest = np.maximum.accumulate(np.where(finite, time, -np.inf))
     before = np.concatenate(([-np.inf], highest[:-1]))
     return finite & (time > before)
+
+
+def without_far_away(positions: Array, found: list[str]) -> Array:
+    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which is told in `found`."""
+    far = np.abs(positions).max(axis=-1) > FARTHEST
+    if far.any():
+        found.append(
+            f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km and were taken as hidden"
+        )
+        positions = np.where(far[..., None], np.nan, positions)
+    return positions
 
 
 def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str, ...]:

@@ -10,7 +10,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.io.text import file_text, line_from, number, quick_numbers, rising, split_cells, unique_names, written
+from myomorph.io.text import (
+    file_text,
+    line_from,
+    number,
+    quick_numbers,
+    rising,
+    split_cells,
+    unique_names,
+    without_far_away,
+    written,
+)
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, Trial
 from myomorph.model.spatial import Array
@@ -50,7 +60,7 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     labels = _marker_names(labels, (columns - 2) // 3, found)
     time, table = _clock(table, facts, path, found)
     values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
-    values = _hidden(values, labels, found) * _unit(facts, values, found)
+    values = without_far_away(_hidden(values, labels, found) * _unit(facts, values, found), found)
     _check(facts, len(time), len(labels), found)
     markers = Markers(time, unique_names(labels, "marker", found), values)
     return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))

@@ -226,7 +226,7 @@ def _reach(table: Table, name: str) -> float:
     point = np.abs(np.nan_to_num(table[name]))
     if not set(forces) <= set(table.names):
         return 0.0
-    size = np.linalg.norm(np.nan_to_num(np.column_stack([table[one] for one in forces])), axis=1)
+    size = np.abs(np.nan_to_num(np.column_stack([table[one] for one in forces]))).max(axis=1)
     return float(np.max(point[size > 0.1 * size.max()], initial=0.0))
 
 
