@@ -151,9 +151,7 @@ def test_inequalities_hold_and_are_certified():
     limit[0, :40] = 1.0
     free = solve_program(program([effort(np.ones(count))], [balance(directions, torques)], lower=low, upper=high))
     most = 0.9 * (limit @ free.x)
-    held = solve_program(
-        program([effort(np.ones(count))], [balance(directions, torques)], [(limit, most)], low, high)
-    )
+    held = solve_program(program([effort(np.ones(count))], [balance(directions, torques)], [(limit, most)], low, high))
     assert held.optimal
     assert (limit @ held.x)[0] <= most[0] + 1e-6
     assert held.violation < 1e-6

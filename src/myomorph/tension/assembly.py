@@ -180,7 +180,7 @@ def _coupling(T, c, C):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fold(T, L, coordinates, entries, forces, passive, torques, values, right):
+def fold(T, L, coordinates, entries, forces, torques, values, right):
     """Fill A and b of every frame.
 
     Parameters
@@ -189,7 +189,6 @@ def fold(T, L, coordinates, entries, forces, passive, torques, values, right):
     coordinates : (frames, coordinates) all values
     entries : (frames, entries) generalized forces of unit forces
     forces : (frames, variables) force of a unit of each variable
-    passive : (frames, muscles) passive forces, taken off the torques
     torques : (frames, coordinates) of inverse dynamics
     values, right : (frames, entries of A), (frames, rows) filled
     """
@@ -212,6 +211,12 @@ def fold(T, L, coordinates, entries, forces, passive, torques, values, right):
             for j in range(L.row.shape[0]):
                 if L.row[j] >= 0 and C[k, j] != 0.0:
                     right[frame, L.row[j]] += C[k, j] * dependent
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def take_off(L, entries, passive, right):
+    """Take the torques of passive forces (frames, muscles) off right (frames, rows)."""
+    for frame in range(right.shape[0]):
         for e in range(L.arm_row.shape[0]):
             if L.arm_row[e] >= 0:
                 right[frame, L.arm_row[e]] -= entries[frame, e] * passive[frame, L.arm_muscle[e]]

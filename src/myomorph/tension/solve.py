@@ -18,7 +18,7 @@ from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import couple_rates_frames
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import RESIDUAL, default_reserves, free_coordinates
-from myomorph.tension.assembly import actuator_entries, assemble, fold
+from myomorph.tension.assembly import actuator_entries, assemble, fold, take_off
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES, Separable, solve_separable
 
 
@@ -78,8 +78,8 @@ class Tension:
     reserve_names : names of reserves, residuals and the model's other actuators
     reserves : (frames, reserves) their forces [N] and torques [N m]
     coordinates : the free coordinates that were balanced
-    torques : (frames, coordinates) what had to be balanced: inverse dynamics, dependent coordinates
-        folded in [N m or N]
+    torques : (frames, coordinates) what muscles and reserves had to give together: inverse dynamics,
+        dependent coordinates handed on, passive torques of joints taken off [N m or N]
     imbalance : (frames,) greatest torque or force left unbalanced [N m or N]
     status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input
     iterations : (frames,)
@@ -303,7 +303,9 @@ class TensionProblem:
         passive *= self._enabled * self._options.passive
         forces = np.hstack([active, np.broadcast_to(assembly.optimal_forces, (frames, len(assembly.optimal_forces)))])
         values, right = np.empty((frames, len(self.separable.row))), np.empty((frames, len(assembly.rows)))
-        fold(assembly.tree.arrays, assembly.links, c, entries, forces, passive, self._tau[part], values, right)
+        fold(assembly.tree.arrays, assembly.links, c, entries, forces, self._tau[part], values, right)
+        self._balanced[part] = right[:, np.argsort(assembly.pattern.order)]
+        take_off(assembly.links, entries, passive, right)
         return values, right, active, passive
 
     def solve(self, start: int, stop: int) -> None:
@@ -326,7 +328,6 @@ class TensionProblem:
         self._activations[part] = x[:, :muscles]
         self._forces[part] = active * x[:, :muscles] + passive
         self._reserves[part] = x[:, muscles:] * self.assembly.optimal_forces
-        self._balanced[part] = right[:, np.argsort(self.assembly.pattern.order)]
 
     def result(self, time: Array, names: tuple[str, ...]) -> Tension:
         """What was found, as a value."""

@@ -1,0 +1,247 @@
+"""Muscle tensions of whole models: against OpenSim's own results, and by the balance they must keep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.io.actuators import read_actuators
+from myomorph.io.loads import read_external_loads
+from myomorph.io.osim import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+
+ARM = "opensim-reference-small/"
+WALK = "rajagopal-walk-emg/"
+SPRING = "opensim-gait-subject01/ref_so_10dof18musc/"
+
+
+def frames(motion: Motion, keep) -> Motion:
+    """Some frames of a motion."""
+    return Motion(
+        motion.time[keep],
+        motion.names,
+        motion.values[keep],
+        velocities=motion.velocities[keep],
+        accelerations=motion.accelerations[keep],
+    )
+
+
+def arm(data) -> tuple[Model, Motion, Series]:
+    """OpenSim's arm of two coordinates and six muscles, its motion, filtered at 6 Hz, and its torques."""
+    model = read_osim(data(ARM + "arm26_bounds.osim"))
+    motion = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
+    return model, motion, inverse_dynamics(model, motion)
+
+
+def walk(data, count: int = 12) -> tuple[Model, Motion, Series]:
+    """Frames of a walk of the Rajagopal model, with coupled knees, and the torques of its plates."""
+    model = read_osim(data(WALK + "subject_walk_scaled.osim"))
+    whole = differentiate(motion_from_table(read_sto(data(WALK + "coordinates.sto")), model))
+    motion = frames(whole, np.linspace(150, 1150, count).astype(int))
+    wrenches = resample_wrenches(read_external_loads(data(WALK + "grf_walk.xml")), motion.time)
+    return model, motion, inverse_dynamics(model, motion, wrenches)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "Thelen2003Muscle",
+        "Thelen2003Muscle_Deprecated",
+        "Millard2012EquilibriumMuscle",
+        "Millard2012AccelerationMuscle",
+    ],
+)
+def test_activations_of_the_arm_are_those_opensim_found(data, kind):
+    model, motion, torques = arm(data)
+    model = replace(model, muscles=tuple(replace(one, kind=kind) for one in model.muscles))
+    expected = read_sto(data(ARM + f"std_{kind}_arm26_bounds_StaticOptimization_activation.sto"))
+    found = solve_tension(model, motion, torques, TensionOptions(passive=False), ())
+    assert np.all(found.optimal)
+    nearest = np.abs(motion.time[:, None] - expected.time[None]).argmin(axis=0)
+    # The files for Millard's classes were made by an older OpenSim: 4.6 itself is up to 0.015 away from them.
+    most = 0.02 if kind.startswith("Millard") else 0.005
+    inside = slice(3, -3)
+    for name in model.muscle_names:
+        ours = found.activations[nearest, model.muscle_names.index(name)]
+        theirs = expected.values[:, expected.names.index(name)]
+        rms = np.sqrt(np.mean((ours - theirs)[inside] ** 2))
+        assert rms < most, name
+
+
+def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_path):
+    model = read_osim(data(SPRING + "subject01_adjusted_spring.osim"))
+    expected = read_sto(data(SPRING + "std_walk_subject01_ankle_spring_StaticOptimization_activation.sto"))
+    whole = differentiate(motion_from_table(read_sto(data(SPRING + "walk_subject01_Kinematics_q.sto")), model))
+    motion = frames(whole, np.abs(whole.time[:, None] - expected.time[None]).argmin(axis=0))
+    # The plates' file lies in another folder than the loads' file expects.
+    loads = read_external_loads(
+        data(SPRING + "externalForces.xml"), data("opensim-gait-subject01/ref_rra/subject01_walk1_grf.mot")
+    )
+    torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time))
+    actuators = read_actuators(data(SPRING + "gait10dof_Actuators_weak.xml"), model)
+    found = solve_tension(model, motion, torques, TensionOptions(passive=False), actuators)
+    assert np.all(found.optimal)
+    assert found.reserve_names == tuple(one.name for one in actuators)
+    columns = [expected.names.index(name) for name in model.muscle_names]
+    difference = found.activations - expected.values[:, columns]
+    assert np.sqrt(np.mean(difference**2)) < 0.01
+    without = solve_tension(
+        replace(model, passive_torques=()), motion, torques, TensionOptions(passive=False), actuators
+    )
+    assert np.sqrt(np.mean((without.activations - found.activations) ** 2)) > 0.1
+
+
+def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarray) -> np.ndarray:
+    """Torques of muscle forces and reserves on the balanced coordinates, by another way than the solver's."""
+    tree = compile_tree(model)
+    kinematics = muscle_kinematics(model, motion)
+    total = np.einsum("fm,fmj->fj", forces, kinematics.dense())
+    columns = [model.coordinate_names.index(name) for name in tension.coordinates]
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    center = model.body("pelvis").mass_center
+    pelvis = tree.body_index["pelvis"]
+    for r, name in enumerate(tension.reserve_names):
+        force = tension.reserves[:, r]
+        if name.startswith("residual_"):
+            axis = "XYZ".index(name[-1]) + (3 if name[-2] == "F" else 0)
+            for frame in range(len(motion)):
+                point = poses.rotations[frame, pelvis] @ center + poses.origins[frame, pelvis]
+                total[frame] += force[frame] * poses.jacobian(frame, pelvis, point)[axis]
+        else:
+            coordinate = name.removeprefix("reserve_")
+            known = {one.name: one.coordinate for one in model.actuators}
+            total[:, model.coordinate_names.index(known.get(name, coordinate))] += force
+    return total[:, columns]
+
+
+def needed(model: Model, motion: Motion, torques: Series, tension: Tension) -> np.ndarray:
+    """Torques to balance: those of inverse dynamics, of coupled coordinates handed on by virtual work."""
+    total = {name: np.array(torques[name]) for name in torques.names}
+    for coupler in model.couplers:
+        (source,) = coupler.independents
+        total[source] += coupler.function(motion[source], order=1) * total[coupler.dependent]
+    return np.column_stack([total[name] for name in tension.coordinates])
+
+
+@pytest.mark.parametrize("passive", [True, False])
+def test_muscles_and_reserves_together_balance_the_torques(data, passive):
+    model, motion, torques = walk(data)
+    found = solve_tension(model, motion, torques, TensionOptions(passive=passive))
+    assert found.summary() == {"optimal": 12, "infeasible": 0, "not converged": 0, "missing input": 0}
+    balanced = generalized(model, motion, found, found.forces)
+    np.testing.assert_allclose(balanced, needed(model, motion, torques, found), atol=1e-5)
+    np.testing.assert_allclose(balanced, found.torques, atol=1e-5)
+    kinematics = muscle_kinematics(model, motion)
+    assert kinematics.velocities is not None
+    curves = hill_forces(model, kinematics.lengths, kinematics.velocities, "rigid-tendon" if passive else "opensim")
+    expected = curves.active * found.activations + (curves.passive if passive else 0.0)
+    np.testing.assert_allclose(found.forces, expected, atol=1e-6)
+    assert found.imbalance.max() < 1e-5
+
+
+def test_a_muscle_that_is_switched_off_does_nothing(data):
+    model, motion, torques = walk(data, 3)
+    off = model.muscle_names.index("soleus_r")
+    muscles = tuple(replace(one, enabled=i != off) for i, one in enumerate(model.muscles))
+    found = solve_tension(replace(model, muscles=muscles), motion, torques)
+    assert np.all(found.optimal)
+    np.testing.assert_array_equal(found.forces[:, off], 0.0)
+    np.testing.assert_array_equal(found.activations[:, off], 0.0)
+
+
+def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
+    model, motion, torques = walk(data, 6)
+    whole = solve_tension(model, motion, torques)
+    values = np.array(motion.values)
+    values[2, motion.names.index("ankle_angle_r")] = np.nan
+    broken = Motion(motion.time, motion.names, values, velocities=motion.velocities, accelerations=motion.accelerations)
+    tau = np.array(torques.values)
+    tau[4, 3] = np.nan
+    found = solve_tension(model, broken, Series(torques.time, torques.names, tau))
+    np.testing.assert_array_equal(found.status, [0, 0, 3, 0, 3, 0])
+    kept = [0, 1, 3, 5]
+    np.testing.assert_allclose(found.activations[kept], whole.activations[kept], atol=1e-9)
+    for values in (found.activations, found.forces, found.reserves):
+        assert np.all(np.isnan(values[[2, 4]]))
+
+
+def test_without_reserves_a_weak_model_is_called_infeasible(data):
+    model, motion, torques = arm(data)
+    part = frames(motion, slice(20, 40))
+    tau = inverse_dynamics(model, part)
+    weak = tuple(replace(one, max_isometric_force=0.02 * one.max_isometric_force) for one in model.muscles)
+    weak_model = replace(model, muscles=weak)
+    found = solve_tension(weak_model, part, tau, actuators=())
+    assert found.summary()["infeasible"] > 0
+    assert found.saturated.any()
+    held = solve_tension(weak_model, part, tau)
+    assert np.all(held.optimal)
+    assert np.abs(held.reserves).max() > 1.0
+    assert len(torques) == len(motion)
+
+
+def test_the_exponent_and_volumes_change_who_works(data):
+    model, motion, torques = walk(data, 4)
+    square = solve_tension(model, motion, torques)
+    cube = solve_tension(model, motion, torques, TensionOptions(exponent=3.0))
+    volume = solve_tension(model, motion, torques, TensionOptions(weights="volume"))
+    for one in (cube, volume):
+        assert np.all(one.optimal)
+        np.testing.assert_allclose(
+            generalized(model, motion, one, one.forces),
+            needed(model, motion, torques, one),
+            atol=1e-4,
+        )
+    # A higher exponent spares the muscle that works hardest.
+    assert np.all(cube.activations.max(axis=1) < square.activations.max(axis=1) + 1e-6)
+    sizes = np.array([one.max_isometric_force * one.optimal_fiber_length for one in model.muscles])
+    assert np.sum(volume.activations**2 * sizes) < np.sum(square.activations**2 * sizes)
+
+
+def test_given_actuators_replace_those_of_the_same_name(data):
+    model, motion, torques = walk(data, 2)
+    own = model.actuators[0]
+    strong = replace(own, optimal_force=500.0)
+    reserves = (strong, Actuator("extra", "coordinate", 1.0, coordinate="knee_angle_r_beta"))
+    found = solve_tension(model, motion, torques, TensionOptions(), reserves)
+    assert found.reserve_names.count(own.name) == 1
+    assert found.reserve_names[-1] == "extra"
+
+
+def test_bad_input_is_refused_by_name(data):
+    model, motion, torques = arm(data)
+    bare = Motion(motion.time, motion.names, motion.values)
+    with pytest.raises(BadData, match="velocities"):
+        solve_tension(model, bare, torques)
+    with pytest.raises(BadData, match="same times"):
+        solve_tension(model, frames(motion, slice(0, 5)), torques)
+    elbow_only = Series(torques.time, ("r_elbow_flex",), torques.values[:, 1:])
+    with pytest.raises(UnknownName, match="r_shoulder_elev"):
+        solve_tension(model, motion, elbow_only)
+    lost = Actuator("help", "coordinate", 1.0, coordinate="elbow")
+    with pytest.raises(UnknownName, match="elbow"):
+        solve_tension(model, motion, torques, actuators=(lost,))
+    twice = Actuator("help", "coordinate", 1.0, coordinate="r_elbow_flex")
+    with pytest.raises(BadModel, match="two actuators are named 'help'"):
+        solve_tension(model, motion, torques, actuators=(twice, twice))
+    with pytest.raises(BadModel, match="no muscle"):
+        solve_tension(replace(model, muscles=()), motion, torques)
+    with pytest.raises(BadData, match="exponent"):
+        TensionOptions(exponent=1.0)
+    with pytest.raises(BadData, match="weights"):
+        TensionOptions(weights="mass")  # type: ignore[arg-type]
+    with pytest.raises(BadData, match="reserve"):
+        TensionOptions(reserve=0.0)
