@@ -116,7 +116,7 @@ def test_the_left_foot_stands_where_the_right_one_does(study):
 
 
 def test_muscles_and_signals(study):
-    assert len(study.model.muscles) == 80
+    assert len(study.model.muscles) == 86
     assert len(study.analog.names) == 6
     assert set(study.analog.units) == {"V"}
     assert study.analog.rate == pytest.approx(2000.0)

@@ -24,7 +24,6 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.jump_recording import LEG_MARKERS, PELVIS_MARKERS, SHOULDER, mirrored_name
 
-TRUNK_MUSCLES = ("ercspn", "intobl", "extobl")
 TRUNK_BEND = "flex_extension"
 LOCKED = ("lat_bending", "axial_rotation", "mtp_angle_r", "mtp_angle_l")
 FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
@@ -66,11 +65,11 @@ def _silent() -> Iterator[None]:
 
 
 def leg_model() -> Model:
-    """`myo-sim`'s legs (80 muscles) under a trunk that bends, in a ground with x forward, y up, z right.
+    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
 
     The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
-    and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. The
-    trunk's few muscles are left out; its side bending, its twist and the toes are locked.
+    and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side
+    bending and twist of the trunk and the toes are locked.
     """
     try:
         import myo_sim
@@ -94,7 +93,6 @@ def leg_model() -> Model:
         joints=(joint, *model.joints[1:]),
         coordinates=(*coordinates, *held),
         gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
-        muscles=tuple(one for one in model.muscles if not one.name.startswith(TRUNK_MUSCLES)),
     )
 
 
@@ -148,11 +146,12 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
     return fitted, factors
 
 
-def calibrated(model: Model, markers: Markers, quiet: Markers) -> Model:
+def calibrated(model: Model, quiet: Markers) -> Model:
     """The model with all markers where quiet standing shows them.
 
     Its pose there: joint centers and bony landmarks by inverse kinematics, the sole level (the jumper
-    wears shoes, so heights of foot markers tell nothing), the trunk upright, the left leg as the right.
+    wears shoes, so heights of foot markers tell nothing), the trunk upright. The mirrored markers lie on the left
+    leg as their originals on the right one.
     """
     tree = compile_tree(model)
     neutral = forward_kinematics(tree, tree.defaults[None])
@@ -164,22 +163,20 @@ def calibrated(model: Model, markers: Markers, quiet: Markers) -> Model:
     landmarks = tuple(Marker(name, body, np.array(place)) for name, (body, place) in LANDMARKS.items())
     options = InverseKinematicsOptions(marker_weights=LANDMARK_WEIGHTS)
     fit = inverse_kinematics(model.with_markers(landmarks), Markers(still.time, still.names, values), options)
-    pose = _upright(model, _left_as_right(fit.motion))
+    pose = _upright(model, fit.motion)
     bodies = dict.fromkeys(PELVIS_MARKERS, "pelvis") | {SHOULDER: "torso"} | LEG_MARKERS
-    bodies |= {mirrored_name(name): body.replace("_r", "_l") for name, body in LEG_MARKERS.items()}
-    return model.with_markers(place_markers(model, pose, _mean_frame(markers), bodies))
+    placed = place_markers(model, pose, still, bodies)
+    # Left bodies have the axes of the right ones and the shape of their mirror image.
+    left = (
+        Marker(mirrored_name(one.name), one.body.replace("_r", "_l"), one.location * (1.0, 1.0, -1.0))
+        for one in placed
+        if one.name in LEG_MARKERS
+    )
+    return model.with_markers((*placed, *left))
 
 
 def _mean_frame(markers: Markers) -> Markers:
     return Markers(markers.time[:1], markers.names, markers.values.mean(axis=0)[None])
-
-
-def _left_as_right(motion: Motion) -> Motion:
-    values = motion.values.copy()
-    for i, name in enumerate(motion.names):
-        if name.endswith("_l"):
-            values[:, i] = motion[name[:-2] + "_r"]
-    return replace(motion, values=values)
 
 
 def _upright(model: Model, motion: Motion) -> Motion:
