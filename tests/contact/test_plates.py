@@ -69,6 +69,19 @@ def test_an_origin_written_upside_down_is_mended(kind):
     np.testing.assert_allclose(force_plate(replace(recording, origin=turned)).points, known["points"], atol=1e-9)
 
 
+def test_the_makers_correction_of_the_center_of_pressure():
+    """Shift of x by 1e-6 x^3 + 0.01 x and of y by 1e-8 x^2 y^3, lengths in mm."""
+    recording, known = a_plate(3, rotation=np.diag([1.0, -1, -1]))
+    polynomial = [[0, 0, 1e-6, 0, 0, 0.01], [0, 1e-8, 0, 0, 0, 0]]
+    plain = force_plate(recording)
+    corrected = force_plate(replace(recording, center_polynomial=np.array(polynomial)))
+    middle = recording.corners.mean(axis=0)
+    x, y = 1000 * (plain.points - middle)[:, 0], -1000 * (plain.points - middle)[:, 1]
+    np.testing.assert_allclose(1000 * (corrected.points - middle)[:, 0], x - 1e-6 * x**3 - 0.01 * x)
+    np.testing.assert_allclose(-1000 * (corrected.points - middle)[:, 1], y - 1e-8 * x**2 * y**3)
+    np.testing.assert_allclose(plain.points, known["points"])
+
+
 @pytest.mark.parametrize("kind", [5, 6, 7, 11, 12, 21, 99])
 def test_other_types_are_refused_by_name(kind):
     recording, _ = a_plate(2)
@@ -147,9 +160,11 @@ def test_type_2_and_type_4_of_one_recording_agree(data):
 def test_a_turned_laboratory_turns_the_wrenches():
     recording, _ = a_plate(2)
     turn = rotation_from_euler_xyz((0.4, -1.1, 2.0))
-    trial = Trial(plate_recordings=(recording,), plate_time=np.arange(50) / 100)
+    markers = Markers(np.arange(2.0), ("m",), np.random.default_rng(0).normal(size=(2, 1, 3)) + recording.corners[0])
+    trial = Trial(markers=markers, plate_recordings=(recording,), plate_time=np.arange(50) / 100)
     before = force_plates(trial).rotated(turn).plates[0]
     after = force_plates(trial.rotated(turn)).plates[0]
+    np.testing.assert_allclose(trial.rotated(turn).markers.values[1, 0], turn @ markers.values[1, 0])
     for name in ("forces", "points", "torques", "corners"):
         np.testing.assert_allclose(getattr(before, name), getattr(after, name), atol=1e-9)
 

@@ -176,6 +176,11 @@ def test_nothing_half_written_stays_behind(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_folder_that_does_not_exist_is_named(tmp_path):
+    with pytest.raises(BadFile, match="cannot be written"):
+        write_sto(Table(np.zeros(1), ("a",), np.zeros((1, 1))), tmp_path / "absent" / "out.sto")
+
+
 def two_joints() -> Model:
     frame = Transform.identity()
     bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3)) for name in ("cart", "arm"))

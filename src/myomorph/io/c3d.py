@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -186,7 +187,8 @@ def _without_prefix(labels: Sequence[str], facts: dict[str, str]) -> list[str]:
     prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
     if prefixes:
         facts["label prefixes"] = ", ".join(prefixes)
-    return [one if short.count(one) == 1 else label for one, label in zip(short, labels, strict=True)]
+    times = Counter(short)
+    return [one if times[one] == 1 else label for one, label in zip(short, labels, strict=True)]
 
 
 def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:

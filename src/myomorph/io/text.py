@@ -164,9 +164,12 @@ def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str
 
 @contextmanager
 def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
-    """A text file that appears under its name only when it is whole."""
+    """A text file that appears under its name only when it is whole; `BadFile` where it cannot be made."""
     target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    except OSError as error:
+        raise BadFile(target, f"cannot be written ({error.strerror or error})", "does its folder exist?") from None
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
             yield stream
