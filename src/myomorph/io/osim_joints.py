@@ -70,9 +70,9 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
     else:
         names = _named(node, given, CURVED.get(kind, len(SIMPLE.get(kind, ()))))
         axes = _simple(kind, names) if kind in SIMPLE else _curved(node, names)
-        given = tuple(
-            replace(one, name=name, motion=_motion(axes, name)) for one, name in zip(given, names, strict=True)
-        )
+        given = given or tuple(Coordinate(name, range=(-10.0, 10.0)) for name in names)
+        renamed = zip(given, names, strict=True)
+        given = tuple(replace(one, name=name, motion=_motion(axes, name)) for one, name in renamed)
     (parent, parent_frame, parent_name), (child, child_frame, child_name) = _ends(node, frames, old_child)
     joint = Joint(
         node.name or kind.lower(),
