@@ -64,6 +64,7 @@ def _app() -> App:
         name="myomorph",
         help=HELP,
         version=__version__,
+        suppress_keyboard_interrupt=False,
         help_format="markdown",
         default_parameter=Parameter(negative_iterable=(), negative_none=()),
     )

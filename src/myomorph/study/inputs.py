@@ -92,6 +92,8 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
             tracked_markers(model, markers, InverseKinematicsOptions())
     own = default_markers(model, shared)
     recorded = markers.values[:, [markers.names.index(name) for name in shared]]
+    if not np.isfinite(recorded).all(axis=2).any():
+        raise BadData(f"{trial.source}: none of its {len(markers)} frames shows a marker that the model has")
     _check_size(trial.source, own, recorded)
     if Path(trial.source).suffix.lower() != ".c3d" or not _lies_on_its_side(model, own, recorded):
         return trial

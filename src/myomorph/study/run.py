@@ -138,7 +138,10 @@ def _next(steps: Sequence[str], done: Sequence[str]) -> str:
 
 
 def _gather(parts: Path, stored: Path, outcome: Outcome) -> None:
-    """Move the steps' tables up and put their values, and those taken over, into one file."""
+    """Move the steps' tables up and put their values, and those taken over, into one file.
+
+    The tables of muscle paths, of which there are many, get a folder of their own.
+    """
     fresh = [step for step in outcome.done if (parts / step / PART).is_file()]
     if fresh:
         with new_result(stored) as writer:
@@ -148,9 +151,11 @@ def _gather(parts: Path, stored: Path, outcome: Outcome) -> None:
             if taken:
                 writer.copy(stored, taken)
         for step in fresh:
+            home = stored.parent / "muscles" if step == "muscles" else stored.parent
+            home.mkdir(exist_ok=True)
             for path in (parts / step).iterdir():
                 if path.name != PART:
-                    os.replace(path, stored.parent / path.name)
+                    os.replace(path, home / path.name)
     shutil.rmtree(parts, ignore_errors=True)
 
 

@@ -20,7 +20,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.study import stored as store
-from myomorph.study.inputs import has_mass
+from myomorph.study.inputs import about, has_mass
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, Stored, provenance_of
 from myomorph.study.settings import Differentiation, plain_settings
@@ -140,7 +140,8 @@ def _recorded(take: Take, found: Found) -> Motion:
 
 def run_step(step: str, take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
     """Run one of `CHAIN`, write its tables into a folder and its values into a result file."""
-    after = RUNNERS[step](take, found, writer, folder)
+    with about(take.name):
+        after = RUNNERS[step](take, found, writer, folder)
     _put_take(writer, take)
     writer.provenance(step_provenance(step, take))
     return after

@@ -1,0 +1,161 @@
+"""A study file is checked as a whole; forces and EMG are found by the trial's stem."""
+
+from __future__ import annotations
+
+import pytest
+
+from myomorph.model.errors import BadFile
+from myomorph.study.plan import STEPS, companion, plain_stem, read_plan, step_settings
+
+SMALLEST = """
+[study]
+name = "walking"
+[[subject]]
+name = "s01"
+model = "generic.osim"
+mass = 72.6
+trials = ["walk*.trc"]
+steps = ["ik", "id", "muscles", "tension", "report"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("generic.osim", "walk1.trc", "walk2.trc", "walk1_grf.xml", "walk1_emg.sto", "run.trc"):
+        (tmp_path / name).write_text("")
+    return tmp_path
+
+
+def plan_of(folder, text):
+    path = folder / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_plan(path)
+
+
+def problems_of(folder, text):
+    with pytest.raises(BadFile) as caught:
+        plan_of(folder, text)
+    return str(caught.value)
+
+
+def test_smallest_form(folder):
+    plan = plan_of(folder, SMALLEST)
+    assert plan.name == "walking"
+    assert [take.name for take in plan.takes] == ["walk1", "walk2"]
+    first, second = plan.takes
+    assert (first.loads, first.emg) == (folder / "walk1_grf.xml", folder / "walk1_emg.sto")
+    assert (second.loads, second.emg) == (None, None)
+    assert first.mass == 72.6
+    assert plan.steps == (STEPS, STEPS)
+    assert any("walk1_grf.xml" in remark for remark in plan.remarks)
+
+
+def test_table_form_and_options(folder):
+    plan = plan_of(
+        folder,
+        SMALLEST.replace(
+            '["walk*.trc"]',
+            '[{markers = "run.trc", name = "fast", loads = "walk1_grf.xml", emg = "walk1_emg.sto", time = [0.5, 1.5]}]',
+        )
+        + "[options.id]\ncutoff = 6\n[options.tension]\npassive = false\nweights = 'volume'\n",
+    )
+    (take,) = plan.takes
+    assert (take.name, take.time) == ("fast", (0.5, 1.5))
+    assert take.loads == folder / "walk1_grf.xml"
+    assert plan.settings == {"id": {"cutoff": 6.0}, "tension": {"passive": False, "weights": "volume"}}
+
+
+def test_everything_wrong_is_told_at_once(folder):
+    told = problems_of(
+        folder,
+        SMALLEST.replace("generic.osim", "generik.osim")
+        .replace('"walk*.trc"', '"jump*.trc", "walk3.trc"')
+        .replace('"muscles"', '"muscels"'),
+    )
+    assert told.startswith(f"{folder / 'study.toml'}: 4 problems: ")
+    for words in (
+        "'generik.osim'",
+        "'generic.osim'",
+        "'jump*.trc'",
+        "'walk3.trc'",
+        "'walk1.trc'",
+        "'muscels'",
+        "'muscles'",
+    ):
+        assert words in told
+    assert "\n" not in told
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        (SMALLEST + "[options.id]\ncutof = 6\n", ("unknown key 'options.id.cutof'", "'cutoff'")),
+        (SMALLEST + "[options.ids]\ncutoff = 6\n", ("unknown key 'options.ids'", "'id'")),
+        (SMALLEST.replace("model", "modle"), ("'subject.1.model' is missing", "unknown key 'subject.1.modle'")),
+        (SMALLEST.replace("72.6", "-1"), ("'subject.1.mass' = -1", "greater than 0")),
+        (SMALLEST.replace("72.6", '"heavy"'), ("'subject.1.mass' = 'heavy'",)),
+        (SMALLEST + "[options.tension]\nweights = 'heavy'\n", ("options.tension.weights", "'volume'")),
+        (SMALLEST.replace('"ik", ', ""), ("lack 'ik'",)),
+        (SMALLEST.replace('["walk*.trc"]', "[]"), ("has no trials",)),
+        (SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'), ("markers' is missing",)),
+        (SMALLEST.replace("mass = 72.6", "time = [2, 1]"), ("start before an end",)),
+        ("[study]\nname = 'x'\n", ("'subject' is missing",)),
+        ("[[study\n", ("is not TOML",)),
+    ],
+)
+def test_what_is_wrong_is_named(folder, spoilt, words):
+    told = problems_of(folder, spoilt)
+    for word in words:
+        assert word in told
+
+
+def test_two_trials_of_one_name_are_refused(folder):
+    assert "two trials named 'walk1'" in problems_of(
+        folder, SMALLEST.replace('"walk*.trc"', '"walk*.trc", "walk1.trc"')
+    )
+
+
+def test_forces_without_bodies_are_not_guessed(folder):
+    (folder / "walk2_forces.mot").write_text("")
+    plan = plan_of(folder, SMALLEST)
+    assert plan.takes[1].loads is None
+    assert any("walk2_forces.mot is not used" in remark for remark in plan.remarks)
+    given = '[{markers = "walk2.trc", loads = "walk2_forces.mot", bodies = {ground_force_ = "calcn_r"}}]'
+    (take,) = plan_of(folder, SMALLEST.replace('["walk*.trc"]', given)).takes
+    assert dict(take.bodies) == {"ground_force_": "calcn_r"}
+
+
+@pytest.mark.parametrize(
+    ("markers", "loads"),
+    [
+        ("walk1.trc", "walk1_grf.xml"),
+        ("walk1.trc", "walk1_external_loads.xml"),
+        ("walk1.trc", "grf_walk1.xml"),
+        ("walk1.trc", "walk1.mot"),
+        ("markers_walk.trc", "grf_walk.xml"),
+        ("walk_markers.trc", "walk.xml"),
+    ],
+)
+def test_rule_of_names(tmp_path, markers, loads):
+    for name in (markers, loads, "other_grf.xml"):
+        (tmp_path / name).write_text("")
+    assert companion(tmp_path / markers, "loads") == tmp_path / loads
+
+
+def test_plain_stem():
+    from pathlib import Path
+
+    names = {"markers_walk.trc": "walk", "walk_Markers.trc": "walk", "markers.trc": "markers", "a.b.trc": "a.b"}
+    assert {name: plain_stem(Path(name)) for name in names} == names
+
+
+def test_options_are_those_of_the_steps():
+    """Written once: every setting of a step's dataclass is a key, with its default and a line of help."""
+    from dataclasses import fields
+
+    from myomorph.tension.solve import TensionOptions
+
+    settings = {one.name: one for one in step_settings()["tension"]}
+    assert set(settings) == {one.name for one in fields(TensionOptions)} | {"cutoff"}
+    assert settings["passive"].default is TensionOptions().passive
+    assert all(one.help for each in step_settings().values() for one in each)

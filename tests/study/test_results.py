@@ -1,0 +1,188 @@
+"""Results round-trip through files, appear whole or not at all, and tell what they were made from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from myomorph.model.errors import BadFile
+from myomorph.model.provenance import Provenance, Source
+from myomorph.model.series import Emg, Event, Motion, Series, Wrenches
+from myomorph.motion.ik import KinematicsFit
+from myomorph.study import stored as store
+from myomorph.study.results import (
+    file_source,
+    new_result,
+    provenance_of,
+    read_result,
+    stored_provenance,
+    value_source,
+    whole_folder,
+)
+
+TIME = np.arange(5) / 10.0
+NAMES = ("a", "b", "c")
+
+
+@pytest.fixture
+def values():
+    return np.random.default_rng(7).standard_normal((5, 3))
+
+
+def test_series_survive(tmp_path, values):
+    wrenches = Wrenches(TIME, ("w",), ("foot",), *(values[:, None] + i for i in range(3)))
+    emg = Emg(np.arange(20) / 40.0, ("m",), np.random.default_rng(1).random((20, 1)))
+    events = (Event(0.1, "Foot Strike", "Left"), Event(0.3, "Ünicode"))
+    with new_result(tmp_path / "x.nc") as writer:
+        writer.time(TIME)
+        store.put_torques(writer, Series(TIME, NAMES, values), wrenches)
+        store.put_emg(writer, emg)
+        store.put_events(writer, events)
+        store.put_truth(writer, {"motion": Series(TIME, NAMES, 2 * values)})
+    found = read_result(tmp_path / "x.nc")
+    np.testing.assert_array_equal(store.get_torques(found).values, values)
+    back = store.get_wrenches(found)
+    assert (back.names, back.bodies) == (("w",), ("foot",))
+    np.testing.assert_array_equal(back.torques, wrenches.torques)
+    np.testing.assert_array_equal(store.get_emg(found).values, emg.values)
+    assert store.get_events(found) == events
+    np.testing.assert_array_equal(store.get_truth(found)["motion"].values, 2 * values)
+    assert store.get_tension(found, None) is None
+    assert store.get_fit(found) is None
+
+
+def test_fit_survives_with_gaps(tmp_path, values):
+    class Model:
+        """Enough of a model to tell units."""
+
+        @staticmethod
+        def coordinate(name):
+            return type("Coordinate", (), {"motion": "rotational"})
+
+    errors = np.abs(values).copy()
+    errors[2] = np.nan
+    fit = KinematicsFit(
+        Motion(TIME, NAMES, values),
+        NAMES,
+        errors,
+        np.ones(3),
+        np.array([1, 1, 0, 1, 1], bool),
+        np.arange(5),
+        ("x",),
+        (),
+    )
+    with new_result(tmp_path / "x.nc") as writer:
+        store.put_fit(writer, fit, Model())
+    back = store.get_fit(read_result(tmp_path / "x.nc"))
+    np.testing.assert_array_equal(back.errors, errors)
+    np.testing.assert_array_equal(back.converged, fit.converged)
+    assert (back.unused_markers, back.missing_markers) == (("x",), ())
+
+
+def test_a_result_appears_whole_or_not_at_all(tmp_path):
+    (tmp_path / "x.nc").write_bytes(b"earlier")
+
+    def broken():
+        with new_result(tmp_path / "x.nc") as writer:
+            writer.time(TIME)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        broken()
+    assert [path.name for path in tmp_path.iterdir()] == ["x.nc"]
+    assert (tmp_path / "x.nc").read_bytes() == b"earlier"
+
+
+def test_a_folder_appears_whole_or_not_at_all(tmp_path):
+    def broken():
+        with whole_folder(tmp_path / "out") as folder:
+            (folder / "a.sto").write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        broken()
+    assert list(tmp_path.iterdir()) == []
+    with whole_folder(tmp_path / "out") as folder:
+        (folder / "a.sto").write_text("one")
+    with whole_folder(tmp_path / "out") as folder:
+        (folder / "b.sto").write_text("two")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.sto", "b.sto"]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_only_some_steps_are_taken_over(tmp_path, values):
+    for step in ("ik", "id"):
+        with new_result(tmp_path / f"{step}.nc", step) as writer:
+            writer.time(TIME)
+            writer.put(f"{step}_value", ("time",), values[:, 0], "m", "a value")
+            writer.provenance(provenance_of(step, (), {}))
+    with new_result(tmp_path / "both.nc") as writer:
+        writer.copy(tmp_path / "ik.nc", ("ik",))
+        writer.copy(tmp_path / "id.nc", ("id",))
+    with new_result(tmp_path / "one.nc") as writer:
+        writer.copy(tmp_path / "both.nc", ("id",))
+    found = read_result(tmp_path / "one.nc")
+    assert set(found.values) == {"time", "id_value"}
+    assert set(found.provenance) == {"id"}
+    assert set(stored_provenance(tmp_path / "both.nc")) == {"ik", "id"}
+
+
+def test_large_values_are_copied_block_by_block(tmp_path):
+    values = np.random.default_rng(2).standard_normal((1300, 70))
+    with new_result(tmp_path / "a.nc", "ik") as writer:
+        writer.time(np.arange(1300) / 100.0)
+        writer.names("column", [f"c{i}" for i in range(70)])
+        variable = writer.create("x", ("time", "column"), "m", "x")
+        for start in range(0, 1300, 333):
+            variable[start : start + 333] = values[start : start + 333]
+    with new_result(tmp_path / "b.nc") as writer:
+        writer.copy(tmp_path / "a.nc", ("ik",))
+    np.testing.assert_array_equal(read_result(tmp_path / "b.nc").values["x"], values)
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "x.nc"
+    path.write_bytes(b"CDF\x01 not ours")
+    with pytest.raises(BadFile, match=r"x\.nc: is not a result"):
+        read_result(path)
+    assert stored_provenance(path) == {}
+    assert stored_provenance(tmp_path / "absent.nc") == {}
+
+
+def test_hash_of_a_file_is_that_of_its_bytes(tmp_path):
+    (tmp_path / "a").write_bytes(b"abc")
+    # FIPS 180-2, appendix B.1.
+    known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert file_source("model", tmp_path / "a").sha256 == known
+    with pytest.raises(BadFile, match="cannot be read"):
+        file_source("model", tmp_path / "b")
+    assert value_source("x", "n", np.arange(3)).sha256 != value_source("x", "n", np.arange(4)).sha256
+
+
+@given(
+    st.text(max_size=8),
+    st.lists(st.tuples(st.text(max_size=5), st.text(max_size=5), st.text(max_size=5)), max_size=3),
+    st.dictionaries(st.text(max_size=5), st.none() | st.booleans() | st.integers() | st.text(max_size=5), max_size=3),
+)
+def test_provenance_round_trips(step, sources, options):
+    made = Provenance(step, tuple(Source(*one) for one in sources), options, "1.0", "2024-01-01T00:00:00+00:00")
+    back = Provenance.from_json(made.to_json())
+    assert back == made
+    assert back.key == made.key
+
+
+def test_key_changes_with_what_matters_only():
+    made = provenance_of("ik", (Source("model", "a.osim", "1"),), {"x": 1})
+    same = Provenance("ik", (Source("model", "elsewhere/b.osim", "1"),), {"x": 1}, made.version, "another day")
+    assert same.key == made.key
+    others = (
+        Provenance("id", made.sources, made.options, made.version),
+        Provenance("ik", (Source("model", "a.osim", "2"),), made.options, made.version),
+        Provenance("ik", made.sources, {"x": 2}, made.version),
+        Provenance("ik", made.sources, made.options, "other"),
+    )
+    assert len({made.key, *(other.key for other in others)}) == 5
+    with pytest.raises(ValueError, match="not a provenance"):
+        Provenance.from_json("{}")
