@@ -73,12 +73,13 @@ def test_the_model_is_as_long_as_the_jumper(study, fit):
 
 def test_markers_are_followed(study, fit):
     assert fit.converged.all()
-    recorded = [i for i, name in enumerate(fit.marker_names) if "mirrored" not in name and name != SHOULDER]
-    errors = fit.errors[:, recorded]
-    rms = np.sqrt((errors**2).mean(axis=1))
+    recorded = [i for i, name in enumerate(fit.marker_names) if "mirrored" not in name]
+    rms = np.sqrt((fit.errors[:, recorded] ** 2).mean(axis=1))
     assert rms[fit.motion.time <= QUIET[1]].max() < 0.004
     assert rms.max() < 0.02
-    assert errors.max() < 0.04
+    # The shoulder moves on a trunk that neither bends sideways nor twists.
+    on_bones = [i for i in recorded if fit.marker_names[i] != SHOULDER]
+    assert fit.errors[:, on_bones].max() < 0.04
 
 
 def test_quiet_standing_is_in_balance(study, fit):

@@ -155,10 +155,10 @@ def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tupl
         f"pressure lies between the feet gives the right foot {share[still].mean():.0%} in quiet standing and "
         f"{low:.0%} to {high:.0%} until take-off; after landing the feet stand too close for this check.",
         "Assumed: the left leg, which has no markers, and its force are the mirror image of the right one in the "
-        "pelvis' middle plane.",
+        "upright plane that halves the pelvis.",
         f"Assumed: the model is myo-sim's legs (Apache-2.0), scaled to the recorded joint centers ({grown}), with the "
         "arms' mass in the trunk; toes, side bending and twist of the trunk are locked.",
-        "Assumed: in quiet standing the soles are level and the trunk is upright; the shoulder marker, which the arms "
-        "move, shows the bending of the trunk.",
+        "Assumed: in quiet standing the soles are level and the trunk is upright; the shoulder, which the arms' "
+        "swing lifts along the trunk, shows how far it bends.",
         "Unknown: the file does not name the muscles of EMG channels 1 to 6.",
     )

@@ -7,13 +7,14 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array, Transform
@@ -24,6 +25,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.jump_recording import LEG_MARKERS, PELVIS_MARKERS, SHOULDER, mirrored_name
 
+MODEL = "myolegs_abdomen"
 TRUNK_BEND = "flex_extension"
 LOCKED = ("lat_bending", "axial_rotation", "mtp_angle_r", "mtp_angle_l")
 FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
@@ -80,18 +82,21 @@ def leg_model() -> Model:
     from myomorph.io.mjcf import model_from_mujoco
 
     with _silent():
-        compiled = myo_sim.load_model("myolegs_abdomen")
-    model = model_from_mujoco(compiled, name="myolegs")
+        compiled = myo_sim.load_model(MODEL)
+    # Composed in memory: the source only says beside which folder its meshes lie.
+    model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / MODEL))
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])
+    girdle, rise, lift = _shoulder_girdle()
     root = model.joints[0]
     start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
     joint, coordinates = _pelvis_joint(root.child, start)
     held = tuple(_held(coordinate) for coordinate in model.coordinates[6:])
     return replace(
         model,
-        joints=(joint, *model.joints[1:]),
-        coordinates=(*coordinates, *held),
+        bodies=(*model.bodies, girdle),
+        joints=(joint, *model.joints[1:], rise),
+        coordinates=(*coordinates, *held, lift),
         gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
     )
 
@@ -100,6 +105,16 @@ def _held(coordinate: Coordinate) -> Coordinate:
     if coordinate.name in LOCKED:
         return replace(coordinate, locked=True, default=0.0)
     return replace(coordinate, clamped=False) if coordinate.name in FREED else coordinate
+
+
+def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
+    """A weightless body that slides up and down the trunk: the arms' swing lifts the shoulder by centimeters."""
+    name = "shoulder_elevation_r"
+    still = Transform.identity()
+    axis = Axis("translation", np.array([0.0, 1.0, 0.0]), linear(1.0), (name,))
+    body = Body("shoulder_r", 0.0, np.zeros(3), np.zeros((3, 3)))
+    joint = Joint(name, "SliderJoint", "torso", body.name, still, still, (axis,), (name,))
+    return body, joint, Coordinate(name, "translational", range=(-0.15, 0.15), clamped=True)
 
 
 def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ...]]:
@@ -164,7 +179,7 @@ def calibrated(model: Model, quiet: Markers) -> Model:
     options = InverseKinematicsOptions(marker_weights=LANDMARK_WEIGHTS)
     fit = inverse_kinematics(model.with_markers(landmarks), Markers(still.time, still.names, values), options)
     pose = _upright(model, fit.motion)
-    bodies = dict.fromkeys(PELVIS_MARKERS, "pelvis") | {SHOULDER: "torso"} | LEG_MARKERS
+    bodies = dict.fromkeys(PELVIS_MARKERS, "pelvis") | {SHOULDER: "shoulder_r"} | LEG_MARKERS
     placed = place_markers(model, pose, still, bodies)
     # Left bodies have the axes of the right ones and the shape of their mirror image.
     left = (
