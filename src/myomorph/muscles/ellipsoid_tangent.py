@@ -1,0 +1,113 @@
+"""Where a line from a point touches an ellipsoid within a plane, by OpenSim's damped least squares.
+
+OpenSim minimises the squares of four residuals in the point r and a number h, and stops at a sum of
+1e-8, so its tangent point is off by up to 1e-4 of the ellipsoid's size and its moment arms with it.
+To give the same numbers, the same steps are taken here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from myomorph.muscles.vectors import inner, dot, minus, unit
+
+SMALL = 1e-8
+MOST_STEPS = 50
+MOST_TRIES = 1000
+
+
+@inner
+def tangent_point(p, r, a, n, d):
+    """Point of the ellipsoid, in the plane n . x + d = 0, where a line from p touches it.
+
+    Parameters
+    ----------
+    p : point outside
+    r : where the search starts
+    a : half axes, about 1
+    """
+    w = (2.0 / (a[0] * a[0]), 2.0 / (a[1] * a[1]), 2.0 / (a[2] * a[2]))
+    h = -_weighted(w, r, r)
+    e = _residuals(p, r, h, w, n, d)
+    before = _squares(e)
+    now, damping = before, 0.01
+    A, b = np.empty((4, 4)), np.empty(4)
+    steps = 0
+    while now > SMALL and steps < MOST_STEPS:
+        steps += 1
+        _normal_equations(p, r, w, n, e, A, b)
+        cosine = dot(unit(minus(p, r)), unit(p))
+        gain = (1.0 - cosine**100 if cosine > 0.1 else 1.0) / 16.0
+        tries = 0
+        u = (0.0, 0.0, 0.0, 0.0)
+        while now >= before and tries < MOST_TRIES:
+            u = _solved(A, b, damping, gain)
+            r, h = (r[0] + u[0], r[1] + u[1], r[2] + u[2]), h + u[3]
+            before, now = now, _squares(_residuals(p, r, h, w, n, d))
+            damping *= 4.0
+            tries += 1
+        damping /= 8.0
+        stretch, tries = 0.5, 0
+        while now <= before and tries < MOST_TRIES:
+            stretch *= 2.0
+            r, h = (r[0] + stretch * u[0], r[1] + stretch * u[1], r[2] + stretch * u[2]), h + stretch * u[3]
+            before, now = now, _squares(_residuals(p, r, h, w, n, d))
+            tries += 1
+        r, h = (r[0] - stretch * u[0], r[1] - stretch * u[1], r[2] - stretch * u[2]), h - stretch * u[3]
+        e = _residuals(p, r, h, w, n, d)
+        now = _squares(e)
+        before = now
+    return r
+
+
+@inner
+def _weighted(w, p, q):
+    return w[0] * p[0] * q[0] + w[1] * p[1] * q[1] + w[2] * p[2] * q[2]
+
+
+@inner
+def _residuals(p, r, h, w, n, d):
+    """In the plane, on the surface, h the offset of the tangent plane, p in the tangent plane."""
+    own = _weighted(w, r, r)
+    return dot(n, r) + d, 0.5 * own - 1.0, own + h, _weighted(w, r, p) + h
+
+
+@inner
+def _squares(e):
+    return e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
+
+
+@inner
+def _normal_equations(p, r, w, n, e, A, b):
+    """J^T J and -J^T e of the residuals e, lower half of A only."""
+    for i in range(3):
+        for j in range(i + 1):
+            A[i, j] = n[i] * n[j] + w[i] * w[j] * (5.0 * r[i] * r[j] + p[i] * p[j])
+        A[3, i] = w[i] * (2.0 * r[i] + p[i])
+        b[i] = -(n[i] * e[0] + w[i] * (r[i] * e[1] + 2.0 * r[i] * e[2] + p[i] * e[3]))
+    A[3, 3] = 2.0
+    b[3] = -(e[2] + e[3])
+
+
+@inner
+def _solved(A, b, damping, gain):
+    """Solution of (A + damping diag(A)) u = gain b by Cholesky's factors."""
+    k = 1.0 + damping
+    a00 = math.sqrt(A[0, 0] * k)
+    a10, a20, a30 = A[1, 0] / a00, A[2, 0] / a00, A[3, 0] / a00
+    a11 = math.sqrt(A[1, 1] * k - a10 * a10)
+    a21, a31 = (A[2, 1] - a20 * a10) / a11, (A[3, 1] - a30 * a10) / a11
+    a22 = math.sqrt(A[2, 2] * k - a20 * a20 - a21 * a21)
+    a32 = (A[3, 2] - a30 * a20 - a31 * a21) / a22
+    a33 = math.sqrt(A[3, 3] * k - a30 * a30 - a31 * a31 - a32 * a32)
+    y0 = gain * b[0] / a00
+    y1 = (gain * b[1] - a10 * y0) / a11
+    y2 = (gain * b[2] - a20 * y0 - a21 * y1) / a22
+    y3 = (gain * b[3] - a30 * y0 - a31 * y1 - a32 * y2) / a33
+    x3 = y3 / a33
+    x2 = (y2 - a32 * x3) / a22
+    x1 = (y1 - a21 * x2 - a31 * x3) / a11
+    x0 = (y0 - a10 * x1 - a20 * x2 - a30 * x3) / a00
+    return x0, x1, x2, x3

@@ -1,0 +1,275 @@
+"""Muscle-tendon lengths, lengthening velocities and moment arms over frames, as OpenSim defines them.
+
+A muscle's path is a taut string through points and around surfaces. Its moment arm about a
+coordinate is the generalized force of unit tension along the path, r = -dl/dq. Two kinds of path are
+known: OpenSim's (`path_kernels._wrapped_nodes`) and MuJoCo's (`path_kernels._tendon_nodes`, which
+calls `wrap_tendon`); a path takes the second where its wraps are `TendonWrap`.
+
+Most coordinates cannot move most muscles, so moment arms are kept for the structural pattern only:
+the pairs of a muscle and a coordinate that moves some of its bodies against others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numba import njit
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model, index_of
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+from myomorph.muscles.path_arrays import ARMS, PathArrays, path_arrays
+from myomorph.muscles.path_kernels import coupler_slopes, path_frame, path_scratch
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kinematics import body_poses, couple
+from myomorph.rigid.tree import Tree, compile_tree
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """The muscle paths of a model, compiled.
+
+    Attributes
+    ----------
+    tree : the model and its arrays
+    arrays : of the paths
+    """
+
+    tree: Tree
+    arrays: PathArrays = field(repr=False)
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles, in order."""
+        return self.tree.model.muscle_names
+
+    @cached_property
+    def arm_muscle(self) -> Ints:
+        """(moment arms,) the muscle of each pair of the pattern."""
+        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, ARMS]))
+
+    @property
+    def arm_coordinate(self) -> Ints:
+        """(moment arms,) the coordinate of each pair of the pattern."""
+        return self.arrays.arm[:, 0]
+
+    @property
+    def arm_free(self) -> np.ndarray:
+        """(moment arms,) whether the pair's coordinate follows no other."""
+        free: np.ndarray = self.arrays.arm[:, 1] == 1
+        return free
+
+    def evaluate(
+        self,
+        coordinates: Array,
+        speeds: Array | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Lengths, velocities and moment arms of all muscles.
+
+        Parameters
+        ----------
+        coordinates : (frames, coordinates) in the model's order; dependent ones are set here [rad or m]
+        speeds : (frames, coordinates) of which dependent ones are not read; None for rest [per s]
+        progress : called with the number of frames just done
+
+        Returns
+        -------
+        lengths, velocities : (frames, muscles) [m, m/s]
+        arms : (frames, moment arms) in the order of `arm_muscle` and `arm_coordinate` [m/rad or m/m]. A
+            coordinate that others follow has what reaches the muscle through them included; one that
+            follows has its own share.
+        """
+        coordinates = np.array(coordinates, dtype=np.float64)
+        wanted = (len(coordinates), len(self.tree.model.coordinates))
+        speeds = np.zeros(wanted) if speeds is None else np.ascontiguousarray(speeds, dtype=np.float64)
+        for given in (coordinates, speeds):
+            if given.shape != wanted:
+                raise BadData(f"expected coordinates and speeds of shape {wanted}, but got {given.shape}")
+        frames = len(coordinates)
+        lengths, velocities = np.empty((frames, len(self.muscles))), np.empty((frames, len(self.muscles)))
+        arms = np.empty((frames, len(self.arm_coordinate)))
+        T, P = self.tree.arrays, self.arrays
+
+        def part(start: int, stop: int) -> None:
+            here = slice(start, stop)
+            _frames(T, P, coordinates[here], speeds[here], lengths[here], velocities[here], arms[here])
+
+        over_frames(part, frames, progress)
+        return lengths, velocities, arms
+
+
+@lru_cache(maxsize=8)
+def compile_paths(model: Model) -> Paths:
+    """The model's muscle paths as flat arrays; the same model compiles once.
+
+    Raises
+    ------
+    UnknownName
+        a path refers to a body, coordinate or wrap object that the model does not have
+    BadModel
+        a path has fewer than two points, or mixes the wraps of OpenSim and MuJoCo
+    """
+    tree = compile_tree(model)
+    return Paths(tree, path_arrays(model, tree))
+
+
+@njit(cache=True, nogil=True)
+def _frames(T, P, c, cdot, lengths, velocities, arms):
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    S = path_scratch(P)
+    for frame in range(c.shape[0]):
+        couple(T, c[frame])
+        body_poses(T, c[frame], R, p, w, o, dphi)
+        path_frame(P, c[frame], cdot[frame], R, p, w, o, dphi, S, lengths[frame], velocities[frame], arms[frame])
+
+
+@njit(cache=True, nogil=True)
+def _slopes(P, c, slopes):
+    for frame in range(c.shape[0]):
+        coupler_slopes(P, c[frame], slopes[frame])
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleKinematics:
+    """Lengths, velocities and moment arms of muscles over time.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    muscles, coordinates : names
+    lengths : (frames, muscles) of the muscle-tendon units [m]
+    velocities : (frames, muscles) or None where not asked for [m/s]
+    arms : (frames, moment arms) as `Paths.evaluate` gives them, or None where not asked for
+    coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
+    paths : the compiled paths, which hold the pattern of `arms`
+    """
+
+    time: Array
+    muscles: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    lengths: Array
+    velocities: Array | None
+    arms: Array | None
+    coupler_slopes: Array
+    paths: Paths = field(repr=False)
+
+    @property
+    def moment_arms(self) -> Array:
+        """(frames, muscles, coordinates) all moment arms; see `dense`."""
+        return self.dense()
+
+    def dense(self, frames: slice = slice(None)) -> Array:
+        """Moment arms as OpenSim reports them, (frames, muscles, coordinates) [m/rad or m/m].
+
+        A coordinate that others follow has what reaches the muscle through them included. One that
+        follows has the moment arm of what it follows per unit of its own motion: with d = f(q) and
+        slope g, r_d = r_q / g; where g is 0, its own share.
+
+        Parameters
+        ----------
+        frames : the frames wanted; big models are asked for in parts
+        """
+        return self._dense(frames, np.arange(len(self.muscles)))
+
+    def moment_arm(self, muscle: str, coordinate: str) -> Array:
+        """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises `UnknownName`."""
+        i = index_of("muscle", muscle, self.muscles)
+        j = index_of("coordinate", coordinate, self.coordinates)
+        column: Array = self._dense(slice(None), np.array([i]))[:, 0, j]
+        return column
+
+    def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
+        """Moment arms about the coordinates that follow no other, in sparse form.
+
+        Returns
+        -------
+        values : (frames, pairs) [m/rad or m/m]
+        muscle, coordinate : (pairs,) indices
+        """
+        free = self.paths.arm_free
+        return self._arms()[frames][:, free], self.paths.arm_muscle[free], self.paths.arm_coordinate[free]
+
+    def _arms(self) -> Array:
+        if self.arms is None:
+            raise BadData("these muscle kinematics were made without moment arms: ask for moment_arms=True")
+        return self.arms
+
+    def _dense(self, frames: slice, muscles: Ints) -> Array:
+        arms, starts = self._arms()[frames], self.paths.arrays.start[:, ARMS]
+        table = np.zeros((len(arms), len(muscles), len(self.coordinates)))
+        for row, m in enumerate(muscles):
+            pairs = slice(starts[m], starts[m + 1])
+            table[:, row, self.paths.arm_coordinate[pairs]] = arms[:, pairs]
+        tree = self.paths.tree.arrays
+        for k, dependent in enumerate(tree.coupler_coordinate):
+            slopes = self.coupler_slopes[frames, k]
+            reached = np.zeros(table.shape[:2])
+            for slope, source in zip(slopes.T, tree.coupler_source[k], strict=True):
+                if source >= 0:
+                    reached += slope[:, None] * table[:, :, source]
+            square = (slopes**2).sum(axis=1)
+            moves = square > 0.0
+            table[moves, :, dependent] = reached[moves] / square[moves, None]
+        return table
+
+
+def muscle_kinematics(
+    model: Model,
+    motion: Motion,
+    velocities: bool = True,
+    moment_arms: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> MuscleKinematics:
+    """Lengths, lengthening velocities and moment arms of a model's muscles in a motion.
+
+    Parameters
+    ----------
+    motion : coordinates over time; what it lacks stands at the model's default, at rest
+    velocities : also lengthening velocities, for which the motion must have velocities
+    moment_arms : also moment arms, (frames, pairs of a muscle and a coordinate that moves it)
+    progress : called with the number of frames just done
+
+    Raises
+    ------
+    BadData
+        velocities are asked for and the motion has none, or a value is not finite
+    """
+    paths = compile_paths(model)
+    if velocities and motion.velocities is None:
+        raise BadData("lengthening velocities need the velocities of the coordinates: differentiate the motion first")
+    coordinates = paths.tree.coordinates_of(motion)
+    speeds = _speeds(model, motion) if velocities else None
+    if not np.isfinite(coordinates).all() or not (speeds is None or np.isfinite(speeds).all()):
+        raise BadData("the motion has values that are not finite")
+    lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
+    slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
+    _slopes(paths.arrays, coordinates, slopes)
+    return MuscleKinematics(
+        motion.time,
+        model.muscle_names,
+        model.coordinate_names,
+        lengths,
+        rates if velocities else None,
+        arms if moment_arms else None,
+        slopes,
+        paths,
+    )
+
+
+def _speeds(model: Model, motion: Motion) -> Array:
+    """(frames, coordinates) speeds in the model's order, 0 for what the motion does not have."""
+    assert motion.velocities is not None
+    speeds = np.zeros((len(motion), len(model.coordinates)))
+    columns = {name: i for i, name in enumerate(motion.names)}
+    for j, name in enumerate(model.coordinate_names):
+        if name in columns:
+            speeds[:, j] = motion.velocities[:, columns[name]]
+    return speeds
