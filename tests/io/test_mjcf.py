@@ -6,7 +6,7 @@ import pytest
 from mujoco_models import MODELS, State, compiled, load, random_motion
 from myomorph.io.mjcf import model_from_mujoco, read_mjcf
 from myomorph.io.mjcf_coordinates import coordinates_from_qpos, qpos_from_coordinates
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, BadModel
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -249,6 +249,35 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
     assert said in message
     assert "\n" not in message
     assert message.startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<mujoco/>", "no body"),
+        ('<mujoco><worldbody><body pos="inf 0 0"><joint/><geom size="1"/></body></worldbody></mujoco>', "body_pos"),
+    ],
+)
+def test_models_of_nothing_are_refused(tmp_path, text, said):
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    with pytest.raises(BadModel, match=said):
+        read_mjcf(path)
+
+
+@pytest.mark.parametrize("name", ["C:\\bones\\x.stl", "/home/nobody/x.stl", "./bones/../x.stl"])
+def test_missing_meshes_are_left_out_by_name(tmp_path, name):
+    path = tmp_path / "model.xml"
+    path.write_text(f'<mujoco><asset><mesh name="m" file="{name}"/></asset>{GEOM}</mujoco>')
+    assert [(kept.kind, kept.name) for kept in read_mjcf(path).kept] == [("missing file", name)]
+
+
+def test_a_model_that_would_fill_the_memory_is_stopped(tmp_path):
+    path = tmp_path / "model.xml"
+    copies = '<replicate count="100000000"><body><joint/><geom size="1"/></body></replicate>'
+    path.write_text(f"<mujoco><worldbody>{copies}</worldbody></mujoco>")
+    with pytest.raises(BadFile):
+        read_mjcf(path, time_limit=2.0)
 
 
 def test_a_package_or_checkout_is_one_tree(tmp_path):

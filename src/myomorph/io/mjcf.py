@@ -18,6 +18,7 @@ from myomorph.io.mjcf_bodies import bodies_and_joints, couplers_and_loops
 from myomorph.io.mjcf_guard import DEFAULT_TIME_LIMIT, compile_guarded
 from myomorph.io.mjcf_muscles import actuators_of, muscles_of
 from myomorph.io.mjcf_names import MjcfNames, geom_mesh, left_out, pose_of
+from myomorph.model.errors import BadModel
 from myomorph.model.model import Frame, Kept, Marker, Mesh, Model
 
 
@@ -82,7 +83,12 @@ def model_from_mujoco(
     source : path of its file, for messages and for the place of meshes
     marker_sites : regular expression; sites whose whole name matches become markers too
     kept : what was left out before
+
+    Raises
+    ------
+    BadModel : there is no body, or a number that is not finite
     """
+    _check(compiled, source)
     names = MjcfNames(compiled)
     bodies, joints, free_coordinates = bodies_and_joints(compiled, names, source)
     coordinates, couplers, loops, lost_equalities = couplers_and_loops(compiled, names, free_coordinates)
@@ -106,6 +112,16 @@ def model_from_mujoco(
         kept=(*kept, *left_out(compiled, names), *lost_equalities, *lost_tendons, *lost_actuators),
         source=source,
     )
+
+
+def _check(m: Any, source: str) -> None:
+    where = source or "the MuJoCo model"
+    if m.nbody < 2:
+        raise BadModel(f"{where}: has no body besides the world")
+    fields = ("body_pos", "body_quat", "body_mass", "body_ipos", "body_inertia", "jnt_pos", "jnt_axis", "qpos0")
+    for name in (*fields, "jnt_range", "site_pos", "geom_pos", "geom_size", "eq_data", "actuator_lengthrange"):
+        if not np.all(np.isfinite(getattr(m, name))):
+            raise BadModel(f"{where}: a value of '{name}' is not finite")
 
 
 def _frames(m: Any, names: MjcfNames) -> tuple[Frame, ...]:

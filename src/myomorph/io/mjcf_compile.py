@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import posixpath
 import sys
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,9 @@ def _drop_pictures(spec: Any) -> None:
 
 def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
     """Take out the meshes whose files are missing, with their geoms; bodies that lose mass by it."""
-    gone = {mesh.name for mesh in spec.meshes if mesh.file in missing}
-    fields = {field.name for field in spec.hfields if field.file in missing}
+    absent = {_plain(name) for name in missing}
+    gone = {mesh.name for mesh in spec.meshes if _plain(mesh.file) in absent}
+    fields = {field.name for field in spec.hfields if _plain(field.file) in absent}
     weightless = []
     for body in spec.bodies:
         for geom in list(body.geoms):
@@ -57,6 +59,11 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
     for field in [one for one in spec.hfields if one.name in fields]:
         spec.delete(field)
     return [name for name in weightless if name != "world"]
+
+
+def _plain(name: str) -> str:
+    """A file's name in one spelling: MuJoCo tidies what the text says."""
+    return posixpath.normpath(name.replace("\\", "/"))
 
 
 if __name__ == "__main__":

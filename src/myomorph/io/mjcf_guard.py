@@ -17,7 +17,7 @@ from myomorph.io.xml import read_xml
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Kept
 
-DEFAULT_TIME_LIMIT = 20.0
+DEFAULT_TIME_LIMIT = 15.0
 MOST_FILES = 200
 LARGEST_ASSET = 512 * 1024 * 1024
 LICENSES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt")
