@@ -48,7 +48,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
             bodies.append(one)
     joints = _joints(node, bodies, frames)
     tree = _tree(node, [read_body(one) for one in bodies], joints)
-    wraps, wrap_names = _wraps(node, ground, bodies, frames)
+    wraps, wrap_names = _wraps(node, ground, bodies, [body.name for body in tree.bodies], frames)
     names = tuple(one.name for one in tree.coordinates)
     forces = read_forces(node, frames, names, wrap_names)
     couplers, loops, constraints = read_constraints(node, frames, names)
@@ -153,9 +153,9 @@ def _cut(node: Node, joint: Joint, tree: Tree) -> None:
 
 
 def _wraps(
-    node: Node, ground: Node | None, bodies: list[Node], frames: Frames
+    node: Node, ground: Node | None, bodies: list[Node], tree: list[str], frames: Frames
 ) -> tuple[tuple[WrapObject, ...], dict[str, str]]:
-    """All wrap objects, and the one that each name in a path means: the first in OpenSim's order."""
+    """All wrap objects in tree order, and the one that each name in a path means: the file's first."""
     holders = [] if ground is None else [ground]
     for body in bodies:
         holders += [body, *(one for one in body.items("components") if one.kind in OFFSET_KINDS)]
@@ -168,7 +168,8 @@ def _wraps(
         own = wrap.name if names.count(wrap.name) == 1 else f"{wrap.body}/{wrap.name}"
         wraps.append(replace(wrap, name=own))
         meant.setdefault(wrap.name, own)
-    return tuple(wraps), meant
+    order = {name: i for i, name in enumerate((GROUND, *tree))}
+    return tuple(sorted(wraps, key=lambda one: order[one.body])), meant
 
 
 def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:

@@ -108,13 +108,14 @@ def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
         if not text:
             raise node.bad(f"has no {end} frame")
         body, pose = frames.place(text, node)
-        name = text.rsplit("/", 1)[-1]
+        name = plain_name(text)
+        name = "" if name == body else name
         where, turned = old[end]
         if node.document.version < 30505:
             place = node.vector(where if node.find(where) is not None else f"{where}_in_child", (0.0, 0.0, 0.0))
             turn = node.vector(turned if node.find(turned) is not None else f"{turned}_in_child", (0.0, 0.0, 0.0))
             pose = pose @ Transform.from_euler_xyz(turn, place)
-            name = f"{name}_offset"
+            name = f"{name or body}_offset"
         ends.append((body, pose, name))
     parent, child = ends
     if node.document.version < 30514 and node.flag("reverse", False):

@@ -11,7 +11,7 @@ from lxml import etree
 
 from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle
 from myomorph.io.osim_write_functions import child, legal, number, numbers
-from myomorph.io.osim_write_joints import body_path, euler, plan_joints, write_joint, write_offset_frame
+from myomorph.io.osim_write_joints import body_path, euler, is_still, plan_joints, write_joint, write_offset_frame
 from myomorph.io.text import written
 from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Body, Frame, Kept, Mesh, Model
@@ -145,7 +145,7 @@ def _write_body(element: etree._Element, name: str, meshes: Iterable[Mesh], mode
         holders[frame.name] = write_offset_frame(components, frame.name, body_path(name), frame.pose)
     own = []
     for mesh in meshes:
-        if _is_still(mesh.pose):
+        if is_still(mesh.pose):
             own.append(mesh)
             continue
         at = next((one.name for one in frames if _close(one.pose, mesh.pose)), "")
@@ -167,10 +167,6 @@ def _write_body(element: etree._Element, name: str, meshes: Iterable[Mesh], mode
 def _free_name(stem: str, taken: Iterable[str]) -> str:
     used = set(taken)
     return next(name for i in range(1, len(used) + 2) if (name := f"{stem}_{i}") not in used)
-
-
-def _is_still(pose: Transform) -> bool:
-    return bool(np.array_equal(pose.rotation, np.eye(3)) and not pose.translation.any())
 
 
 def _close(first: Transform, second: Transform) -> bool:

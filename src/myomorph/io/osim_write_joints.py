@@ -169,15 +169,19 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
         ("parent", joint.parent, joint.parent_frame, joint.parent_frame_name),
         ("child", joint.child, joint.child_frame, joint.child_frame_name),
     ):
+        if not given and is_still(pose):
+            child(element, f"socket_{end}_frame", body_path(body))
+            continue
         name = given if given and given not in (body, GROUND) else f"{body}_offset"
-        if end == "child" and legal(name) == frames[0].get("name"):
+        if len(frames) and legal(name) == frames[0].get("name"):
             name = f"{name}_child"
         child(element, f"socket_{end}_frame", legal(name))
         write_offset_frame(frames, name, body_path(body), pose)
     owned = child(element, "coordinates")
     for name in joint.coordinates:
         _write_coordinate(owned, coordinates[name], warnings)
-    element.append(frames)
+    if len(frames):
+        element.append(frames)
     if joint.kind == "CustomJoint":
         _write_spatial(element, joint, coordinates, warnings)
     elif joint.kind in CURVED:
@@ -188,6 +192,11 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
 def body_path(body: str) -> str:
     """Component path of a body."""
     return "/ground" if body == GROUND else f"/bodyset/{legal(body)}"
+
+
+def is_still(pose: Transform) -> bool:
+    """Whether a pose is exactly the identity."""
+    return bool(np.array_equal(pose.rotation, np.eye(3)) and not pose.translation.any())
 
 
 def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Transform) -> etree._Element:
