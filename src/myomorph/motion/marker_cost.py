@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from myomorph.model.spatial import Array
-from myomorph.rigid.coordinates import SINES, Ints, evaluate
+from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION
 
@@ -244,7 +244,7 @@ def axis_fields(T, c, work, z0, z1, z2):
             axis[k, 3], axis[k, 4], axis[k, 5] = u0, u1, u2
         curvature[k, 0] = curvature[k, 1] = curvature[k, 2] = 0.0
         f = T.axis_function[k]
-        if T.functions.kind[f] == SINES or T.functions.width[f] > 2:
+        if T.functions.table[f, KIND] == SINES or T.functions.table[f, WIDTH] > 2:
             i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
             _, _, _, d11, d12, d22 = evaluate(T.functions, f, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
             curvature[k, 0], curvature[k, 1], curvature[k, 2] = d11, d12, d22

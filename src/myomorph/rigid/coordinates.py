@@ -15,58 +15,43 @@ from myomorph.model.spatial import Array
 Ints = NDArray[np.int64]
 
 POLYNOMIAL, SINES = 0, 1
+KIND, FIRST, PIECES, WIDTH, START = 0, 1, 2, 3, 4
 
 
 class FunctionArrays(NamedTuple):
-    """Functions one after another.
+    """Functions one after another, in as few arrays as possible: every array a kernel takes costs time.
 
     Attributes
     ----------
-    kind : (functions,) POLYNOMIAL or SINES
-    first, pieces, width : (functions,) of a piecewise polynomial: index of its first break, number
-        of pieces, coefficients a piece; of a sine product `width` is its number of coordinates
-    start : (functions,) index of the first coefficient
-    breaks, coefficients : all breaks and coefficients
+    table : (functions, 5) KIND (POLYNOMIAL or SINES), FIRST break and number of PIECES of a piecewise
+        polynomial, WIDTH (its coefficients a piece, or the coordinates of a sine product), START of the
+        coefficients
+    breaks, coefficients : of all functions
     """
 
-    kind: Ints
-    first: Ints
-    pieces: Ints
-    width: Ints
-    start: Ints
+    table: Ints
     breaks: Array
     coefficients: Array
 
 
 def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
     """The functions as flat arrays, in the order given."""
-    kind, first, pieces, width, start = [], [], [], [], []
+    table: list[tuple[int, ...]] = []
     breaks: list[float] = []
     coefficients: list[float] = []
     for function in functions:
-        first.append(len(breaks))
-        start.append(len(coefficients))
+        at = len(breaks), len(coefficients)
         if isinstance(function, PiecewisePolynomial):
-            kind.append(POLYNOMIAL)
-            pieces.append(len(function.breaks))
-            width.append(function.coefficients.shape[1])
+            table.append((POLYNOMIAL, at[0], len(function.breaks), function.coefficients.shape[1], at[1]))
             breaks.extend(function.breaks)
             coefficients.extend(function.coefficients.ravel())
         else:
-            kind.append(SINES)
-            pieces.append(0)
-            width.append(function.arity)
+            table.append((SINES, at[0], 0, function.arity, at[1]))
             coefficients.extend([function.factor, function.offset])
             for frequency, phase in zip(function.frequencies, function.phases, strict=True):
                 coefficients.extend([frequency, phase])
     return FunctionArrays(
-        kind=np.array(kind, np.int64),
-        first=np.array(first, np.int64),
-        pieces=np.array(pieces, np.int64),
-        width=np.array(width, np.int64),
-        start=np.array(start, np.int64),
-        breaks=np.array(breaks, np.float64),
-        coefficients=np.array(coefficients, np.float64),
+        np.array(table, np.int64).reshape(-1, 5), np.array(breaks, np.float64), np.array(coefficients, np.float64)
     )
 
 
@@ -76,9 +61,21 @@ def evaluate(F, i, x1, x2):
 
     A function of one coordinate takes x1 and leaves the derivatives in x2 zero.
     """
-    c = F.start[i]
-    if F.kind[i] == POLYNOMIAL:
-        low, high = F.first[i], F.first[i] + F.pieces[i] - 1
+    if F.table[i, PIECES] == 1 and F.table[i, WIDTH] == 2:
+        # Most axes move in proportion to a coordinate: short enough for the compiler to put in place.
+        c = F.table[i, START]
+        slope = F.coefficients[c + 1]
+        return F.coefficients[c] + slope * (x1 - F.breaks[F.table[i, FIRST]]), slope, 0.0, 0.0, 0.0, 0.0
+    return evaluate_curved(F, i, x1, x2)
+
+
+@njit(cache=True, nogil=True)
+def evaluate_curved(F, i, x1, x2):
+    """`evaluate` for any function."""
+    c = F.table[i, START]
+    if F.table[i, KIND] == POLYNOMIAL:
+        low = F.table[i, FIRST]
+        high = low + F.table[i, PIECES] - 1
         while low < high:
             middle = (low + high + 1) // 2
             if x1 >= F.breaks[middle]:
@@ -86,8 +83,8 @@ def evaluate(F, i, x1, x2):
             else:
                 high = middle - 1
         h = x1 - F.breaks[low]
-        n = F.width[i]
-        c += (low - F.first[i]) * n
+        n = F.table[i, WIDTH]
+        c += (low - F.table[i, FIRST]) * n
         f, d, dd = 0.0, 0.0, 0.0
         for j in range(n - 1, -1, -1):
             dd = dd * h + 2.0 * d
@@ -98,7 +95,7 @@ def evaluate(F, i, x1, x2):
     k1 = F.coefficients[c + 2]
     s1, c1 = np.sin(k1 * x1 + F.coefficients[c + 3]), np.cos(k1 * x1 + F.coefficients[c + 3])
     k2, s2, c2 = 0.0, 1.0, 0.0
-    if F.width[i] == 2:
+    if F.table[i, WIDTH] == 2:
         k2 = F.coefficients[c + 4]
         s2, c2 = np.sin(k2 * x2 + F.coefficients[c + 5]), np.cos(k2 * x2 + F.coefficients[c + 5])
     return (

@@ -11,7 +11,8 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kinematics import body_poses, body_rates, couple_rates_frames
+from myomorph.rigid.kinematics import body_poses, body_rates, carried, couple_rates_frames
+from myomorph.rigid.small import along, cross, dot, matrix, minus, plus, put_vector, turned, turned_back, vector
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
 
@@ -105,11 +106,10 @@ def _inverse_dynamics(T, c, cdot, cddot, bodies, forces, points, torques, tau):
         body_wrenches(T, R, p, omega, alpha, a, f, m)
         for e in range(bodies.shape[0]):
             b = bodies[e]
-            F, P, M = forces[frame, e], points[frame, e], torques[frame, e]
-            for i in range(3):
-                j, k = (i + 1) % 3, (i + 2) % 3
-                f[b, i] -= F[i]
-                m[b, i] -= M[i] + P[j] * F[k] - P[k] * F[j]
+            force = vector(forces[frame], e)
+            moment = plus(vector(torques[frame], e), cross(vector(points[frame], e), force))
+            put_vector(f, b, minus(vector(f, b), force))
+            put_vector(m, b, minus(vector(m, b), moment))
         project(T, w, o, dphi, f, m, tau[frame])
 
 
@@ -119,27 +119,17 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
 
     f, m (bodies, 3) are filled [N], [N m], in ground.
     """
+    gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for b in range(T.parent.shape[0]):
-        I, w, e = T.inertia[b], omega[b], alpha[b]
-        # Angular velocity and acceleration in the body's frame, where the inertia is constant.
-        w0, w1, w2 = _turned_back(R[b], w)
-        e0, e1, e2 = _turned_back(R[b], e)
-        h0 = I[0, 0] * w0 + I[0, 1] * w1 + I[0, 2] * w2
-        h1 = I[1, 0] * w0 + I[1, 1] * w1 + I[1, 2] * w2
-        h2 = I[2, 0] * w0 + I[2, 1] * w1 + I[2, 2] * w2
-        n0 = I[0, 0] * e0 + I[0, 1] * e1 + I[0, 2] * e2 + w1 * h2 - w2 * h1
-        n1 = I[1, 0] * e0 + I[1, 1] * e1 + I[1, 2] * e2 + w2 * h0 - w0 * h2
-        n2 = I[2, 0] * e0 + I[2, 1] * e1 + I[2, 2] * e2 + w0 * h1 - w1 * h0
-        r0, r1, r2 = _turned(R[b], T.mass_center[b])
-        t0, t1, t2 = w[1] * r2 - w[2] * r1, w[2] * r0 - w[0] * r2, w[0] * r1 - w[1] * r0
-        f0 = T.mass[b] * (a[b, 0] + e[1] * r2 - e[2] * r1 + w[1] * t2 - w[2] * t1 - T.gravity[0])
-        f1 = T.mass[b] * (a[b, 1] + e[2] * r0 - e[0] * r2 + w[2] * t0 - w[0] * t2 - T.gravity[1])
-        f2 = T.mass[b] * (a[b, 2] + e[0] * r1 - e[1] * r0 + w[0] * t1 - w[1] * t0 - T.gravity[2])
-        x0, x1, x2 = p[b, 0] + r0, p[b, 1] + r1, p[b, 2] + r2
-        f[b, 0], f[b, 1], f[b, 2] = f0, f1, f2
-        m[b, 0] = R[b, 0, 0] * n0 + R[b, 0, 1] * n1 + R[b, 0, 2] * n2 + x1 * f2 - x2 * f1
-        m[b, 1] = R[b, 1, 0] * n0 + R[b, 1, 1] * n1 + R[b, 1, 2] * n2 + x2 * f0 - x0 * f2
-        m[b, 2] = R[b, 2, 0] * n0 + R[b, 2, 1] * n1 + R[b, 2, 2] * n2 + x0 * f1 - x1 * f0
+        r, W, E = matrix(R, b), vector(omega, b), vector(alpha, b)
+        # The moment equation in the body's frame, where the inertia is constant.
+        I, spin = matrix(T.inertia, b), turned_back(r, W)
+        moment = turned(r, plus(turned(I, turned_back(r, E)), cross(spin, turned(I, spin))))
+        center = turned(r, vector(T.mass_center, b))
+        _, acceleration = carried(W, E, W, vector(a, b), center)
+        force = along((0.0, 0.0, 0.0), T.mass[b], minus(acceleration, gravity))
+        put_vector(f, b, force)
+        put_vector(m, b, plus(moment, cross(plus(vector(p, b), center), force)))
 
 
 @njit(cache=True, nogil=True)
@@ -153,36 +143,13 @@ def project(T, w, o, dphi, f, m, tau):
     for b in range(T.parent.shape[0] - 1, 0, -1):
         for k in range(T.axis_start[b], T.axis_start[b + 1]):
             if T.axis_kind[k] == ROTATION:
-                t = (
-                    w[k, 0] * (m[b, 0] - o[k, 1] * f[b, 2] + o[k, 2] * f[b, 1])
-                    + w[k, 1] * (m[b, 1] - o[k, 2] * f[b, 0] + o[k, 0] * f[b, 2])
-                    + w[k, 2] * (m[b, 2] - o[k, 0] * f[b, 1] + o[k, 1] * f[b, 0])
-                )
+                t = dot(vector(w, k), minus(vector(m, b), cross(vector(o, k), vector(f, b))))
             else:
-                t = w[k, 0] * f[b, 0] + w[k, 1] * f[b, 1] + w[k, 2] * f[b, 2]
+                t = dot(vector(w, k), vector(f, b))
             for s in range(2):
                 j = T.axis_coordinate[k, s]
                 if j >= 0:
                     tau[j] += dphi[k, s] * t
         h = T.parent[b]
-        for i in range(3):
-            f[h, i] += f[b, i]
-            m[h, i] += m[b, i]
-
-
-@njit(cache=True, nogil=True)
-def _turned(R, x):
-    return (
-        R[0, 0] * x[0] + R[0, 1] * x[1] + R[0, 2] * x[2],
-        R[1, 0] * x[0] + R[1, 1] * x[1] + R[1, 2] * x[2],
-        R[2, 0] * x[0] + R[2, 1] * x[1] + R[2, 2] * x[2],
-    )
-
-
-@njit(cache=True, nogil=True)
-def _turned_back(R, x):
-    return (
-        R[0, 0] * x[0] + R[1, 0] * x[1] + R[2, 0] * x[2],
-        R[0, 1] * x[0] + R[1, 1] * x[1] + R[2, 1] * x[2],
-        R[0, 2] * x[0] + R[1, 2] * x[1] + R[2, 2] * x[2],
-    )
+        put_vector(f, h, plus(vector(f, h), vector(f, b)))
+        put_vector(m, h, plus(vector(m, h), vector(m, b)))

@@ -10,6 +10,19 @@ from numba import njit
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.small import (
+    about,
+    along,
+    cross,
+    matrix,
+    minus,
+    plus,
+    product,
+    put_matrix,
+    put_vector,
+    turned,
+    vector,
+)
 from myomorph.rigid.tree import ROTATION, Tree
 
 
@@ -88,58 +101,29 @@ def body_poses(T, c, R, p, w, o, dphi):
     w, o : (axes, 3) filled with each axis's direction and a point on it, in ground
     dphi : (axes, 2) filled with the derivative of the axis's motion in its two coordinates
     """
-    for i in range(3):
-        for j in range(3):
-            R[0, i, j] = 1.0 if i == j else 0.0
-        p[0, i] = 0.0
-    r = np.empty((3, 3))
-    t = np.empty((3, 3))
-    m = np.empty((3, 3))
-    x = np.empty(3)
+    put_matrix(R, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+    put_vector(p, 0, (0.0, 0.0, 0.0))
     for b in range(1, T.parent.shape[0]):
-        a = T.parent[b]
-        for i in range(3):
-            x[i] = p[a, i]
-            for j in range(3):
-                r[i, j] = R[a, i, j]
+        r, x = matrix(R, T.parent[b]), vector(p, T.parent[b])
         for k in range(T.axis_start[b], T.axis_start[b + 1]):
-            for i in range(3):
-                x[i] += r[i, 0] * T.pre_p[k, 0] + r[i, 1] * T.pre_p[k, 1] + r[i, 2] * T.pre_p[k, 2]
+            x = plus(x, turned(r, vector(T.pre_p, k)))
             if not T.pre_is_shift[k]:
-                for i in range(3):
-                    for j in range(3):
-                        t[i, j] = r[i, 0] * T.pre_R[k, 0, j] + r[i, 1] * T.pre_R[k, 1, j] + r[i, 2] * T.pre_R[k, 2, j]
-                for i in range(3):
-                    for j in range(3):
-                        r[i, j] = t[i, j]
-            c1, c2 = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
+                r = product(r, matrix(T.pre_R, k))
+            i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
             q, d1, d2, _, _, _ = evaluate(
-                T.functions, T.axis_function[k], c[c1] if c1 >= 0 else 0.0, c[c2] if c2 >= 0 else 0.0
+                T.functions, T.axis_function[k], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
             )
             dphi[k, 0], dphi[k, 1] = d1, d2
-            u0, u1, u2 = T.axis_vector[k, 0], T.axis_vector[k, 1], T.axis_vector[k, 2]
-            for i in range(3):
-                w[k, i] = r[i, 0] * u0 + r[i, 1] * u1 + r[i, 2] * u2
-                o[k, i] = x[i]
+            u = vector(T.axis_vector, k)
+            direction = turned(r, u)
+            put_vector(w, k, direction)
+            put_vector(o, k, x)
             if T.axis_kind[k] == ROTATION:
-                s, e = np.sin(q), np.cos(q)
-                v = 1.0 - e
-                m[0, 0], m[0, 1], m[0, 2] = e + u0 * u0 * v, u0 * u1 * v - u2 * s, u0 * u2 * v + u1 * s
-                m[1, 0], m[1, 1], m[1, 2] = u0 * u1 * v + u2 * s, e + u1 * u1 * v, u1 * u2 * v - u0 * s
-                m[2, 0], m[2, 1], m[2, 2] = u0 * u2 * v - u1 * s, u1 * u2 * v + u0 * s, e + u2 * u2 * v
-                for i in range(3):
-                    for j in range(3):
-                        t[i, j] = r[i, 0] * m[0, j] + r[i, 1] * m[1, j] + r[i, 2] * m[2, j]
-                for i in range(3):
-                    for j in range(3):
-                        r[i, j] = t[i, j]
+                r = product(r, about(u, q))
             else:
-                for i in range(3):
-                    x[i] += q * w[k, i]
-        for i in range(3):
-            p[b, i] = x[i] + r[i, 0] * T.post_p[b, 0] + r[i, 1] * T.post_p[b, 1] + r[i, 2] * T.post_p[b, 2]
-            for j in range(3):
-                R[b, i, j] = r[i, 0] * T.post_R[b, 0, j] + r[i, 1] * T.post_R[b, 1, j] + r[i, 2] * T.post_R[b, 2, j]
+                x = along(x, q, direction)
+        put_vector(p, b, plus(x, turned(r, vector(T.post_p, b))))
+        put_matrix(R, b, product(r, matrix(T.post_R, b)))
 
 
 @njit(cache=True, nogil=True)
@@ -163,49 +147,39 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     Gravity is not included. `p`, `w`, `o` come from `body_poses`; omega, v, alpha, a (bodies, 3)
     are filled: [rad/s], [m/s] of the body's origin, [rad/s^2], [m/s^2].
     """
-    for i in range(3):
-        omega[0, i] = v[0, i] = alpha[0, i] = a[0, i] = 0.0
+    zero = (0.0, 0.0, 0.0)
+    for rates in (omega, v, alpha, a):
+        put_vector(rates, 0, zero)
     for b in range(1, T.parent.shape[0]):
         h = T.parent[b]
-        W0, W1, W2 = omega[h, 0], omega[h, 1], omega[h, 2]
-        A0, A1, A2 = alpha[h, 0], alpha[h, 1], alpha[h, 2]
-        # Velocity and acceleration of the point of the moving frame that coincides with (x0, x1, x2).
-        x0, x1, x2 = p[h, 0], p[h, 1], p[h, 2]
-        V0, V1, V2 = v[h, 0], v[h, 1], v[h, 2]
-        B0, B1, B2 = a[h, 0], a[h, 1], a[h, 2]
-        for k in range(T.axis_start[b], T.axis_start[b + 1] + 1):
-            last = k == T.axis_start[b + 1]
-            y0 = p[b, 0] if last else o[k, 0]
-            y1 = p[b, 1] if last else o[k, 1]
-            y2 = p[b, 2] if last else o[k, 2]
-            r0, r1, r2 = y0 - x0, y1 - x1, y2 - x2
-            t0, t1, t2 = W1 * r2 - W2 * r1, W2 * r0 - W0 * r2, W0 * r1 - W1 * r0
-            V0, V1, V2 = V0 + t0, V1 + t1, V2 + t2
-            B0 += A1 * r2 - A2 * r1 + W1 * t2 - W2 * t1
-            B1 += A2 * r0 - A0 * r2 + W2 * t0 - W0 * t2
-            B2 += A0 * r1 - A1 * r0 + W0 * t1 - W1 * t0
-            x0, x1, x2 = y0, y1, y2
-            if last:
-                break
+        # Angular rates W, E of the moving frame, and rates V, B of its point that coincides with x.
+        x, W, E, V, B = vector(p, h), vector(omega, h), vector(alpha, h), vector(v, h), vector(a, h)
+        for k in range(T.axis_start[b], T.axis_start[b + 1]):
+            V, B = carried(W, E, V, B, minus(vector(o, k), x))
+            x = vector(o, k)
             q1, q2 = axis_rates(T, k, c, cdot, cddot)
-            u0, u1, u2 = w[k, 0], w[k, 1], w[k, 2]
-            e0, e1, e2 = W1 * u2 - W2 * u1, W2 * u0 - W0 * u2, W0 * u1 - W1 * u0
+            u = vector(w, k)
+            turning = cross(W, u)
             if T.axis_kind[k] == ROTATION:
-                A0 += u0 * q2 + e0 * q1
-                A1 += u1 * q2 + e1 * q1
-                A2 += u2 * q2 + e2 * q1
-                W0, W1, W2 = W0 + u0 * q1, W1 + u1 * q1, W2 + u2 * q1
+                E = along(along(E, q2, u), q1, turning)
+                W = along(W, q1, u)
             else:
                 # The moved frame's velocity field is the old one plus u qdot everywhere, so the point
                 # at which both are compared need not move along.
-                V0, V1, V2 = V0 + u0 * q1, V1 + u1 * q1, V2 + u2 * q1
-                B0 += u0 * q2 + 2.0 * e0 * q1
-                B1 += u1 * q2 + 2.0 * e1 * q1
-                B2 += u2 * q2 + 2.0 * e2 * q1
-        omega[b, 0], omega[b, 1], omega[b, 2] = W0, W1, W2
-        alpha[b, 0], alpha[b, 1], alpha[b, 2] = A0, A1, A2
-        v[b, 0], v[b, 1], v[b, 2] = V0, V1, V2
-        a[b, 0], a[b, 1], a[b, 2] = B0, B1, B2
+                B = along(along(B, q2, u), 2.0 * q1, turning)
+                V = along(V, q1, u)
+        V, B = carried(W, E, V, B, minus(vector(p, b), x))
+        put_vector(omega, b, W)
+        put_vector(alpha, b, E)
+        put_vector(v, b, V)
+        put_vector(a, b, B)
+
+
+@njit(cache=True, nogil=True)
+def carried(W, E, V, B, r):
+    """Velocity and acceleration of the point r further on in a frame with angular rates W, E."""
+    turning = cross(W, r)
+    return plus(V, turning), plus(B, plus(cross(E, r), cross(W, turning)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,115 @@
+"""Vectors as tuples of 3 and matrices as tuples of 9 (row by row): they live in registers."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def vector(array, k):
+    """Row k of an array (n, 3)."""
+    return array[k, 0], array[k, 1], array[k, 2]
+
+
+@njit(cache=True, nogil=True)
+def matrix(array, k):
+    """Matrix k of an array (n, 3, 3)."""
+    return (
+        array[k, 0, 0], array[k, 0, 1], array[k, 0, 2],
+        array[k, 1, 0], array[k, 1, 1], array[k, 1, 2],
+        array[k, 2, 0], array[k, 2, 1], array[k, 2, 2],
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def put_vector(array, k, x):
+    """Store a vector as row k of an array (n, 3)."""
+    array[k, 0], array[k, 1], array[k, 2] = x[0], x[1], x[2]
+
+
+@njit(cache=True, nogil=True)
+def put_matrix(array, k, r):
+    """Store a matrix as number k of an array (n, 3, 3)."""
+    array[k, 0, 0], array[k, 0, 1], array[k, 0, 2] = r[0], r[1], r[2]
+    array[k, 1, 0], array[k, 1, 1], array[k, 1, 2] = r[3], r[4], r[5]
+    array[k, 2, 0], array[k, 2, 1], array[k, 2, 2] = r[6], r[7], r[8]
+
+
+@njit(cache=True, nogil=True)
+def plus(x, y):
+    """Sum of two vectors."""
+    return x[0] + y[0], x[1] + y[1], x[2] + y[2]
+
+
+@njit(cache=True, nogil=True)
+def minus(x, y):
+    """The difference x - y."""
+    return x[0] - y[0], x[1] - y[1], x[2] - y[2]
+
+
+@njit(cache=True, nogil=True)
+def along(x, s, y):
+    """The vector x + s y."""
+    return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
+
+
+@njit(cache=True, nogil=True)
+def cross(x, y):
+    """Vector product."""
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+
+
+@njit(cache=True, nogil=True)
+def dot(x, y):
+    """Scalar product."""
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@njit(cache=True, nogil=True)
+def turned(r, x):
+    """The vector r x."""
+    return (
+        r[0] * x[0] + r[1] * x[1] + r[2] * x[2],
+        r[3] * x[0] + r[4] * x[1] + r[5] * x[2],
+        r[6] * x[0] + r[7] * x[1] + r[8] * x[2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def turned_back(r, x):
+    """The vector r^T x."""
+    return (
+        r[0] * x[0] + r[3] * x[1] + r[6] * x[2],
+        r[1] * x[0] + r[4] * x[1] + r[7] * x[2],
+        r[2] * x[0] + r[5] * x[1] + r[8] * x[2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def product(a, b):
+    """The product of two matrices."""
+    return (
+        a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
+        a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
+        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
+        a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
+        a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
+        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
+        a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
+        a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
+        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
+    )
+
+
+@njit(cache=True, nogil=True)
+def about(u, angle):
+    """Rotation by `angle` about the unit vector u (Rodrigues)."""
+    s, c = math.sin(angle), math.cos(angle)
+    v = 1.0 - c
+    return (
+        c + u[0] * u[0] * v, u[0] * u[1] * v - u[2] * s, u[0] * u[2] * v + u[1] * s,
+        u[0] * u[1] * v + u[2] * s, c + u[1] * u[1] * v, u[1] * u[2] * v - u[0] * s,
+        u[0] * u[2] * v - u[1] * s, u[1] * u[2] * v + u[0] * s, c + u[2] * u[2] * v,
+    )  # fmt: skip
