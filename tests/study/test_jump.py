@@ -123,9 +123,11 @@ def test_muscles_and_signals(study):
     assert study.analog.rate == pytest.approx(2000.0)
 
 
-def test_every_sentence_says_what_it_is(study):
-    assert all(text.startswith("Real: ") for text in study.real)
-    assert all(text.startswith(("Assumed: ", "Unknown: ")) for text in study.assumed)
+def test_what_is_assumed_is_said(study):
+    said = " ".join(study.assumed)
+    for word in ("one plate", "half", "mirror", "scaled", "arms", "EMG"):
+        assert word in said
+    assert all(text.endswith(".") for text in (*study.real, *study.assumed))
 
 
 def test_a_missing_package_is_named(monkeypatch):

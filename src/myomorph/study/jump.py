@@ -34,7 +34,7 @@ from myomorph.study.jump_recording import (
 
 WINDOW = (3.0, 5.6)
 """From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere [s]."""
-CUTOFF = 15.0
+CUTOFF = 10.0
 """Low-pass of motion and forces [Hz]: kept the same so that the landing makes no artefact of its own."""
 LAB_TO_GROUND = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """The jumper faces the laboratory's +y, which becomes x; z up becomes y; +x, to the right, becomes z."""
@@ -138,9 +138,9 @@ def _weights(model: Model) -> dict[str, float]:
 
 def _real(mass: float) -> tuple[str, ...]:
     return (
-        "Real: a countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on pelvis, right leg "
+        "A countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on pelvis, right leg "
         "and right shoulder at 200 Hz, force plates and EMG at 2000 Hz.",
-        f"Real: the mass of the jumper, {mass:.1f} kg, from the plate in quiet standing.",
+        f"The mass of the jumper, {mass:.1f} kg, from the plate in quiet standing.",
     )
 
 
@@ -151,14 +151,15 @@ def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tupl
     low, high = np.percentile(share[pushing], [5, 95])
     grown = ", ".join(f"{name} {factors[body]:.3f}" for name, body in SEGMENTS.items())
     return (
-        "Assumed: both feet stand on one plate, so each gets half of its force. As a check, where the center of "
+        "Both feet stand on one plate, so each gets half of its force. As a check, where the center of "
         f"pressure lies between the feet gives the right foot {share[still].mean():.0%} in quiet standing and "
         f"{low:.0%} to {high:.0%} until take-off; after landing the feet stand too close for this check.",
-        "Assumed: the left leg, which has no markers, and its force are the mirror image of the right one in the "
+        "The left leg, which has no markers, and its force are the mirror image of the right one in the "
         "upright plane that halves the pelvis.",
-        f"Assumed: the model is myo-sim's legs (Apache-2.0), scaled to the recorded joint centers ({grown}), with the "
-        "arms' mass in the trunk; toes, side bending and twist of the trunk are locked.",
-        "Assumed: in quiet standing the soles are level and the trunk is upright; the shoulder, which the arms' "
+        f"The model is myo-sim's legs (Apache-2.0), scaled to the recorded joint centers ({grown}), with the "
+        "arms' mass in the trunk, so that what the swing of the arms takes shows up as residual force; toes, side "
+        "bending and twist of the trunk are locked.",
+        "In quiet standing the soles are level and the trunk is upright; the shoulder, which the arms' "
         "swing lifts along the trunk, shows how far it bends.",
-        "Unknown: the file does not name the muscles of EMG channels 1 to 6.",
+        "The file does not name the muscles of EMG channels 1 to 6: they are shown without saying which is which.",
     )
