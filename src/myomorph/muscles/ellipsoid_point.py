@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 
-
-from myomorph.muscles.vectors import inner, dot
+from myomorph.muscles.vectors import dot, inner
 
 ROUNDING = 2e-13
 SMALL = 1e-9

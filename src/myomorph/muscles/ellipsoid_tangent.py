@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from myomorph.muscles.vectors import inner, dot, minus, unit
+from myomorph.muscles.vectors import dot, inner, minus, unit
 
 SMALL = 1e-8
 MOST_STEPS = 50

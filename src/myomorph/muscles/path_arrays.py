@@ -127,14 +127,15 @@ class _Builder:
         if len({isinstance(wrap, TendonWrap) for wrap in path.wraps}) > 1:
             raise BadModel(f"the path of muscle '{muscle.name}' mixes the wraps of OpenSim and MuJoCo")
         point_bodies = [self._body(point.body) for point in path.points]
-        objects = [self._object(wrap.wrap_object) for wrap in path.wraps]
+        wraps: list[PathWrap | TendonWrap] = list(path.wraps)
+        objects = [self._object(wrap.wrap_object) for wrap in wraps]
         wrap_bodies = [self._body(self.model.wrap_objects[i].body) for i in objects]
         bodies = sorted({*point_bodies, *wrap_bodies})
         moved = {name for point in path.points if isinstance(point, MovingPathPoint) for name in point.coordinates}
         slots = self._add_axes(bodies, {self._coordinate(name) for name in moved} - {-1})
         for k, (point, body) in enumerate(zip(path.points, point_bodies, strict=True)):
             self._add_point(point, body, bodies.index(body), _weight(path.divisors, k), slots)
-        for wrap, i, body in zip(path.wraps, objects, wrap_bodies, strict=True):
+        for wrap, i, body in zip(wraps, objects, wrap_bodies, strict=True):
             self.wrap.append([i, bodies.index(body), *self._rule(wrap, len(path.points))])
             side = wrap.side if isinstance(wrap, TendonWrap) else None
             self.wrap_side.append(np.zeros(3) if side is None else np.asarray(side))
@@ -198,11 +199,11 @@ class _Builder:
             if dependent in used:
                 used |= {int(j) for j in arrays.coupler_source[k] if j >= 0}
         slots = {j: place for place, j in enumerate(sorted(used))}
-        for k in between:
+        for k in between.tolist():
             hanging = np.flatnonzero(supports[:, k]).tolist()
             places = [slots[int(j)] if j >= 0 else -1 for j in arrays.axis_coordinate[k]]
             range_ = (len(self.support), len(self.support) + len(hanging))
-            self.axis.append([int(k), int(arrays.axis_kind[k] == 0), *places, *range_])
+            self.axis.append([k, int(arrays.axis_kind[k] == 0), *places, *range_])
             self.support += hanging
         for k, dependent in couplers:
             if dependent in slots:

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import math
 
-
 from myomorph.muscles.ellipsoid_point import nearest_in_plane, nearest_on_ellipsoid
 from myomorph.muscles.ellipsoid_tangent import tangent_point
-from myomorph.muscles.vectors import inner, along, cross, dot, minus, norm, replaced, sign, unit
+from myomorph.muscles.vectors import along, cross, dot, inner, minus, norm, replaced, sign, unit
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP
 
 HYBRID, MIDPOINT, AXIAL = 0, 1, 2
@@ -126,7 +125,7 @@ def _plane_point(r, s, a, method, best, square, place):
     chord = minus(s, r)
     middle = along(r, 0.5, chord)
     if method == MIDPOINT:
-        found, c = nearest_on_ellipsoid(a, middle)
+        _, c = nearest_on_ellipsoid(a, middle)
         return c, square, -math.inf
     if method == HYBRID and square > BLEND_FROM:
         # Near the ends of the chord the axial point turns away from the fan's: it is faded out.
@@ -143,11 +142,11 @@ def _plane_point(r, s, a, method, best, square, place):
         c = nearest_in_plane(a, along(r, place, chord), best)
     if method == AXIAL or square >= BLEND_TO:
         return c, square, -math.inf
-    found, fan_c = nearest_on_ellipsoid(a, along(middle, 1.0, _fan(r, chord, a)))
+    _, fan_c = nearest_on_ellipsoid(a, along(middle, 1.0, _fan(r, chord, a)))
     if square <= BLEND_FROM:
         return fan_c, square, 1.0
     share = (square - BLEND_FROM) / (BLEND_TO - BLEND_FROM)
-    found, c = nearest_on_ellipsoid(a, along(fan_c, share, minus(c, fan_c)))
+    _, c = nearest_on_ellipsoid(a, along(fan_c, share, minus(c, fan_c)))
     return c, square, 1.0 - share
 
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-
-from myomorph.muscles.vectors import inner, along, dot, minus, norm, sign, unit
+from myomorph.muscles.vectors import along, dot, inner, minus, sign, unit
 from myomorph.muscles.wrap_cylinder import NO_WRAP, WRAPPED, wrap_cylinder
 
 CYLINDER_LENGTH = 10000.0
