@@ -67,7 +67,7 @@ def heat_map(
         tall = len(columns) * row
         frame = Frame(left, y, right, y + tall, float(time[0]), last, 0.0, float(len(columns)))
         address = data_uri(png(np.ascontiguousarray(index[:, columns].T), HEAT))
-        listed = escape("|".join(names[i] for i in columns), True)
+        listed = escape("|".join(names[i].replace("|", "/") for i in columns), True)
         parts.append(
             f'<image class="heat" href="{address}" x="{left:g}" y="{y:.1f}" width="{right - left:g}" '
             f'height="{tall:.1f}" preserveAspectRatio="none" data-names="{listed}" {frame.data}/>'

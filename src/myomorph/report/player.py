@@ -76,7 +76,8 @@ def player(scene: Scene) -> str:
         "colors": base64_text(ACTIVATION),
         "forces": np.where(np.isfinite(forces), np.round(forces, 4), 0.0).reshape(len(scene.time), -1).tolist(),
     }
-    return json.dumps(value, separators=(",", ":"))
+    # A name must not be able to end the script element that carries this.
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _css(color: tuple[float, float, float]) -> str:

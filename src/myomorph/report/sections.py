@@ -35,7 +35,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     missing: list[str] = []
     for make, absent in (
         (marker_section, "Marker errors: no inverse kinematics. Give a marker file (TRC or C3D) and the step “ik”."),
-        (force_section, "Ground forces: none were given. Give the plates of the C3D or an external-loads file."),
+        (force_section, ""),
         (joint_section, "Joint angles and moments: no motion. Give the step “ik”, or a motion file."),
         (activation_section, "Muscle activations: not solved. Give the steps “muscles” and “tension”."),
         (tension_section, ""),
@@ -48,6 +48,8 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
             found.append(section)
         elif absent and not (make is emg_section and matched_emg(prepared)):
             missing.append(absent)
+    if prepared.given.wrenches is None:
+        missing.append("Ground forces: none were given. Give the plates of the C3D or an external-loads file.")
     if prepared.given.kinematics is not None and prepared.given.torques is None:
         missing.append("Joint moments and residuals: no inverse dynamics. Give external forces and the step “id”.")
     return found, missing

@@ -190,8 +190,8 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
 def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: int = 16) -> tuple[Pair, ...]:
     """The muscles to show one by one, right and left together.
 
-    Known leg muscles where at least six are found (the parts of one muscle together); otherwise, or
-    to fill up, the muscles that pull hardest on average.
+    Known leg muscles where at least six are found or most are known (the parts of one muscle together);
+    otherwise, or to fill up, the muscles that pull hardest on average.
 
     Parameters
     ----------
@@ -207,9 +207,9 @@ def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: i
                 members[side] = members.get(side, ()) + (name,)
         if members:
             chosen.append(Pair(label, members))
-    if len(chosen) < 6:
-        chosen = []
     taken = {name for pair in chosen for name in pair.names}
+    if len(chosen) < 6 and 2 * len(taken) < len(names):
+        chosen, taken = [], set()
     rest = [pair for pair in pairs(names) if not taken & set(pair.names)]
     if mean_force is not None:
         strength = dict(zip(names, np.nan_to_num(mean_force), strict=True))

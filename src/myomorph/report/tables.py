@@ -64,7 +64,7 @@ def body_scale(markers: Markers | None) -> float:
     frame = markers.values[int(np.argmax(np.isfinite(markers.values).all(axis=2).sum(axis=1)))]
     seen = frame[np.isfinite(frame).all(axis=1)]
     extent = float(np.linalg.norm(np.ptp(seen, axis=0))) if len(seen) else 1.7
-    return 1.0 if extent > 0.4 else extent / 1.7
+    return extent / 1.7 if 1e-3 < extent < 0.4 else 1.0
 
 
 def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:

@@ -17,7 +17,7 @@
   const digits = (value, span) => {
     if (!isFinite(value)) return "–";
     const places = Math.max(0, Math.min(9, 2 - Math.floor(Math.log10(Math.abs(span) || 1))));
-    return value.toFixed(places).replace("-", "−");
+    return value.toFixed(places).replace(/^-(?=[0.]*$)/, "").replace("-", "−");
   };
 
   const reading = document.createElement("div");

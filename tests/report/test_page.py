@@ -1,0 +1,190 @@
+import re
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from lxml import etree, html
+from walker import everything
+
+from myomorph.model.series import Emg, Event, Series, Wrenches
+from myomorph.report.given import Note, ReportInput, Truth
+from myomorph.report.page import report_page
+
+
+def parsed(given: ReportInput) -> html.HtmlElement:
+    text = report_page(given)
+    return html.document_fromstring(text.encode("utf-8"), parser=html.HTMLParser(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def page() -> html.HtmlElement:
+    return parsed(everything())
+
+
+def keys(page: html.HtmlElement) -> set[str]:
+    return set(page.xpath("//main/section/@id"))
+
+
+def test_it_needs_nothing_else(page: html.HtmlElement) -> None:
+    """Nothing is loaded: pictures are inside, there is no style, script, font or frame from elsewhere."""
+    for element in page.iter(etree.Element):
+        for name in ("src", "srcset", "href", "data", "poster"):
+            value = element.get(name)
+            if value is not None and element.tag != "a":
+                assert value.startswith("data:image/png;base64,"), (element.tag, value[:80])
+    assert not page.xpath("//link | //iframe | //object | //base | //form")
+    assert not re.search(r"@import|url\(", "".join(page.xpath("//style/text()")))
+    assert not re.search(r"fetch\(|XMLHttpRequest|WebSocket|import\(", "".join(page.xpath("//script/text()")))
+
+
+def test_all_parts_have_their_section(page: html.HtmlElement) -> None:
+    assert keys(page) == {"verdict", "body", "markers", "forces", "joints", "activations", "tensions", "made"}
+    assert all(link[1:] in keys(page) for link in page.xpath("//nav/a/@href"))
+
+
+def test_the_first_lines_say_what_is_made_up(page: html.HtmlElement) -> None:
+    assert page.xpath("string(//header//li)") == "Simulated everything here is made up"
+    assert "2026-01-02 · version 1.2.3" in page.xpath("string(//header/p)")
+
+
+def test_drawings_are_well_formed() -> None:
+    text = report_page(everything())
+    drawings = re.findall(r"<svg.*?</svg>", text, re.DOTALL)
+    assert len(drawings) > 15
+    for drawing in drawings:
+        etree.fromstring(drawing)
+
+
+def test_the_table_tells_what_was_over(page: html.HtmlElement) -> None:
+    rows = {row.xpath("string(td[2]/text())"): row for row in page.xpath("//table[@class='verdicts']/tbody/tr")}
+    worst = rows["Marker error, RMS of the worst frame"]
+    assert worst.get("class") == "over"
+    assert worst.xpath("string(td[3])") == "2.24 cm"
+    assert worst.xpath("string(td[4])") == "2.00 cm"
+    assert worst.xpath("string(td[7]//a/@href)") == "#ref-hicks2015"
+    states = [row.get("class") for row in page.xpath("//table[@class='verdicts']/tbody/tr")]
+    assert states == sorted(states, key=["over", "note", "ok"].index)
+
+
+def test_both_sides_lie_over_each_other(page: html.HtmlElement) -> None:
+    drawing = page.xpath("//section[@id='joints']//svg[@aria-label='Knee angle']")[0]
+    assert drawing.xpath(".//path[@data-label]/@data-label") == ["right", "left"]
+    parts = page.xpath("//section[@id='activations']//svg[@aria-label='Gluteus maximus']")[0]
+    assert "2 parts" in parts.xpath("string()")
+
+
+def test_the_movement_has_its_events(page: html.HtmlElement) -> None:
+    captions = page.xpath("//section[@id='body']//figcaption/text()")
+    assert [one.split(",")[0] for one in captions] == [
+        "Right foot strike",
+        "Left foot strike",
+        "Right foot off",
+        "Left foot off",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("without", "gone", "word"),
+    [
+        (("fit",), {"markers"}, "Marker errors"),
+        (("tension",), {"activations", "tensions"}, "Muscle activations"),
+        (("wrenches",), set(), "Ground forces"),
+        (("model", "fit"), {"body", "joints", "markers"}, "Joint angles"),
+        (("torques",), set(), "Joint moments"),
+    ],
+)
+def test_a_part_that_is_missing_is_told(without: tuple[str, ...], gone: set[str], word: str) -> None:
+    given = replace(everything(40), **dict.fromkeys(without))  # type: ignore[arg-type]
+    if "fit" in without and "model" not in without:
+        given = replace(given, motion=everything(40).fit.motion)  # type: ignore[union-attr]
+    page = parsed(given)
+    assert not keys(page) & gone
+    assert any(one.startswith(word) for one in page.xpath("//section[@class='absent']//li/text()"))
+
+
+def test_nothing_at_all_is_still_a_page() -> None:
+    page = parsed(ReportInput("empty"))
+    assert keys(page) == {"made"}
+    assert page.xpath("string(//h1)") == "empty"
+
+
+def test_what_users_write_stays_text() -> None:
+    odd = '<script>alert("x")</script> & "quotes" \u00e9\u6f22'
+    given = everything(40)
+    body = given.model
+    assert body is not None
+    renamed = replace(body, name=odd)
+    page = parsed(
+        replace(
+            given,
+            title=odd,
+            model=renamed,
+            notes=(Note("real", odd),),
+            warnings=(odd,),
+            facts=MappingProxyType({odd: odd}),
+            events=(Event(0.1, odd, "Right"),),
+        )
+    )
+    assert page.xpath("string(//h1)") == odd
+    assert not [one for one in page.xpath("//script/text()") if one.strip().startswith("alert")]
+
+
+def test_emg_is_drawn_on_its_muscle_and_never_guessed() -> None:
+    given = everything(100)
+    assert given.tension is not None
+    emg = Emg(given.tension.time, ("ch1", "ch2"), np.abs(np.sin(given.tension.time))[:, None] * [1.0, 0.5])
+    page = parsed(replace(given, emg=emg, emg_muscles=MappingProxyType({"ch1": ("recfem_r",)})))
+    drawing = page.xpath("//section[@id='activations']//svg[@aria-label='Rectus femoris']")[0]
+    assert "EMG right" in drawing.xpath(".//path[@data-label]/@data-label")
+    assert page.xpath("//section[@id='emg']//svg/@aria-label") == ["ch2"]
+    assert "none is claimed: ch2" in page.xpath("string(//section[@id='emg']/p)")
+
+
+def test_truth_is_set_beside_the_estimate() -> None:
+    given = everything(100)
+    assert given.fit is not None
+    assert given.torques is not None
+    true = Series(given.fit.motion.time, given.fit.motion.names, given.fit.motion.values + np.deg2rad(2.0))
+    page = parsed(replace(given, truth=Truth(true, given.torques, None)))
+    table = page.xpath("//section[@id='truth']//table")[0]
+    assert table.xpath("string(tbody/tr[1]/td[2])") == "2.00 °"
+    drawing = page.xpath("//section[@id='joints']//svg[@aria-label='Knee angle']")[0]
+    assert "right truth" in drawing.xpath(".//path[@data-label]/@data-label")
+
+
+def test_a_part_of_a_body_is_not_judged_by_its_root() -> None:
+    page = parsed(replace(everything(100), root_note="The trunk hangs on the root."))
+    assert "The trunk hangs on the root." in page.xpath("string(//section[@id='forces'])")
+    assert "Residual" not in page.xpath("string(//section[@id='verdict'])")
+
+
+def test_a_long_recording_stays_a_small_page() -> None:
+    given = everything(36000)
+    text = report_page(given)
+    assert len(text) < 8e6
+    assert "of a recording of 360 s" in text
+
+
+def test_frames_without_a_pose_or_a_solution_are_borne() -> None:
+    given = everything(100)
+    assert given.fit is not None
+    values = np.array(given.fit.motion.values)
+    values[10:20] = np.nan
+    hidden = replace(given.fit, motion=replace(given.fit.motion, values=values), errors=np.full((100, 2), np.nan))
+    tension = given.tension
+    assert tension is not None
+    tension.activations[30:] = np.nan
+    tension.forces[30:] = np.nan
+    assert given.wrenches is not None
+    lost = Wrenches(
+        given.wrenches.time,
+        given.wrenches.names,
+        given.wrenches.bodies,
+        np.full((100, 2, 3), np.nan),
+        given.wrenches.points,
+        given.wrenches.torques,
+    )
+    page = parsed(replace(given, fit=hidden, wrenches=lost))
+    assert "joints" in keys(page)
+    assert "nan" not in page.xpath("string(//main)").replace("finance", "").lower().split()

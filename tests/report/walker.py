@@ -1,0 +1,149 @@
+"""A small body that walks: pelvis with three translations and a turn, two legs, a muscle or two on each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.functions import linear
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, Path, PathPoint
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import Transform
+from myomorph.motion.ik import KinematicsFit
+from myomorph.report.given import Note, ReportInput, SourceFile, Step
+
+RATE = 100.0
+GRAVITY = 9.80665
+
+
+def _at(*point: float) -> Transform:
+    return Transform(np.eye(3), np.array(point))
+
+
+def _axis(kind: str, vector: tuple[float, float, float], name: str) -> Axis:
+    return Axis(kind, np.array(vector), linear(1.0), (name,))  # type: ignore[arg-type]
+
+
+def model(size: float = 1.0, mass: float = 60.0) -> Model:
+    """Pelvis 0.9 m above the ground, y up, right along z; `size` scales lengths."""
+    inertia = 0.01 * mass * size**2 * np.eye(3)
+    bodies = [Body("pelvis", 0.6 * mass, np.array([0.0, 0.2, 0.0]) * size, inertia)]
+    translations = [
+        _axis("translation", axis, name)
+        for axis, name in (((1, 0, 0), "pelvis_tx"), ((0, 1, 0), "pelvis_ty"), ((0, 0, 1), "pelvis_tz"))
+    ]
+    names = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt")
+    root = (*translations, _axis("rotation", (0, 0, 1), "pelvis_tilt"))
+    joints = [Joint("root", "CustomJoint", "ground", "pelvis", _at(0, 0, 0), _at(0, 0, 0), root, names)]
+    coordinates = [Coordinate(name, "translational") for name in names[:3]]
+    coordinates += [Coordinate("pelvis_tilt", "rotational", range=(-1.5, 1.5))]
+    coordinates[1] = Coordinate("pelvis_ty", "translational", default=0.9 * size)
+    muscles = []
+    for side, z in (("r", 0.1 * size), ("l", -0.1 * size)):
+        thigh, shank = f"femur_{side}", f"tibia_{side}"
+        bodies += [
+            Body(thigh, 0.15 * mass, np.array([0.0, -0.2 * size, 0.0]), inertia),
+            Body(shank, 0.05 * mass, np.array([0.0, -0.2 * size, 0.0]), inertia),
+        ]
+        for name, parent, child, place in (
+            (f"hip_flexion_{side}", "pelvis", thigh, _at(0, 0, z)),
+            (f"knee_angle_{side}", thigh, shank, _at(0, -0.4 * size, 0)),
+        ):
+            axes = (_axis("rotation", (0, 0, 1), name),)
+            joints.append(Joint(name, "PinJoint", parent, child, place, _at(0, 0, 0), axes, (name,)))
+            coordinates.append(Coordinate(name, "rotational", range=(-2.0, 2.0)))
+        for name, points, force in (
+            ("recfem", ((0.05, 0.1, 0.0, "pelvis"), (0.05, -0.3, 0.0, thigh), (0.04, -0.05, 0.0, shank)), 1200.0),
+            ("bflh", ((-0.05, 0.0, 0.0, "pelvis"), (-0.04, -0.05, 0.0, shank)), 900.0),
+            ("glmax1", ((-0.08, 0.1, 0.0, "pelvis"), (-0.03, -0.1, 0.0, thigh)), 500.0),
+            ("glmax2", ((-0.08, 0.05, 0.0, "pelvis"), (-0.03, -0.12, 0.0, thigh)), 1500.0),
+        ):
+            path = tuple(
+                PathPoint(
+                    f"{name}-{i}", body, np.array([x, y, zz + (z if body == "pelvis" else 0.0)]) * [size, size, 1]
+                )
+                for i, (x, y, zz, body) in enumerate(points)
+            )
+            muscles.append(Muscle(f"{name}_{side}", "Thelen2003Muscle", Path(path), force * size**2, 0.1, 0.2))
+    return Model(
+        "walker",
+        tuple(bodies),
+        tuple(joints),
+        tuple(coordinates),
+        np.array([0.0, -GRAVITY, 0.0]),
+        muscles=tuple(muscles),
+    )
+
+
+def motion(body: Model, frames: int = 200, size: float = 1.0) -> Motion:
+    """Hips and knees that swing against each other at 1 Hz while the pelvis goes forward."""
+    time = np.arange(frames) / RATE
+    values = np.tile([one.default for one in body.coordinates], (frames, 1)).astype(float)
+    for i, name in enumerate(body.coordinate_names):
+        phase = np.pi if name.endswith("_l") else 0.0
+        if name.startswith("hip"):
+            values[:, i] = 0.4 * np.sin(2 * np.pi * time + phase)
+        elif name.startswith("knee"):
+            values[:, i] = -0.5 + 0.4 * np.cos(2 * np.pi * time + phase)
+        elif name == "pelvis_tx":
+            values[:, i] = 1.2 * size * time
+    return Motion(time, body.coordinate_names, values)
+
+
+def steps(time: np.ndarray, weight: float) -> Wrenches:
+    """Right stance from 0.2 s to 0.9 s, left from 0.7 s to 1.4 s, half sine waves of one body weight."""
+    forces = np.zeros((len(time), 2, 3))
+    for k, start in enumerate((0.2, 0.7)):
+        inside = (time >= start) & (time <= start + 0.7)
+        forces[inside, k, 1] = weight * np.sin(np.pi * (time[inside] - start) / 0.7)
+    points = np.where(forces[..., 1:2] > 0, np.array([0.1, 0.0, 0.1]), np.nan)
+    return Wrenches(time, ("plate 1", "plate 2"), ("tibia_r", "tibia_l"), forces, points, np.zeros_like(forces))
+
+
+class Tension:
+    """Activations that follow a wave, and the forces that belong to them."""
+
+    def __init__(self, body: Model, time: np.ndarray):
+        self.time = time
+        self.muscles = body.muscle_names
+        phase = np.arange(len(self.muscles))
+        self.activations = 0.5 + 0.4 * np.sin(2 * np.pi * time[:, None] + phase)
+        self.forces = self.activations * np.array([one.max_isometric_force for one in body.muscles])
+        self.reserve_coordinates = ("hip_flexion_r", "knee_angle_r")
+        self.reserves = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
+        self.solved = np.ones(len(time), dtype=bool)
+
+
+def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
+    """A fit with known marker errors: the second marker is three times as far off as the first."""
+    frames = len(movement)
+    errors = np.tile([size, 3 * size], (frames, 1))
+    flags = np.ones(frames, dtype=bool)
+    return KinematicsFit(
+        movement, ("RASI", "RKNE"), errors, np.ones(2), flags, np.ones(frames, np.int64), ("extra",), ()
+    )
+
+
+def everything(frames: int = 200) -> ReportInput:
+    """A report with all of its parts."""
+    body = model()
+    movement = motion(body, frames)
+    time = movement.time
+    torques = Series(time, body.coordinate_names, 20.0 * np.sin(time[:, None] * 5 + np.arange(8)))
+    markers = Markers(time, ("RASI", "RKNE"), np.zeros((frames, 2, 3)))
+    return ReportInput(
+        "walker: first steps",
+        subject="a walker",
+        date="2026-01-02",
+        version="1.2.3",
+        notes=(Note("simulated", "everything here is made up"),),
+        sources=(SourceFile("model", "walker.osim", "ab" * 32),),
+        steps=(Step("inverse kinematics", {"tolerance": "1e-6"}, 0.5, frames),),
+        model=body,
+        markers=markers,
+        fit=fitted(movement),
+        wrenches=steps(time, body.mass * GRAVITY),
+        torques=torques,
+        tension=Tension(body, time),
+        warnings=("one thing was odd",),
+    )
