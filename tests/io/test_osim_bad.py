@@ -86,7 +86,7 @@ def test_values_of_the_defaults_section_count(rod):
         ("<coordinate>angle", "<coordinate>angel", ("unknown coordinate 'angel'", "'motor'", "'angle'")),
         ("<PinJoint name=\"pin\">", "<HingeJoint name=\"pin\">", ("tag", "line")),
         ("Version=\"40000\"", "Version=\"new\"", ("Version is 'new'",)),
-        ("Version=\"40000\"", "Version=\"10500\"", ("version 10500", "OpenSim 4")),
+        ("Version=\"40000\"", "Version=\"10500\"", ("version 10500", "OpenSim 3.3")),
         ("<Model name=\"rod\">", "<Modell name=\"rod\">", ("line",)),
         ("name=\"pull\">", "name=\"pull\"><appliesForce>maybe</appliesForce>", ("'maybe'",)),
     ],
@@ -232,3 +232,13 @@ def test_unknown_wrap_object_lists_those_that_exist(rod):
     ball = '<WrapObjectSet><objects><WrapSphere name="ball"><radius>1</radius></WrapSphere></objects></WrapObjectSet>'
     with pytest.raises(UnknownName, match=r"unknown wrap object 'boll'.*'ball'"):
         rod(("</GeometryPath>", f"{wrap}</GeometryPath>"), ('<Body name="rod">', f'<Body name="rod">{ball}'))
+
+
+def test_documents_of_the_future_are_read_with_a_warning(rod):
+    (warning,) = rod(('Version="40000"', 'Version="50000"')).warnings
+    assert "50000 is newer than OpenSim 4.6" in warning
+
+
+def test_other_units_are_told(rod):
+    (warning,) = rod(("<BodySet", "<length_units>millimeters</length_units><BodySet")).warnings
+    assert warning == "length_units is 'millimeters': read as meters, as OpenSim does"

@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.io.osim_bodies import read_body, read_markers, read_meshes, read_wrap_objects
 from myomorph.io.osim_constraints import read_constraints
-from myomorph.io.osim_document import OLDEST, Node, read_document, unique
+from myomorph.io.osim_document import NEWEST, OLDEST, Node, read_document, unique
 from myomorph.io.osim_forces import read_forces
 from myomorph.io.osim_frames import OFFSET_KINDS, Frames
 from myomorph.io.osim_joints import ReadJoint, free_joint, read_joint, reversed_joint
@@ -37,7 +37,11 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     node = read_document(path, ("Model",), "an OpenSim model")
     document = node.document
     if document.version < OLDEST:
-        raise BadFile(path, f"is an OpenSim document of version {document.version}", "save it with OpenSim 4 first")
+        problem = f"is an OpenSim document of version {document.version}, which OpenSim 4 refuses too"
+        raise BadFile(path, problem, "open and save it in OpenSim 3.3")
+    if document.version > NEWEST:
+        document.warn(f"document version {document.version} is newer than OpenSim 4.6 ({NEWEST}): read as if of 4.6")
+    _check_units(node)
     frames = Frames(node)
     ground = node.child("Ground")
     bodies = []
@@ -74,6 +78,16 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         tuple(document.warnings),
         read_passive_torques(node, tree.coordinates),
     )
+
+
+def _check_units(node: Node) -> None:
+    for tag, usual in (
+        ("length_units", ("meters", "metres", "meter", "m")),
+        ("force_units", ("N", "newtons", "Newtons")),
+    ):
+        unit = node.text("", tag)
+        if unit and unit not in usual:
+            node.document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
 
 
 def _ground_meshes(ground: Node | None) -> tuple[Mesh, ...]:

@@ -17,7 +17,7 @@ from myomorph.io.xml import read_xml
 from myomorph.model.errors import BadFile
 from myomorph.model.spatial import Array
 
-OLDEST, NEWEST = 10901, 49999
+OLDEST, NEWEST = 10901, 40600
 RENAMED = {
     "NaturalCubicSpline": "SimmSpline",
     "natCubicSpline": "SimmSpline",

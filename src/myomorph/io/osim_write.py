@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 from lxml import etree
 
+from myomorph.io.osim_document import NEWEST
 from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle
 from myomorph.io.osim_write_functions import child, legal, number, numbers
 from myomorph.io.osim_write_joints import body_path, euler, is_still, plan_joints, write_joint, write_offset_frame
@@ -18,7 +19,6 @@ from myomorph.model.model import GROUND, Body, Frame, Kept, Mesh, Model
 from myomorph.model.paths import WrapObject
 from myomorph.model.spatial import Transform
 
-VERSION = 40600
 SAME_SINCE_2 = frozenset({"CoordinateLimitForce", "SpringGeneralizedForce", "ExpressionBasedCoordinateForce"})
 PRIMITIVES = {"sphere": "Sphere", "cylinder": "Cylinder", "ellipsoid": "Ellipsoid", "box": "Brick"}
 SETS = ("ConstraintSet", "ForceSet", "ControllerSet", "ContactGeometrySet", "ProbeSet", "ComponentSet")
@@ -34,7 +34,7 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
     warnings : what could not be written as it is, one line each
     """
     warnings = _renamed(model)
-    root = etree.Element("OpenSimDocument", Version=str(VERSION))
+    root = etree.Element("OpenSimDocument", Version=str(NEWEST))
     _model(child(root, "Model", name=model.name), model, warnings)
     etree.indent(root, space="\t")
     text = etree.tostring(root, encoding="unicode")
@@ -220,7 +220,7 @@ def _usable(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
     """The kept parts that an OpenSim 4.6 document can hold, in its layout."""
     usable = []
     for part in kept:
-        new = part.version >= 40000 and not (part.room == "ControllerSet" and part.version < VERSION)
+        new = part.version >= 40000 and not (part.room == "ControllerSet" and part.version < NEWEST)
         if new or part.room == "Model" or part.kind in SAME_SINCE_2:
             usable.append(part)
         elif part.version:
