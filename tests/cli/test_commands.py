@@ -123,7 +123,7 @@ def test_report_of_single_commands(arm, command):
     told = command("report", arm.out)
     assert told.status == 0, told.err
     page = (arm.out / "report.html").read_text(encoding="utf-8")
-    assert "Recorded: " in page
+    assert "oordinates from reach.mot" in page
     assert "flexor" in page
 
 

@@ -147,7 +147,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         subject=facts.get("subject", ""),
         date=max((made.date for made in found.provenance.values()), default=""),
         version=__version__,
-        notes=tuple(Note(kind, text) for kind in ("real", "assumed", "simulated") for text in notes.get(kind, ())),
+        notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
         facts=MappingProxyType({"Body mass": f"{float(mass):g} kg"} if mass else {}),
         sources=_sources(found.provenance),
         steps=tuple(_step(step, found) for step in CHAIN if step in found.provenance),

@@ -43,20 +43,20 @@ STANDING = MappingProxyType({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder
 """The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
 SQUAT = MappingProxyType(
     {
-        "root_rx": 25.0,
-        "hip_flexion_r": 80.0,
-        "hip_flexion_l": 80.0,
-        "hip_adduction_r": -6.0,
-        "hip_adduction_l": -6.0,
-        "knee_angle_r": 90.0,
-        "knee_angle_l": 90.0,
+        "root_rx": 12.0,
+        "hip_flexion_r": 55.0,
+        "hip_flexion_l": 55.0,
+        "hip_adduction_r": -5.0,
+        "hip_adduction_l": -5.0,
+        "knee_angle_r": 65.0,
+        "knee_angle_l": 65.0,
         "ankle_angle_r": 22.0,
         "ankle_angle_l": 22.0,
-        "flex_extension": -12.0,
-        "shoulder_elv_r": 60.0,
-        "shoulder_elv_l": 60.0,
-        "elbow_flexion_r": 25.0,
-        "elbow_flexion_l": 25.0,
+        "flex_extension": 3.0,
+        "shoulder_elv_r": 40.0,
+        "shoulder_elv_l": 40.0,
+        "elbow_flexion_r": 50.0,
+        "elbow_flexion_l": 50.0,
     }
 )
 """The lowest pose, the coordinates' differences from the highest [deg]."""
@@ -126,14 +126,14 @@ def simulated_take(options: SimulationOptions | None = None) -> Take:
         mass=model.mass,
         derivatives=Differentiation(options.cutoff),
         assumed=(
-            "Assumed: fingers and wrists do not move; each foot carries half of the force.",
+            "Fingers and wrists do not move; each foot carries half of the force.",
             "The true activations are the least-effort ones of the noise-free motion, the criterion that the estimate "
             "uses too: their difference shows what noise and filters do, not whether the criterion is right.",
         ),
         simulated=(
-            f"Simulated: everything. A {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
+            f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
             f"{options.squats} times in {options.duration:g} s with raised arms; nobody was measured.",
-            f"Noise: markers {1000 * options.marker_noise:g} mm white and {1000 * options.tissue:g} mm slow shift on "
+            f"The noise: markers {1000 * options.marker_noise:g} mm white and {1000 * options.tissue:g} mm slow shift on "
             f"the skin (standard deviation of each axis), forces {options.force_noise:g} N white; seed {options.seed}.",
         ),
         truth=MappingProxyType(known),
@@ -159,7 +159,9 @@ def marked_body() -> Model:
         raise BadData("the simulated study needs the package 'myo-sim': pip install myo-sim") from None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        model = model_from_mujoco(myo_sim.load_model("myofullbody"), name="MyoFullBody")
+        compiled = myo_sim.load_model("myofullbody")
+    # Meshes are looked for beside a model's source.
+    model = model_from_mujoco(compiled, name="MyoFullBody", source=str(myo_sim.MODELS_DIR / "myofullbody"))
     dependent = model.dependent_coordinates
     coordinates = tuple(
         replace(one, locked=not one.name.startswith(KEPT_FREE) and one.name not in dependent)

@@ -206,4 +206,5 @@ def _real(files: FileTake, take: Take) -> tuple[str, ...]:
         parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
     if files.emg is not None:
         parts.append(f"EMG from {files.emg.name}")
-    return (f"Recorded: {', '.join(parts)}.",) if parts else ()
+    text = ", ".join(parts)
+    return (f"{text[0].upper()}{text[1:]}.",) if parts else ()
