@@ -122,7 +122,7 @@ def test_an_ascii_stl_and_an_obj_of_polygons(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["vtp", "obj", "stl", "ply"])
-@pytest.mark.parametrize("content", [b"", b"\0" * 200, b"garbage that is no mesh", np.random.default_rng(0).bytes(3000)])
+@pytest.mark.parametrize("content", [b"", b"\0" * 200, b"no mesh", np.random.default_rng(0).bytes(3000)])
 def test_what_is_no_mesh_is_refused(ending: str, content: bytes, tmp_path: Path) -> None:
     path = tmp_path / f"bad.{ending}"
     path.write_bytes(content)
