@@ -28,6 +28,7 @@ def main(job: str, binary: str, answer: str) -> None:
         spec = mujoco.MjSpec.from_file(task["path"])
         _drop_pictures(spec)
         weightless = _drop_meshes(spec, task["missing"])
+        _place_meshes(spec)
         mujoco.mj_saveModel(spec.compile(), binary, None)
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as problem:
         error = str(problem) or type(problem).__name__
@@ -42,11 +43,19 @@ def _drop_pictures(spec: Any) -> None:
         spec.delete(one)
 
 
+def _place_meshes(spec: Any) -> None:
+    """Whole paths of meshes: before 4.0, compiled models do not say in which folder they lie."""
+    for mesh in spec.meshes:
+        place = Path(spec.modelfiledir) / spec.meshdir / _plain(mesh.file)
+        if mesh.file and place.is_file():
+            mesh.file = str(place.resolve())
+
+
 def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
     """Take out the meshes whose files are missing, with their geoms; bodies that lose mass by it."""
     absent = {_plain(name) for name in missing}
-    gone = {mesh.name for mesh in spec.meshes if _plain(mesh.file) in absent}
-    fields = {field.name for field in spec.hfields if _plain(field.file) in absent}
+    gone = {_name(mesh) for mesh in spec.meshes if _plain(mesh.file) in absent}
+    fields = {_name(field) for field in spec.hfields if _plain(field.file) in absent}
     weightless = []
     for body in spec.bodies:
         for geom in list(body.geoms):
@@ -54,11 +63,16 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
                 if not body.explicitinertial and body.name not in weightless:
                     weightless.append(body.name)
                 spec.delete(geom)
-    for mesh in [one for one in spec.meshes if one.name in gone]:
+    for mesh in [one for one in spec.meshes if _name(one) in gone]:
         spec.delete(mesh)
-    for field in [one for one in spec.hfields if one.name in fields]:
+    for field in [one for one in spec.hfields if _name(one) in fields]:
         spec.delete(field)
     return [name for name in weightless if name != "world"]
+
+
+def _name(asset: Any) -> str:
+    """Name of an asset: that of its file where the text gives none."""
+    return asset.name or posixpath.splitext(posixpath.basename(_plain(asset.file)))[0]
 
 
 def _plain(name: str) -> str:
