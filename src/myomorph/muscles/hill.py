@@ -153,11 +153,11 @@ def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], i
 @njit(cache=True, nogil=True, error_model="numpy")
 def active_length_factor(H, m, x):
     """f_L of muscle m at the normalized fiber length x."""
-    kind, p = H.kind[m], H.parameters[m]
+    kind = H.kind[m]
     if H.curve[m, 0] >= 0:
         return curve_value(H.curves, H.curve[m, 0], x)
     if kind == DEGROOTE:
-        x = (x - 1.0) / p[0] + 1.0
+        x = (x - 1.0) / H.parameters[m, 0] + 1.0
         one = (x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)
         two = (x - 0.716775413397760) / (-0.029947116970696 + 0.200356847296188 * x)
         three = (x - 1.0) / 0.353553390593274
@@ -167,7 +167,7 @@ def active_length_factor(H, m, x):
             + 0.1 * np.exp(-0.5 * three * three)
         )
     if kind == MUJOCO:
-        low, high = p[0], p[1]
+        low, high = H.parameters[m, 0], H.parameters[m, 1]
         if x < low or x > high:
             return 0.0
         if x <= 1.0:
@@ -183,23 +183,23 @@ def active_length_factor(H, m, x):
             return 1.0 - 0.5 * u * u
         u = (high - x) / max(1e-15, high - middle)
         return 0.5 * u * u
-    return np.exp(-(x - 1.0) * (x - 1.0) / p[0])
+    return np.exp(-(x - 1.0) * (x - 1.0) / H.parameters[m, 0])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def velocity_factor(H, m, v):
     """f_V of muscle m, fully active, at the normalized fiber velocity v (negative: shortening); never below 0."""
-    kind, p = H.kind[m], H.parameters[m]
+    kind = H.kind[m]
     if H.curve[m, 1] >= 0 and kind != SCHUTTE:
         return max(curve_value(H.curves, H.curve[m, 1], v), 0.0)
     if kind == THELEN:
-        shape, most = p[3], p[4]
+        shape, most = H.parameters[m, 3], H.parameters[m, 4]
         if v <= -1.0:
             return 0.0
         if v <= 0.0:
             return (1.0 + v) / (1.0 - v / shape)
         k = (2.0 + 2.0 / shape) / (most - 1.0)
-        last = p[5] * most
+        last = H.parameters[m, 5] * most
         f = (1.0 + v * k * most) / (1.0 + v * k)
         if f < last:
             return f
@@ -209,7 +209,7 @@ def velocity_factor(H, m, v):
     if kind == DEGROOTE:
         return max(-0.3211346127989808 * np.arcsinh(-8.149 * v - 0.374) + 0.8825327733249912, 0.0)
     if kind == MUJOCO:
-        most = p[3]
+        most = H.parameters[m, 3]
         if v <= -1.0:
             return 0.0
         if v <= 0.0:
@@ -223,42 +223,49 @@ def velocity_factor(H, m, v):
 @njit(cache=True, nogil=True, error_model="numpy")
 def passive_length_factor(H, m, x):
     """f_PE of muscle m at the normalized fiber length x; never below 0."""
-    kind, p = H.kind[m], H.parameters[m]
+    kind = H.kind[m]
     if H.curve[m, 2] >= 0:
         return min(max(curve_value(H.curves, H.curve[m, 2], x), 0.0), 10.0 if kind == RIGID else np.inf)
     if kind == THELEN:
-        return (np.exp(p[2] * (x - 1.0) / p[1]) - 1.0) / (np.exp(p[2]) - 1.0) if x > 1.0 else 0.0
+        return (
+            (np.exp(H.parameters[m, 2] * (x - 1.0) / H.parameters[m, 1]) - 1.0) / (np.exp(H.parameters[m, 2]) - 1.0)
+            if x > 1.0
+            else 0.0
+        )
     if kind == DEGROOTE:
-        least = np.exp(4.0 * (0.2 - 1.0) / p[1])
-        return p[2] * max((np.exp(4.0 * (x - 1.0) / p[1]) - least) / (np.exp(4.0) - least), 0.0)
+        least = np.exp(4.0 * (0.2 - 1.0) / H.parameters[m, 1])
+        return H.parameters[m, 2] * max(
+            (np.exp(4.0 * (x - 1.0) / H.parameters[m, 1]) - least) / (np.exp(4.0) - least), 0.0
+        )
     if kind == MUJOCO:
-        middle = 0.5 * (1.0 + p[1])
+        middle = 0.5 * (1.0 + H.parameters[m, 1])
         if x <= 1.0:
             return 0.0
         u = (x - 1.0) / max(1e-15, middle - 1.0)
-        return p[2] * (0.5 * u * u if x <= middle else u - 0.5)
+        return H.parameters[m, 2] * (0.5 * u * u if x <= middle else u - 0.5)
     if kind == SCHUTTE:
         return np.exp(8.0 * (x - 1.0) - 4.0)
-    if x > 1.0 + p[1]:
-        return 1.0 + p[2] / p[1] * (x - 1.0 - p[1])
-    return np.exp(p[2] * (x - 1.0) / p[1] - p[2])
+    if x > 1.0 + H.parameters[m, 1]:
+        return 1.0 + H.parameters[m, 2] / H.parameters[m, 1] * (x - 1.0 - H.parameters[m, 1])
+    return np.exp(H.parameters[m, 2] * (x - 1.0) / H.parameters[m, 1] - H.parameters[m, 2])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rigid_forces(H, m, length, speed, opensim):
+def rigid_forces(H, m, length, speed, opensim, wanted):
     """Active force per unit activation and passive force of muscle m, along the tendon [N].
 
     Parameters
     ----------
     length, speed : of the path [m], [m/s]
     opensim : whether to follow OpenSim's static optimization where it departs from the formula
+    wanted : whether the passive force is; else it is 0
     """
     kind, force, optimal = H.kind[m], H.force[m], H.fiber[m]
     along = length - H.tendon[m]
     if kind == MUJOCO:
         x = along / optimal
         active = force * active_length_factor(H, m, x) * velocity_factor(H, m, speed / H.speed[m])
-        return active, force * passive_length_factor(H, m, x)
+        return active, force * passive_length_factor(H, m, x) if wanted else 0.0
     h = H.height[m]
     clamped = False
     if kind <= ACCELERATION:
@@ -270,7 +277,7 @@ def rigid_forces(H, m, length, speed, opensim):
     fiber = np.sqrt(along * along + h * h)
     cosine = along / fiber if fiber > 0.0 else 1.0
     x = fiber / optimal
-    passive = force * passive_length_factor(H, m, x) * max(cosine, 0.0)
+    passive = force * passive_length_factor(H, m, x) * max(cosine, 0.0) if wanted else 0.0
     if np.isnan(length) or np.isnan(speed):
         return np.nan, np.nan
     if opensim and kind in (DEPRECATED_THELEN, SCHUTTE):
@@ -368,11 +375,13 @@ def isometric_force(H, m, length):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def hill_frames(H, lengths, speeds, opensim, active, passive):
+def hill_frames(H, lengths, speeds, opensim, wanted, active, passive):
     """`rigid_forces` of all muscles over frames: lengths, speeds, active, passive (frames, muscles)."""
     for frame in range(lengths.shape[0]):
         for m in range(lengths.shape[1]):
-            active[frame, m], passive[frame, m] = rigid_forces(H, m, lengths[frame, m], speeds[frame, m], opensim)
+            active[frame, m], passive[frame, m] = rigid_forces(
+                H, m, lengths[frame, m], speeds[frame, m], opensim, wanted
+            )
 
 
 def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Convention = "rigid-tendon") -> HillForces:
@@ -411,5 +420,5 @@ def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Con
     if convention not in CONVENTIONS:
         raise BadData(f"unknown convention '{convention}': there are {', '.join(CONVENTIONS)}")
     active, passive = np.empty_like(lengths), np.empty_like(lengths)
-    hill_frames(arrays, lengths, velocities, convention == "opensim", active, passive)
+    hill_frames(arrays, lengths, velocities, convention == "opensim", True, active, passive)
     return HillForces(frozen_array(active), frozen_array(passive))

@@ -103,19 +103,26 @@ def curve_value(C, i, x):
         return C.end_y[i] + C.right[i] * (x - C.end_x[i])
     while high > low and x < C.start[high]:
         high -= 1
-    a, b = C.pieces[high, 0], C.pieces[high, 1]
-    end = a[0] + a[1] + a[2] + a[3] + a[4] + a[5]
-    u = (x - a[0]) / (end - a[0])
+    P = C.pieces
+    a0, a1, a2, a3, a4, a5 = (
+        P[high, 0, 0],
+        P[high, 0, 1],
+        P[high, 0, 2],
+        P[high, 0, 3],
+        P[high, 0, 4],
+        P[high, 0, 5],
+    )
+    u = (x - a0) / (a1 + a2 + a3 + a4 + a5)
     below, above = 0.0, 1.0
     for _ in range(60):
-        error = a[0] + u * (a[1] + u * (a[2] + u * (a[3] + u * (a[4] + u * a[5])))) - x
+        error = a0 + u * (a1 + u * (a2 + u * (a3 + u * (a4 + u * a5)))) - x
         if abs(error) <= 1e-15:
             break
         if error > 0.0:
             above = u
         else:
             below = u
-        slope = a[1] + u * (2.0 * a[2] + u * (3.0 * a[3] + u * (4.0 * a[4] + u * 5.0 * a[5])))
+        slope = a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5)))
         step = error / slope if slope > 0.0 else 2.0
         if below < u - step < above:
             u -= step
@@ -123,7 +130,9 @@ def curve_value(C, i, x):
                 break
         else:
             u = 0.5 * (below + above)
-    return b[0] + u * (b[1] + u * (b[2] + u * (b[3] + u * (b[4] + u * b[5]))))
+    return P[high, 1, 0] + u * (
+        P[high, 1, 1] + u * (P[high, 1, 2] + u * (P[high, 1, 3] + u * (P[high, 1, 4] + u * P[high, 1, 5])))
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -103,7 +103,7 @@ def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     # Moment arms about a coordinate already hold what reaches the muscle through those that follow it.
     sources = [
         (int(m), int(j), [(-1, int(j))] if free else [])
-        for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arrays.arm_free, strict=True)
+        for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arm_free, strict=True)
     ]
     reach = _reach(tree)
     touched = [
@@ -126,7 +126,7 @@ def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     table[:, 4] = shape.place[table[:, 4]]
     rank = np.append(np.argsort(shape.order), -1)
     row = rank[row_of]
-    arm_row = np.where(paths.arrays.arm_free, row[paths.arm_coordinate], -1)
+    arm_row = np.where(paths.arm_free, row[paths.arm_coordinate], -1)
     columns = [np.ascontiguousarray(column) for column in table.T]
     return Assembly(
         tree=tree,

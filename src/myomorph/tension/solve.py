@@ -296,11 +296,12 @@ class TensionProblem:
         lengths, speeds, arms = self._paths.evaluate(c, self._rates[part])
         entries = np.hstack([arms, actuator_entries(assembly, c)])
         active, passive = np.empty((frames, muscles)), np.empty((frames, muscles))
-        hill_frames(self._hill, lengths, speeds, self._options.convention == "opensim", active, passive)
+        like_opensim, wanted = self._options.convention == "opensim", self._options.passive
+        hill_frames(self._hill, lengths, speeds, like_opensim, wanted, active, passive)
         if self._options.curves == "constant":
             active[:] = np.where(np.isnan(active), np.nan, self._strength)
         active *= self._enabled
-        passive *= self._enabled * self._options.passive
+        passive *= self._enabled
         forces = np.hstack([active, np.broadcast_to(assembly.optimal_forces, (frames, len(assembly.optimal_forces)))])
         values, right = np.empty((frames, len(self.separable.row))), np.empty((frames, len(assembly.rows)))
         fold(assembly.tree.arrays, assembly.links, c, entries, forces, self._tau[part], values, right)
