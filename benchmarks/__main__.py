@@ -1,0 +1,44 @@
+"""`python -m benchmarks NAME [--json FILE]`: run one comparison and print its medians and ratios."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+from pathlib import Path
+
+COMPARISONS = {
+    "opensim": ("benchmarks.speed_opensim", "speed of every step against OpenSim 4.6, both in one run"),
+    "mujoco": ("benchmarks.speed_mujoco", "speed of tendon lengths and moment arms against MuJoCo"),
+    "size": ("benchmarks.size", "36,000 frames of the 520-muscle model: time and memory"),
+    "start": ("benchmarks.start", "import, first command with compilation, later commands"),
+    "qp": ("benchmarks.qp", "our tension solver against maintained QP solvers"),
+    "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
+}
+
+
+def main() -> None:
+    """Run the comparison that the command line names."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
+    parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
+    parser.add_argument("--json", type=Path, help="write the rows to this file too")
+    given = parser.parse_args()
+    rows = importlib.import_module(COMPARISONS[given.name][0]).run()
+    print_rows(rows)
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1, default=float))
+
+
+def print_rows(rows: list[dict[str, object]]) -> None:
+    """Rows as text, one line each."""
+    for row in rows:
+        print("; ".join(f"{key}: {_short(value)}" for key, value in row.items()))
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()

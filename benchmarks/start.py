@@ -1,0 +1,36 @@
+"""How long a user waits: import, the first command on a new machine with compilation, later commands."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+
+def seconds(arguments: list[str], environment: dict[str, str]) -> float:
+    """Wall time of one command."""
+    began = time.perf_counter()
+    subprocess.run([sys.executable, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - began
+
+
+def run() -> list[dict[str, object]]:
+    """Rows of what was waited for and how long."""
+    rows: list[dict[str, object]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        # An empty cache is what a new machine has.
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
+        imports = [seconds(["-c", "import myomorph"], environment) for _ in range(5)]
+        rows.append({"what": "python -c 'import myomorph'", "seconds": statistics.median(imports)})
+        demo = ["-m", "myomorph.cli", "demo", "--out"]
+        first = seconds([*demo, str(Path(folder) / "first")], environment)
+        rows.append({"what": "myomorph demo, first time (compiles)", "seconds": first})
+        later = [seconds([*demo, str(Path(folder) / f"later{i}")], environment) for i in range(3)]
+        rows.append({"what": "myomorph demo, later", "seconds": statistics.median(later)})
+        helps = [seconds(["-m", "myomorph.cli", "--help"], environment) for _ in range(5)]
+        rows.append({"what": "myomorph --help", "seconds": statistics.median(helps)})
+    return rows
