@@ -1,0 +1,102 @@
+"""What the README and the documentation tell people to type exists, and their links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from myomorph.cli.app import COMMANDS
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def blocks(text):
+    """Code in a page: fenced, or indented by four spaces."""
+    fenced = re.findall(r"^```\w*\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    return [*fenced, *re.findall(r"(?:^    .+\n)+", text, re.MULTILINE)]
+
+
+def command_lines():
+    found = []
+    for page in PAGES:
+        for block in blocks(page.read_text(encoding="utf-8")):
+            for line in block.splitlines():
+                for part in line.split("&&"):
+                    if part.strip().startswith("myomorph "):
+                        found.append((page.name, part.strip()))
+    return [*found, *(("app.py", command.example) for command in COMMANDS.values())]
+
+
+@pytest.mark.parametrize(("page", "line"), command_lines())
+def test_commands_parse(page, line):
+    """Every command line is one that the program accepts; nothing is run."""
+    from myomorph.cli.app import app
+
+    words = shlex.split(line, comments=True)
+    assert words[1] in COMMANDS, f"{page}: {line}"
+    app.parse_args(words[1:], exit_on_error=False, print_error=False)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    links = re.findall(r"\]\((?!https?:|mailto:)([^)#]+)", page.read_text(encoding="utf-8"))
+    missing = [link for link in links if not (page.parent / link).exists()]
+    assert missing == []
+
+
+def test_quick_start_is_two_commands():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    start = text.split("## Quick start")[1].split("\n## ")[0]
+    lines = [line for block in blocks(start) for line in block.splitlines() if line.strip()]
+    assert lines == [
+        "python -m pip install . && myomorph demo",
+        'python -m pip install ".[test,oracles]" && python -m pytest',
+    ]
+
+
+def test_extras_and_program_exist():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {"test", "oracles", "lint"} <= set(project["optional-dependencies"])
+    assert project["scripts"] == {"myomorph": "myomorph.cli:main"}
+    assert (ROOT / "LICENSE").read_text(encoding="utf-8").lstrip().startswith("Apache License")
+
+
+def test_study_files_in_the_docs_are_valid(tmp_path):
+    """Every study file that is printed would be accepted, given its files."""
+    from myomorph.study.plan import read_plan
+
+    studies = [one for page in PAGES for one in blocks(page.read_text(encoding="utf-8")) if "[study]" in one]
+    assert len(studies) >= 2
+    for name in ("generic.osim", "walk1.trc", "walk1_grf.xml", "tasks.xml", "reserves.xml"):
+        (tmp_path / name).write_text("")
+    for text in studies:
+        (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+        plan = read_plan(tmp_path / "study.toml")
+        assert [take.name for take in plan.takes] == ["walk1"]
+
+
+def test_python_in_the_readme_runs(tmp_path, monkeypatch):
+    from arm_files import write_arm
+
+    arm = write_arm(tmp_path)
+    arm.model.rename(tmp_path / "subject.osim")
+    arm.markers.rename(tmp_path / "walk1.trc")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, object] = {}
+    exec(program, names)
+    assert len(names["torques"]) == 61
+
+
+def test_modules_in_the_references_exist():
+    text = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+/[\w*]+\.py)`", text))
+    assert named
+    missing = [one for one in named if not list((ROOT / "src" / "myomorph").glob(one))]
+    assert missing == []
