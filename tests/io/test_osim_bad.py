@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from myomorph.io.models import read_model
 from myomorph.io.osim import read_osim
@@ -164,6 +165,30 @@ def test_every_truncation_is_refused_with_its_line(data, tmp_path):
             read_osim(path)
         assert "\n" not in str(error.value)
         assert length == 0 or "line" in str(error.value)
+
+
+def test_whatever_is_missing_or_odd_only_our_errors_come(data, tmp_path):
+    content = data("bones-landmarks-leg/make-a-leg_final.osim").read_bytes()
+    path = tmp_path / "mutilated.osim"
+    random = np.random.default_rng(11)
+    refusals = []
+    for i in range(150):
+        root = etree.fromstring(content)
+        elements = list(root.iter(etree.Element))[2:]
+        element = elements[random.integers(len(elements))]
+        if i % 3 == 0:
+            element.getparent().remove(element)
+        elif i % 3 == 1:
+            element.text = ("", "nan", "-1", "1e400", "many", "1 2", "/no/such/path", "../..")[random.integers(8)]
+        else:
+            element.tag = elements[random.integers(len(elements))].tag
+        path.write_bytes(etree.tostring(root))
+        try:
+            read_osim(path)
+        except MyomorphError as error:
+            refusals.append(str(error))
+    assert 10 < len(refusals) < 140
+    assert not any("\n" in text for text in refusals)
 
 
 def test_entity_bombs_are_refused_at_once(tmp_path):

@@ -251,7 +251,30 @@ def old_sockets(path: Path) -> None:
     path.write_bytes(etree.tostring(root))
 
 
-MAKERS = {one.__name__: one for one in (all_joints, all_functions, backwards, floating, reversed_old, old_sockets)}
+def old_connectors(path: Path) -> None:
+    """The chain of joints with connectors, as between 3.3 and 4.0."""
+    all_joints(path)
+    root = etree.parse(path).getroot()
+    root.set("Version", "30507")
+    for element in list(root.iter(etree.Element)):
+        if not element.tag.startswith("socket_"):
+            continue
+        parent = element.getparent()
+        connectors = parent.find("connectors")
+        if connectors is None:
+            connectors = etree.SubElement(parent, "connectors")
+        name = element.tag.removeprefix("socket_")
+        kind = "Connector_Frame_" if name == "parent" else "Connector_PhysicalFrame_"
+        connector = etree.SubElement(connectors, kind, name=name)
+        etree.SubElement(connector, "connectee_name").text = element.text
+        parent.remove(element)
+    path.write_bytes(etree.tostring(root))
+
+
+MAKERS = {
+    one.__name__: one
+    for one in (all_joints, all_functions, backwards, floating, reversed_old, old_sockets, old_connectors)
+}
 
 
 @pytest.fixture(scope="module")

@@ -104,12 +104,16 @@ class Frames:
         if len(set(bodies)) > 1:
             raise node.bad(f"its stations are on several bodies: {', '.join(sorted(set(bodies)))}")
         a, b, c, origin = points
-        first = (b - a) / np.linalg.norm(b - a)
-        normal = np.cross(first, c - a)
-        second = normal / np.linalg.norm(normal)
+        normal = np.cross(b - a, c - a)
+        if not normal.any():
+            raise node.bad("its stations are in one line")
+        first, second = (b - a) / np.linalg.norm(b - a), normal / np.linalg.norm(normal)
         along, across = (
             self._signed_axis(node, tag, default) for tag, default in (("ab_axis", "+x"), ("ab_x_ac_axis", "+y"))
         )
+        if along[0] == across[0]:
+            node.document.warn(f"frame '{node.name}': its two axes are the same: the second is taken for the next one")
+            across = (along[0] + 1) % 3, 1.0
         rotation = np.zeros((3, 3))
         rotation[:, along[0]] = along[1] * first
         rotation[:, across[0]] = across[1] * second

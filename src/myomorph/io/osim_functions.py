@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from myomorph.io.osim_document import Node
 from myomorph.model.errors import BadModel
@@ -112,6 +111,9 @@ def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
 
     Beyond its ends it goes on as a polynomial of degree half - 1.
     """
+    # SciPy takes a while to import, and hardly any model has such a spline.
+    from scipy.interpolate import make_interp_spline
+
     zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
     spline = make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None)
     faculties = np.cumprod([1.0, *range(1, 2 * half)])
