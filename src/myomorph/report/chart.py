@@ -327,7 +327,7 @@ def _second_scale(frame: Frame, factor: float, unit: str) -> list[str]:
 
 def _time_ticks(frame: Frame, height: int) -> list[str]:
     parts = []
-    along = ticks(frame.x0, frame.x1, max(3, int((frame.right - frame.left) / 52)))
+    along = ticks(frame.x0, frame.x1, max(3, int((frame.right - frame.left) / 46)))
     step = float(along[1] - along[0]) if len(along) > 1 else 1.0
     for value in along:
         x = float(frame.x(value))

@@ -214,11 +214,12 @@ def pair_panel(
         second = (second[0] / factor, second[1]) if second else None
     for side, members in pair.members.items():
         for name in members:
-            if truth is not None and name in truth.names:
-                lines.append(Line(truth.time, factor * truth[name], f"truth {STYLE[side]}", f"{side} truth".strip()))
-        for name in members:
             if name in series.names:
                 lines.append(Line(series.time, factor * series[name], STYLE[side], side or "value"))
+    for side, members in pair.members.items():
+        for name in members:
+            if truth is not None and name in truth.names:
+                lines.append(Line(truth.time, factor * truth[name], f"truth {STYLE[side]}", f"{side} truth".strip()))
     return time_plot(Panel(title, unit, lines, span, events, second=second, margin=margin))
 
 
@@ -236,7 +237,7 @@ def activation_panel(
     lines = [Line(time, values, f"emg {STYLE[side]}", f"EMG {side}".strip(), True) for side, time, values in emg]
     columns = {name: i for i, name in enumerate(muscles)}
     for side, members in pair.members.items():
-        for source, style, label in ((truth, "truth ", " truth"), (series, "", "")):
+        for source, style, label in ((series, "", ""), (truth, "truth ", " truth")):
             if source is None:
                 continue
             mean = weighted(source, [name for name in members if name in columns or source is truth], strengths)

@@ -62,7 +62,7 @@ def heat_map(
         heading(title, unit),
     ]
     y = top
-    every = max(1, int(np.ceil(8.2 / row)))
+    every = max(1, int(np.ceil(9.8 / row)))
     for label, columns in blocks:
         tall = len(columns) * row
         frame = Frame(left, y, right, y + tall, float(time[0]), last, 0.0, float(len(columns)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.resources import files
 
 import numpy as np
@@ -60,6 +61,7 @@ def report_page(given: ReportInput) -> str:
     template = environment.from_string(_text("report.html.j2"))
     return template.render(
         given=given,
+        date=_date(given.date),
         style=_text("report.css"),
         script=_text("report.js"),
         facts=_facts(prepared),
@@ -75,6 +77,18 @@ def report_page(given: ReportInput) -> str:
         muscles_colored=given.tension is not None,
         references=_numbered(prepared),
     )
+
+
+def _date(text: str) -> str:
+    """A date of a clock (ISO 8601) to the minute; any other text as it is."""
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    if len(text) <= len("2026-01-02"):
+        return text
+    zone = "" if when.tzinfo is None else " UTC"
+    return (when if when.tzinfo is None else when.astimezone(UTC)).strftime("%Y-%m-%d %H:%M") + zone
 
 
 def _text(name: str) -> str:

@@ -284,7 +284,7 @@
     function draw() {
       const ratio = Math.min(devicePixelRatio || 1, 2);
       const width = canvas.clientWidth || 900;
-      const height = Math.round(Math.min(560, Math.max(340, width * 0.5)));
+      const height = Math.round(Math.min(620, Math.max(340, width * 0.54)));
       if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
         canvas.width = Math.round(width * ratio);
         canvas.height = Math.round(height * ratio);
