@@ -178,6 +178,18 @@ def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
         assert np.all(np.isnan(values[[2, 4]]))
 
 
+def test_muscles_stretched_beyond_their_strength_are_named(data):
+    model, motion, torques = walk(data, 3)
+    assert solve_tension(model, motion, torques).overstretched == ()
+    muscles = tuple(
+        replace(one, tendon_slack_length=0.5 * one.tendon_slack_length) if one.name == "recfem_l" else one
+        for one in model.muscles
+    )
+    short = replace(model, muscles=muscles)
+    assert solve_tension(short, motion, torques).overstretched == ("recfem_l",)
+    assert solve_tension(short, motion, torques, TensionOptions(passive=False)).overstretched == ()
+
+
 def test_without_reserves_a_weak_model_is_called_infeasible(data):
     model, motion, torques = arm(data)
     part = frames(motion, slice(20, 40))

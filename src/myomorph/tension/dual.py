@@ -105,8 +105,11 @@ def _response(S, i, target, s):
     else:
         size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
         x = target + (size if s > 0.0 else -size)
-        # The true slope is infinite (p > 2) or zero (p < 2) at 0, which would stop the iteration.
-        slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-3) ** (p - 2.0))
+        slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-3 if p < 2.0 else 1e-30) ** (p - 2.0))
+        # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant does not.
+        if p > 2.0 and size < 1e-3:
+            slope *= p - 1.0
+        slope = min(slope, 1e8 / w)
     if x <= S.lower[i]:
         return S.lower[i], 0.0
     if x >= S.upper[i]:
@@ -304,6 +307,8 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
         np.empty(n),
         np.empty(n),
     )
+    # With p > 2 the multipliers of a variable near 0 fall under the rounding of the others.
+    accepted = 10.0 * TOLERANCE if S.exponent.max() <= 2.0 else 1e-6
     for frame in range(balance.shape[0]):
         A, b, result = values[frame], balance[frame], y[frame]
         unknown, scale = 0.0, 1.0
@@ -336,7 +341,7 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
                     break
                 before = worst
         imbalance[frame], iterations[frame] = worst, steps
-        if worst <= 10.0 * TOLERANCE * scale:
+        if worst <= accepted * scale:
             status[frame] = OPTIMAL
         else:
             status[frame] = INFEASIBLE if settled else STALLED

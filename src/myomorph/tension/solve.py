@@ -28,7 +28,7 @@ class TensionOptions:
 
     Attributes
     ----------
-    exponent : p > 1 in sum_m w_m a_m^p + sum_r u_r^p of activations a and controls u
+    exponent : p, 1.2 to 5, in sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u
     weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
     passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
         (passive torques of the model's joints always take part, as there)
@@ -47,8 +47,8 @@ class TensionOptions:
     residual: float = 10.0
 
     def __post_init__(self) -> None:
-        if not 1.0 < self.exponent <= 10.0:
-            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected above 1 and at most 10")
+        if not 1.2 <= self.exponent <= 5.0:
+            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 5")
         for name in ("reserve", "residual"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"the optimal force of a {name} is {getattr(self, name):g}: expected above 0")
@@ -84,6 +84,8 @@ class Tension:
     status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input
     iterations : (frames,)
     lower, upper : (muscles,) bounds of the activations
+    overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
+        it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
     """
 
     time: Array
@@ -99,6 +101,7 @@ class Tension:
     iterations: np.ndarray
     lower: Array
     upper: Array
+    overstretched: tuple[str, ...]
     options: TensionOptions
 
     def __post_init__(self) -> None:
@@ -265,6 +268,7 @@ class TensionProblem:
         self._imbalance = np.empty(frames)
         self._iterations = np.empty(frames, np.int64)
         self._status = np.empty(frames, np.int8)
+        self._overstretched: list[np.ndarray] = []
 
     def _variables(self, actuators: tuple[Actuator, ...]) -> Separable:
         """Weights, exponents and bounds of all variables, checked."""
@@ -326,15 +330,18 @@ class TensionProblem:
             self._iterations[part],
             self._status[part],
         )
+        self._overstretched.append(np.flatnonzero((passive > self._strength).any(axis=0)))
         self._activations[part] = x[:, :muscles]
         self._forces[part] = active * x[:, :muscles] + passive
         self._reserves[part] = x[:, muscles:] * self.assembly.optimal_forces
 
     def result(self, time: Array, names: tuple[str, ...]) -> Tension:
         """What was found, as a value."""
+        stretched = np.unique(np.concatenate([*self._overstretched, np.zeros(0, np.int64)]))
+        all_names = self.assembly.tree.model.muscle_names
         return Tension(
             time=time,
-            muscles=self.assembly.tree.model.muscle_names,
+            muscles=all_names,
             activations=self._activations,
             forces=self._forces,
             reserve_names=names,
@@ -346,5 +353,6 @@ class TensionProblem:
             iterations=self._iterations,
             lower=self._lower,
             upper=self._upper,
+            overstretched=tuple(all_names[i] for i in stretched),
             options=self._options,
         )
