@@ -1,0 +1,58 @@
+"""All comparisons of accuracy, written as docs/validation.md: `python -m benchmarks validation`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from benchmarks import accuracy_kernels, accuracy_kinematics, accuracy_models, accuracy_muscles, accuracy_tension
+from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
+
+DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "validation.md"
+TEXT = Path(__file__).resolve().parent / "validation_text"
+
+Row = dict[str, object]
+
+
+def run() -> list[Row]:
+    """Measure every section, write the document, and return all rows."""
+    folder = data_folder()
+    sections: dict[str, Callable[[], Iterable[Row]]] = {
+        "models": lambda: accuracy_models.measure(folder),
+        "kernels": accuracy_kernels.measure,
+        "curved_knees": lambda: accuracy_kernels.measure_curved_knee(folder),
+        "inverse_kinematics": lambda: (
+            accuracy_kinematics.measure_inverse_kinematics(folder, case) for case in MARKER_CASES
+        ),
+        "inverse_dynamics": lambda: (
+            accuracy_kinematics.measure_inverse_dynamics(folder, case) for case in FORCE_CASES
+        ),
+        "muscles": lambda: accuracy_muscles.measure(folder),
+        "tendons": accuracy_kernels.measure_tendons,
+        "tension": lambda: accuracy_tension.measure(folder),
+    }
+    document = (TEXT / "head.md").read_text()
+    rows: list[Row] = []
+    for name, measure in sections.items():
+        found = list(measure())
+        rows += [{"section": name, **row} for row in found]
+        document += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + as_table(found)
+    DOCUMENT.write_text(document)
+    return rows
+
+
+def as_table(rows: list[Row]) -> str:
+    """Rows as a Markdown table; the columns are the keys of the first."""
+    if not rows:
+        return "(nothing measured: the data collection is absent)\n"
+    keys = list(rows[0])
+    lines = ["| " + " | ".join(keys) + " |", "| " + " | ".join("---" for _ in keys) + " |"]
+    lines += ["| " + " | ".join(_cell(row.get(key, "")) for key in keys) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return json.dumps(value) if isinstance(value, dict) else str(value).replace("|", "/")
