@@ -78,6 +78,7 @@ def test_values_of_the_defaults_section_count(rod):
     [
         ("<mass>1.5", "<mass>nan", ("line 6", "Body 'rod'", "'mass'", "finite")),
         ("<mass>1.5", "<mass>1e999", ("Body 'rod'", "finite")),
+        ("<mass>1.5</mass>", "", ("Body 'rod'", "no mass")),
         ("<mass>1.5", "<mass>heavy", ("Body 'rod'", "'heavy'", "numbers")),
         ("<mass>1.5", "<mass>-1", ("body 'rod'", "-1 kg")),
         ("<mass_center>0 0.5 0", "<mass_center>0 0.5", ("2 numbers", "expected 3")),
@@ -267,3 +268,12 @@ def test_documents_of_the_future_are_read_with_a_warning(rod):
 def test_other_units_are_told(rod):
     (warning,) = rod(("<BodySet", "<length_units>millimeters</length_units><BodySet")).warnings
     assert warning == "length_units is 'millimeters': read as meters, as OpenSim does"
+
+
+def test_a_surface_without_size_wraps_nothing(rod):
+    ball = '<WrapObjectSet><objects><WrapSphere name="ball"><radius>{}</radius></WrapSphere></objects></WrapObjectSet>'
+    model = rod(('<Body name="rod">', f'<Body name="rod">{ball.format(0)}'))
+    assert not model.wrap_objects[0].active
+    assert model.warnings == ("wrap object 'ball' has no size: nothing wraps around it",)
+    with pytest.raises(BadFile, match="WrapSphere 'ball': has size"):
+        rod(('<Body name="rod">', f'<Body name="rod">{ball.format(-1)}'))

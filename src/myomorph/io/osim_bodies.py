@@ -20,7 +20,9 @@ PRIMITIVES = {"Sphere": "sphere", "Cylinder": "cylinder", "Ellipsoid": "ellipsoi
 
 def read_body(node: Node) -> Body:
     """A body with its mass properties and its meshes."""
-    mass = node.number("mass", 1.0 if node.document.version >= 30500 else 0.0)
+    mass = node.number("mass", float("nan"))
+    if mass != mass:
+        raise node.bad("has no mass", "expected <mass> in kg, 0 for none")
     if mass < 0:
         raise BadModel(f"{node.document.path}: body '{node.name}' has mass {mass:g} kg: a mass cannot be negative")
     return Body(node.name, mass, node.vector("mass_center", ZEROS), _inertia(node), read_meshes(node))
@@ -108,19 +110,23 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
     pose = frame @ Transform.from_euler_xyz(node.vector("xyz_body_rotation", ZEROS), node.vector("translation", ZEROS))
     kinds = {
         "WrapCylinder": ("cylinder", (("radius", 1.0), ("length", 1.0))),
-        "WrapSphere": ("sphere", (("radius", 0.0),)),
+        "WrapSphere": ("sphere", (("radius", 0.05),)),
         "WrapTorus": ("torus", (("inner_radius", 0.01), ("outer_radius", 0.05))),
     }
     if node.kind in kinds:
         kind, sizes = kinds[node.kind]
         size = tuple(node.number(tag, default, infinite=tag == "length") for tag, default in sizes)
     elif node.kind == "WrapEllipsoid":
-        kind, size = "ellipsoid", tuple(float(one) for one in node.vector("dimensions", ONES))
+        kind, size = "ellipsoid", tuple(float(one) for one in node.vector("dimensions", (0.05, 0.05, 0.05)))
     else:
         raise BadModel(f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not built")
-    if min(size) <= 0:
+    if min(size) < 0:
         raise node.bad(f"has size {size}", "expected positive numbers")
-    return WrapObject(node.name, body, kind, pose, size, QUADRANTS[quadrant], node.flag("active", True))  # type: ignore[arg-type]
+    active = node.flag("active", True)
+    if active and min(size) == 0:
+        node.document.warn(f"wrap object '{node.name}' has no size: nothing wraps around it")
+        active = False
+    return WrapObject(node.name, body, kind, pose, size, QUADRANTS[quadrant], active)  # type: ignore[arg-type]
 
 
 def read_markers(node: Node, frames: Frames) -> list[Marker]:
