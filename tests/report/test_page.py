@@ -166,6 +166,18 @@ def test_a_long_recording_stays_a_small_page() -> None:
     assert "of a recording of 360 s" in text
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("frames", [1, 2, 3, 100])
+def test_short_recordings_make_a_page_without_complaint(frames: int) -> None:
+    given = everything(frames)
+    page = parsed(replace(given, overstretched=("recfem_r",)))
+    assert {"body", "markers", "joints", "activations", "tensions"} <= keys(page) | (
+        {"joints"} if frames == 1 else set()
+    )
+    assert "recfem_r" in page.xpath("string(//section[@id='verdict'])")
+
+
+@pytest.mark.filterwarnings("error")
 def test_frames_without_a_pose_or_a_solution_are_borne() -> None:
     given = everything(100)
     assert given.fit is not None

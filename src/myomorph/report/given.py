@@ -127,6 +127,7 @@ class ReportInput:
     lengths : (frames, muscles) muscle-tendon lengths [m]
     driven : coordinates that at least one muscle moves; () if unknown
     tension : solved muscle tensions
+    overstretched : muscles whose passive force passes their maximum isometric force somewhere
     emg : measured excitations
     emg_muscles : EMG channel to the muscles it was measured on; channels not named are shown apart
     events : known events; None lets the report find them in the forces
@@ -154,6 +155,7 @@ class ReportInput:
     lengths: Series | None = None
     driven: tuple[str, ...] = ()
     tension: TensionResult | None = None
+    overstretched: tuple[str, ...] = ()
     emg: Emg | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     events: tuple[Event, ...] | None = None

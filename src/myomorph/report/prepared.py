@@ -20,6 +20,7 @@ from myomorph.report.tables import (
     reserve_verdicts,
     residual_verdicts,
     saturation_verdicts,
+    stretch_verdict,
     unsolved_verdict,
 )
 
@@ -169,5 +170,6 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
             )
         bounds = {} if given.model is None else {one.name: one.max_activation for one in given.model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
+        rows.append(stretch_verdict(given.overstretched, len(tension.muscles)))
         rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

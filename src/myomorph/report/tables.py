@@ -307,6 +307,29 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
     ]
 
 
+def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
+    """Muscles stretched beyond sense: fiber and tendon lengths that do not fit the body's size or pose.
+
+    Parameters
+    ----------
+    names : muscles whose passive force passes their maximum isometric force
+    count : of all muscles
+    """
+    detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
+    worst = names[0] if names else ""
+    return Verdict(
+        "Overstretched muscles",
+        float(len(names)),
+        f"of {count}",
+        0.0,
+        "over" if names else "ok",
+        worst,
+        None,
+        "",
+        detail,
+    )
+
+
 def unsolved_verdict(solved: np.ndarray, time: Array) -> Verdict:
     """Frames whose muscle tensions are not optimal."""
     return _counted("Frames without an optimal muscle solution", ~np.asarray(solved, dtype=bool), time)
