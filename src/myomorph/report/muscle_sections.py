@@ -10,7 +10,7 @@ from myomorph.report.chart import number
 from myomorph.report.figures import activation_panel, emg_panel, pair_panel, tension_map
 from myomorph.report.prepared import Prepared
 from myomorph.report.section import SIDES_LEGEND, Figure, Grid, Section
-from myomorph.report.selection import Pair, major_muscles
+from myomorph.report.selection import Pair, major_muscles, split_side
 from myomorph.report.tables import extremes, few
 
 
@@ -153,7 +153,7 @@ def length_section(prepared: Prepared) -> Section | None:
     figures = tuple(
         Figure(
             pair_panel(pair.label, "mm", _first_parts(pair), given.lengths, prepared.detail, prepared.events, 1000.0),
-            "quarter",
+            "small",
         )
         for pair in chosen
     )
@@ -161,4 +161,7 @@ def length_section(prepared: Prepared) -> Section | None:
 
 
 def _first_parts(pair: Pair) -> Pair:
-    return Pair(pair.label, {side: members[:1] for side, members in pair.members.items()})
+    members = {side: names[:1] for side, names in pair.members.items()}
+    several = any(len(names) > 1 for names in pair.members.values())
+    part = split_side(next(iter(members.values()))[0])[0]
+    return Pair(f"{pair.label} ({part})" if several else pair.label, members)
