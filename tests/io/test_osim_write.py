@@ -24,12 +24,13 @@ from myomorph.model.errors import BadModel
 from myomorph.model.functions import (
     PiecewisePolynomial,
     SineProduct,
+    constant,
     linear,
     piecewise_linear,
     polynomial,
     simm_spline,
 )
-from myomorph.model.model import Body, Model
+from myomorph.model.model import Body, Model, PassiveTorque
 from osim_models import FILES, body_poses, random_values
 
 # What a written file says differently by its nature: where it is, and where meshes hang in it.
@@ -240,6 +241,19 @@ def _off(function):
     again = read_function(Node(element, document), Node(holder, document))
     x = np.linspace(-4, 12, 400)
     return float(np.max(np.abs(function(x) - again(x))))
+
+
+def test_passive_torques_are_written_as_springs_where_they_are_linear(pendulum, tmp_path):
+    name = pendulum.coordinate_names[0]
+    spring = PassiveTorque("tissue", name, linear(-3.0, 0.6), constant(0.25))
+    curved = PassiveTorque("odd", name, polynomial([0.0, -1.0, -1.0]), constant(0.0))
+    warnings = write_osim(replace(pendulum, passive_torques=(spring, curved)), tmp_path / "out.osim")
+    assert warnings == ("passive torque 'odd' is left out: it is not a linear spring with constant damping",)
+    (again,) = read_osim(tmp_path / "out.osim").passive_torques
+    assert (again.name, again.coordinate) == ("tissue", name)
+    for q in (-1.0, 0.0, 2.0):
+        assert float(again.torque(q)) == pytest.approx(float(spring.torque(q)), abs=1e-15)
+        assert float(again.damping(q)) == 0.25
 
 
 def test_random_values_of_a_written_model_give_the_same_poses(data, tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 from lxml import etree
 
 from myomorph.io.osim_document import NEWEST
-from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle
+from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle, write_passive
 from myomorph.io.osim_write_functions import child, legal, number, numbers
 from myomorph.io.osim_write_joints import body_path, euler, is_still, plan_joints, write_joint, write_offset_frame
 from myomorph.io.text import written
@@ -91,6 +91,9 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
         write_muscle(sets["ForceSet"], muscle, joints, warnings)
     for actuator in model.actuators:
         write_actuator(sets["ForceSet"], actuator)
+    for passive in model.passive_torques:
+        if not _is_kept(passive.name, kept):
+            write_passive(sets["ForceSet"], passive, warnings)
     for name, objects in sets.items():
         _put_back(objects, kept, name)
     _write_groups(holders["ForceSet"], model)
@@ -228,6 +231,12 @@ def _usable(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
         else:
             warnings.append(f"{part.kind} '{part.name}' is left out: it is not OpenSim's")
     return usable
+
+
+def _is_kept(passive: str, kept: list[Kept]) -> bool:
+    """Whether a passive torque comes from a part that is put back; a limit has one for each of its sides."""
+    names = {passive, passive.removesuffix("_upper"), passive.removesuffix("_lower")}
+    return any(part.room == "ForceSet" and part.name in names for part in kept)
 
 
 def _put_back(parent: etree._Element, kept: list[Kept], room: str) -> None:

@@ -7,7 +7,8 @@ from lxml import etree
 from myomorph.io.osim_muscles import DEFAULTS
 from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.io.osim_write_joints import body_path, write_offset_frame
-from myomorph.model.model import Actuator, Coupler, Loop
+from myomorph.model.functions import PiecewisePolynomial
+from myomorph.model.model import Actuator, Coupler, Loop, PassiveTorque
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap
 
 FLAGS = frozenset({"ignore_tendon_compliance", "ignore_activation_dynamics", "ignore_passive_fiber_force"})
@@ -140,6 +141,24 @@ def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
             child(element, "points_are_global", is_global[0])
             child(element, "pointA", numbers(actuator.point))
             child(element, "pointB", numbers(actuator.other_point))
+
+
+def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list[str]) -> None:
+    """A spring of a coordinate, where the torque is a line and the damping constant; else a warning."""
+    torque, damping = passive.torque, passive.damping
+    straight = isinstance(torque, PiecewisePolynomial) and torque.coefficients.shape in ((1, 1), (1, 2))
+    if not straight or not isinstance(damping, PiecewisePolynomial) or damping.coefficients.shape != (1, 1):
+        warnings.append(f"passive torque '{passive.name}' is left out: it is not a linear spring with constant damping")
+        return
+    at_zero, slope = float(torque(0.0)), float(torque(0.0, order=1))  # type: ignore[call-arg]
+    if slope == 0.0 and at_zero != 0.0:
+        warnings.append(f"passive torque '{passive.name}' is left out: it is constant")
+        return
+    element = child(parent, "SpringGeneralizedForce", name=passive.name)
+    child(element, "coordinate", legal(passive.coordinate))
+    child(element, "stiffness", number(-slope))
+    child(element, "rest_length", number(-at_zero / slope if slope else 0.0))
+    child(element, "viscosity", number(float(damping(0.0))))
 
 
 def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str]) -> None:
