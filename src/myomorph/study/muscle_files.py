@@ -20,7 +20,7 @@ from myomorph.rigid.coordinates import Ints
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, file_name
 
-BLOCK = 2048
+BLOCK = 512
 """Frames that are in memory at a time."""
 
 
