@@ -12,6 +12,9 @@ from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass, natural_spline
 
+LOADED = 0.02
+"""Part of its largest force above which a plate's center of pressure is believed."""
+
 SeriesKind = TypeVar("SeriesKind", bound=Series)
 
 
@@ -43,8 +46,9 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
 def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = None) -> Wrenches:
     """External forces at other times, by natural cubic splines as OpenSim's `ExternalForce`.
 
-    Where centers of pressure are unknown (NaN, unloaded plate) the moment about the ground's origin is
-    interpolated instead of the point, which is the same wrench.
+    Where a center of pressure is unknown (NaN, unloaded plate), or with a filter, the moment about the
+    ground's origin is interpolated or filtered instead of the point, which is the same wrench and has no
+    jumps; the point is then that of the nearest sample that bears load.
 
     Parameters
     ----------
@@ -65,21 +69,23 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
             f"{time[-1]:g} s: cut the motion with --time START END"
         )
     forces, points, torques = wrenches.forces, wrenches.points, wrenches.torques
-    unknown = np.isnan(points).any()
-    if unknown:
-        points = np.nan_to_num(points)
-        torques = np.nan_to_num(torques) + np.cross(points, forces)
-    if cutoff is not None:
-        forces, points, torques = (
-            lowpass(part, 1.0 / np.diff(wrenches.time).mean(), cutoff) for part in (forces, points, torques)
-        )
-    forces, torques = _splined(wrenches.time, forces, time), _splined(wrenches.time, torques, time)
-    if unknown:
-        nearest = np.clip(np.searchsorted(wrenches.time, time), 0, len(wrenches) - 1)
-        points = points[nearest]
-        torques = torques - np.cross(points, forces)
-    else:
+    if cutoff is None and np.isfinite(points).all():
         points = _splined(wrenches.time, points, time)
+        return replace(
+            wrenches,
+            time=time,
+            forces=_splined(wrenches.time, forces, time),
+            points=points,
+            torques=_splined(wrenches.time, torques, time),
+        )
+    # The moment about the ground's origin is smooth where a center of pressure jumps or is unknown.
+    moments = np.nan_to_num(torques) + np.cross(np.nan_to_num(points), forces)
+    if cutoff is not None:
+        rate = 1.0 / np.diff(wrenches.time).mean()
+        forces, moments = lowpass(forces, rate, cutoff), lowpass(moments, rate, cutoff)
+    points = _loaded_points(wrenches, time)
+    forces, moments = _splined(wrenches.time, forces, time), _splined(wrenches.time, moments, time)
+    torques = moments - np.cross(points, forces)
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
 
 
@@ -104,6 +110,21 @@ def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, flo
             f"{wrenches.time[-1]:g} s) have no time in common"
         )
     return float(start), float(end)
+
+
+def _loaded_points(wrenches: Wrenches, time: Array) -> Array:
+    """Points of application at other times, each from the nearest sample that bears load."""
+    points = np.zeros((len(time), len(wrenches.names), 3))
+    sizes = np.linalg.norm(wrenches.forces, axis=2)
+    for e in range(len(wrenches.names)):
+        known = np.isfinite(wrenches.points[:, e]).all(axis=1)
+        loaded = np.flatnonzero(known & (sizes[:, e] > LOADED * sizes[:, e].max(initial=0.0)))
+        if loaded.size:
+            after = np.minimum(np.searchsorted(wrenches.time[loaded], time), loaded.size - 1)
+            before = np.maximum(after - 1, 0)
+            nearer = wrenches.time[loaded[after]] - time < time - wrenches.time[loaded[before]]
+            points[:, e] = wrenches.points[np.where(nearer, loaded[after], loaded[before]), e]
+    return points
 
 
 def _splined(time: Array, values: Array, at: Array) -> Array:
