@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.errors import BadData, BadFile, BadModel, MyomorphError, UnknownName
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Emg, Motion, Series, Trial, Wrenches
 from myomorph.model.spatial import Array
@@ -307,6 +307,40 @@ def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
     return replace(wrenches, bodies=tuple(body for _, body in used))
 
 
-def is_input_error(error: BaseException) -> bool:
-    """Whether an error is the input's fault, so that other trials may go on."""
-    return isinstance(error, MyomorphError | OSError)
+def feet_of(model: Model) -> tuple[str, ...]:
+    """Bodies that stand on the ground by their names: heel bones, else feet; () where there are none."""
+    for word in ("calcn", "calcaneus", "hindfoot", "foot"):
+        found = tuple(name for name in model.body_names if word in name.lower())
+        if found:
+            return found
+    return ()
+
+
+def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
+    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
+
+    Raises
+    ------
+    BadData
+        where the model has no foot
+    """
+    from myomorph.contact.assign import assign_bodies
+    from myomorph.contact.plates import wrenches_from_plates
+
+    feet = feet_of(model)
+    if not feet:
+        raise BadData(
+            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
+        )
+    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
+    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
+    wrenches = replace(wrenches, **parts)
+    poses = _poses_by(model, motion)
+    places = {}
+    for foot in feet:
+        rotations, origins = poses(foot, wrenches.time)
+        # Heel and ball: twice the way from the body's origin to its mass center.
+        ahead = 2.0 * rotations @ model.body(foot).mass_center
+        places[foot] = np.stack([origins, origins + ahead], axis=1)
+    return assign_bodies(wrenches, places).wrenches

@@ -163,6 +163,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         lengths=_lengths(found),
         driven=tuple(dict.fromkeys(arms)),
         tension=None if tension is None else shown_tension(tension, found),
+        overstretched=() if tension is None else tension.overstretched,
         emg=store.get_emg(found),
         emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
         events=store.get_events(found) or None,

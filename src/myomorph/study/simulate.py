@@ -133,8 +133,9 @@ def simulated_take(options: SimulationOptions | None = None) -> Take:
         simulated=(
             f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
             f"{options.squats} times in {options.duration:g} s with raised arms; nobody was measured.",
-            f"The noise: markers {1000 * options.marker_noise:g} mm white and {1000 * options.tissue:g} mm slow shift on "
-            f"the skin (standard deviation of each axis), forces {options.force_noise:g} N white; seed {options.seed}.",
+            f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm white and "
+            f"{1000 * options.tissue:g} mm slow shift on the skin, forces {options.force_noise:g} N white; seed "
+            f"{options.seed}.",
         ),
         truth=MappingProxyType(known),
         sources=(

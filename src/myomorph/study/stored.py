@@ -208,6 +208,8 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
     writer.names("muscle", tension.muscles)
     writer.names("actuator", tension.reserve_names)
     writer.names("balanced_coordinate", tension.coordinates)
+    strained = [name in tension.overstretched for name in tension.muscles]
+    writer.put("muscle_overstretched", ("muscle",), np.array(strained, bool), "1", "1 where passive force passes F0")
     writer.texts("actuator_coordinate", "actuator", reserve_coordinates)
     by_muscle = ("time", "muscle")
     writer.put("activation", by_muscle, tension.activations, "1", "muscle activation")
@@ -245,6 +247,7 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         iterations=values["tension_iterations"],
         lower=values["activation_lower"],
         upper=values["activation_upper"],
+        overstretched=tuple(np.array(names["muscle"])[values["muscle_overstretched"] != 0].tolist()),
         options=options,
     )
 

@@ -80,7 +80,10 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
     )
     if files.loads is None and files.plates:
         take = replace(take, loads=_plate_loads(trial, files))
-    return replace(take, real=_real(files, take))
+    elif files.loads is None and trial.plates and inputs.feet_of(model):
+        told = "The force of each plate acts on the foot that is nearest to its center of pressure."
+        take = replace(take, loads=_nearest_loads(trial, model), assumed=(*take.assumed, told))
+    return replace(take, real=_real(files, take), plates=trial.plates)
 
 
 def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]:
@@ -146,6 +149,10 @@ def _file_loads(files: FileTake, model: Model) -> Any:
 def _plate_loads(trial: Trial, files: FileTake) -> Any:
     wrenches = inputs.recorded_wrenches(trial, files.plates)
     return lambda motion: wrenches
+
+
+def _nearest_loads(trial: Trial, model: Model) -> Any:
+    return lambda motion: inputs.assigned_wrenches(trial, model, motion)
 
 
 def kinematics_options(files: FileTake, given: Mapping[str, Any], model: Model) -> InverseKinematicsOptions:

@@ -1,0 +1,97 @@
+"""Input files are fitted to the model: which way is up, what unit, which foot stands on which plate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.series import ForcePlate, Markers, Trial
+from myomorph.study import inputs
+from myomorph.study.inputs import assigned_wrenches, feet_of, fitted_to, open_emg, open_loads, open_model, open_motion
+
+
+@pytest.fixture(scope="module")
+def walker(data):
+    return open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+
+
+def test_c3d_with_z_up_is_turned(data):
+    """The same static trial as C3D, whose z axis points up, and as TRC, which was turned by hand."""
+    model = open_model(data("c3d-functional-joints/models/scaled.osim"))
+    turned = fitted_to(model, inputs.open_trial(data("c3d-functional-joints/static.c3d")))
+    plain = inputs.open_trial(data("c3d-functional-joints/static.trc"))
+    assert any("z axis points up" in text for text in turned.warnings)
+    names = [name for name in model.marker_names if name in turned.markers.names and name in plain.markers.names]
+    assert len(names) > 40
+    height = {
+        kind: np.array([np.nanmean(trial.markers[name][:, axis]) for name in names])
+        for kind, trial, axis in (("turned", turned, 1), ("plain", plain, 1))
+    }
+    own = inputs.default_markers(model, names)[:, 1]
+    assert np.corrcoef(height["turned"], own)[0, 1] > 0.99
+    assert np.ptp(height["turned"]) == pytest.approx(np.ptp(own), rel=0.15)
+
+
+def test_trc_is_taken_as_it_is(walker, data):
+    trial = inputs.open_trial(data("rajagopal-walk-emg/markers_walk.trc"))
+    assert fitted_to(walker, trial) is trial
+
+
+@pytest.mark.parametrize(("factor", "word"), [(1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres")])
+def test_wrong_units_are_suspected(walker, data, factor, word):
+    trial = inputs.open_trial(data("rajagopal-walk-emg/markers_walk.trc"))
+    markers = trial.markers
+    wrong = Trial(markers=Markers(markers.time, markers.names, factor * markers.values), source="walk.trc")
+    with pytest.raises(BadData, match=f"are its numbers {word}"):
+        fitted_to(walker, wrong)
+
+
+def test_plates_go_to_the_feet_that_stand_on_them(walker, data):
+    """Forces whose feet are known, as if two plates had measured them: nearness finds the feet again."""
+    motion = open_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
+    known = open_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)
+    loaded = known.forces[:, :, 1] > 30.0
+    plates = []
+    for i in range(2):
+        rest = ~loaded[:, i, None]
+        point, torque = (np.where(rest, np.nan, part[:, i]) for part in (known.points, known.torques))
+        middle = np.nanmean(point, axis=0)
+        corners = middle + np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]]) * 0.3
+        force = np.where(rest, 0.0, known.forces[:, i])
+        plates.append(ForcePlate(f"plate {i + 1}", 2, corners, force, point, torque))
+    found = assigned_wrenches(Trial(plates=tuple(plates), plate_time=known.time), walker, motion)
+    assert feet_of(walker) == ("calcn_r", "calcn_l")
+    inside = (known.time >= motion.time[0]) & (known.time <= motion.time[-1])
+    for foot in ("calcn_r", "calcn_l"):
+        mine = sum(found.forces[:, i, 1] for i, body in enumerate(found.bodies) if body == foot)
+        right = known.forces[inside][:, known.bodies.index(foot), 1] * loaded[inside][:, known.bodies.index(foot)]
+        assert np.abs(mine - right).max() < 1.0
+
+
+def test_loads_of_the_wrong_kind(walker, data, tmp_path):
+    motion = open_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
+    with pytest.raises(BadFile, match="not the bodies they act on"):
+        open_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion)
+    with pytest.raises(BadFile, match=r"ends in '\.txt'"):
+        open_loads(tmp_path / "x.txt", walker, motion)
+
+
+def test_force_table_equals_the_loads_file(walker, data):
+    motion = open_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
+    by_xml = open_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)
+    bodies = {"ground_force_r_": "calcn_r", "ground_force_l_": "calcn_l"}
+    by_table = open_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion, bodies)
+    for name in ("time", "forces", "points", "torques"):
+        np.testing.assert_array_equal(getattr(by_table, name), getattr(by_xml, name))
+    assert by_table.bodies == by_xml.bodies
+
+
+def test_emg_of_any_scale(tmp_path):
+    head = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"
+    (tmp_path / "small.sto").write_text(head + "0\t0.1\t0.2\n1\t0.5\t-0.1\n2\t0.9\t1.1\n")
+    (tmp_path / "large.sto").write_text(head + "0\t10\t2\n1\t50\t1\n2\t90\t4\n")
+    np.testing.assert_allclose(open_emg(tmp_path / "small.sto")["b"], [0.2, 0.0, 1.1])
+    large = open_emg(tmp_path / "large.sto")
+    np.testing.assert_allclose(large["a"], [1 / 9, 5 / 9, 1.0])
+    np.testing.assert_allclose(large["b"], [0.5, 0.25, 1.0])
