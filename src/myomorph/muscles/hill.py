@@ -260,30 +260,19 @@ def rigid_forces(H, m, length, speed, opensim, wanted):
     opensim : whether to follow OpenSim's static optimization where it departs from the formula
     wanted : whether the passive force is; else it is 0
     """
-    kind, force, optimal = H.kind[m], H.force[m], H.fiber[m]
+    kind, h = H.kind[m], H.height[m]
     along = length - H.tendon[m]
-    if kind == MUJOCO:
-        x = along / optimal
-        active = force * active_length_factor(H, m, x) * velocity_factor(H, m, speed / H.speed[m])
-        return active, force * passive_length_factor(H, m, x) if wanted else 0.0
-    h = H.height[m]
     clamped = False
     if kind <= ACCELERATION:
         clamped = not along > H.shortest_along[m]
         if clamped:
             along = H.shortest_along[m]
-    elif kind != DEGROOTE or not opensim:
+    elif kind != MUJOCO and (kind != DEGROOTE or not opensim):
         along = max(along, 0.0)
-    fiber = np.sqrt(along * along + h * h)
-    cosine = along / fiber if fiber > 0.0 else 1.0
-    x = fiber / optimal
-    passive = force * passive_length_factor(H, m, x) * max(cosine, 0.0) if wanted else 0.0
-    if np.isnan(length) or np.isnan(speed):
-        return np.nan, np.nan
-    if opensim and kind in (DEPRECATED_THELEN, SCHUTTE):
-        return isometric_force(H, m, length) * velocity_factor(H, m, H.cos_optimal[m] * speed / H.speed[m]), 0.0
-    if clamped:
-        return 0.0, passive
+    fiber = np.sqrt(along * along + h * h) if kind != MUJOCO else along
+    cosine = along / fiber if fiber > 0.0 and kind != MUJOCO else 1.0
+    x = fiber / H.fiber[m]
+    passive = H.force[m] * passive_length_factor(H, m, x) * max(cosine, 0.0) if wanted else 0.0
     v = speed * cosine / H.speed[m]
     if opensim:
         if kind == MILLARD:
@@ -292,7 +281,10 @@ def rigid_forces(H, m, length, speed, opensim, wanted):
             cosine = 1.0
         elif kind == RIGID:
             v = speed / H.speed[m]
-    return force * max(active_length_factor(H, m, x), 0.0) * velocity_factor(H, m, v) * cosine, passive
+    active = H.force[m] * max(active_length_factor(H, m, x), 0.0) * velocity_factor(H, m, v) * cosine
+    if np.isnan(length) or np.isnan(speed):
+        return np.nan, np.nan
+    return 0.0 if clamped else active, passive
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -375,13 +367,43 @@ def isometric_force(H, m, length):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def hill_frames(H, lengths, speeds, opensim, wanted, active, passive):
+def _rigid_frames(H, lengths, speeds, opensim, wanted, active, passive):
     """`rigid_forces` of all muscles over frames: lengths, speeds, active, passive (frames, muscles)."""
     for frame in range(lengths.shape[0]):
         for m in range(lengths.shape[1]):
             active[frame, m], passive[frame, m] = rigid_forces(
                 H, m, lengths[frame, m], speeds[frame, m], opensim, wanted
             )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _elastic_frames(H, lengths, speeds, active, passive):
+    """Replace the forces of the deprecated classes by what OpenSim's static optimization takes."""
+    for m in range(lengths.shape[1]):
+        if H.kind[m] != DEPRECATED_THELEN and H.kind[m] != SCHUTTE:
+            continue
+        for frame in range(lengths.shape[0]):
+            if not np.isnan(active[frame, m]):
+                v = H.cos_optimal[m] * speeds[frame, m] / H.speed[m]
+                active[frame, m] = isometric_force(H, m, lengths[frame, m]) * velocity_factor(H, m, v)
+                passive[frame, m] = 0.0
+
+
+def fill_hill_forces(
+    H: HillArrays,
+    lengths: Array,
+    speeds: Array,
+    convention: Convention,
+    passive_too: bool,
+    active: Array,
+    passive: Array,
+) -> None:
+    """Fill active and passive (frames, muscles); without `passive_too` the latter with zeros."""
+    opensim = convention == "opensim"
+    _rigid_frames(H, lengths, speeds, opensim, passive_too, active, passive)
+    # A kernel of its own, which models without these classes need not compile.
+    if opensim and np.isin(H.kind, (DEPRECATED_THELEN, SCHUTTE)).any():
+        _elastic_frames(H, lengths, speeds, active, passive)
 
 
 def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Convention = "rigid-tendon") -> HillForces:
@@ -420,5 +442,5 @@ def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Con
     if convention not in CONVENTIONS:
         raise BadData(f"unknown convention '{convention}': there are {', '.join(CONVENTIONS)}")
     active, passive = np.empty_like(lengths), np.empty_like(lengths)
-    hill_frames(arrays, lengths, velocities, convention == "opensim", True, active, passive)
+    fill_hill_forces(arrays, lengths, velocities, convention, True, active, passive)
     return HillForces(frozen_array(active), frozen_array(passive))

@@ -138,7 +138,8 @@ def body_directions(T, P, coordinates, out):
             if not P.global_direction[a]:
                 for i in range(3):
                     x[i] = R[b, i, 0] * d[0] + R[b, i, 1] * d[1] + R[b, i, 2] * d[2]
-                d[:] = x
+                for i in range(3):
+                    d[i] = x[i]
             if P.kind[a] == TORQUE:
                 _add_torque(T, P, w, dphi, b, d, 1.0, column)
                 if other >= 0:

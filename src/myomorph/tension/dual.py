@@ -180,22 +180,22 @@ def _ascent(S, targets, s, ds, t, constant, linear):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _step(S, targets, s, ds, constant, linear):
     """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
-    enough = 0.1 * _ascent(S, targets, s, ds, 0.0, constant, linear)
-    t = 1.0
-    now = _ascent(S, targets, s, ds, t, constant, linear)
-    if abs(now) <= enough:
-        return t
-    low, high = 0.0, np.inf
-    for _ in range(60):
+    t, low, high, enough = 0.0, 0.0, np.inf, 0.0
+    # One call of `_ascent` in the code: it is inlined, and each copy takes time to compile.
+    for trial in range(62):
+        now = _ascent(S, targets, s, ds, t, constant, linear)
+        if trial == 0:
+            enough = 0.1 * now
+            t = 1.0
+            continue
+        if abs(now) <= enough or t > 1e6:
+            break
         if now > 0.0:
             low = t
             t = 4.0 * t if high == np.inf else 0.5 * (low + high)
         else:
             high = t
             t = 0.1 * t if low == 0.0 else 0.5 * (low + high)
-        now = _ascent(S, targets, s, ds, t, constant, linear)
-        if abs(now) <= enough or t > 1e6:
-            break
     return t
 
 
@@ -212,16 +212,18 @@ def _free_stiffness(S, values, slope, diagonal):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _newton(S, A, b, targets, relative, most, cold, x, y, work, M):
+def _newton(S, A, b, targets, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
+
+    by_variable, by_row, M are room to work in: (3, variables), (4, rows), (rows, rows).
 
     Returns
     -------
     worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took
     """
     n, variables = b.shape[0], x.shape[0]
-    slope, s, ds = work.slope, work.s, work.ds
-    slack, floor, residual, z = work.slack, work.floor, work.residual, work.z
+    slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
+    slack, floor, residual, z = by_row[0], by_row[1], by_row[2], by_row[3]
     _free_stiffness(S, A, slope, slack)
     scale = 1.0
     for j in range(n):
@@ -269,16 +271,6 @@ def _newton(S, A, b, targets, relative, most, cold, x, y, work, M):
             s[i] += t * ds[i]
 
 
-class _Work(NamedTuple):
-    slope: Array
-    s: Array
-    ds: Array
-    slack: Array
-    floor: Array
-    residual: Array
-    z: Array
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iterations, status):
     """Solve frame after frame, each starting from the multipliers of the one before.
@@ -297,18 +289,12 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
     imbalance, iterations, status : (frames,) filled; imbalance is max |b - A x|
     """
     n, variables = balance.shape[1], x.shape[1]
-    M = np.zeros((n, n))
-    work = _Work(
-        np.empty(variables),
-        np.empty(variables),
-        np.empty(variables),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-    )
+    M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((4, n))
+    steepest = 0.0
+    for i in range(variables):
+        steepest = max(steepest, S.exponent[i])
     # With p > 2 the multipliers of a variable near 0 fall under the rounding of the others.
-    accepted = 10.0 * TOLERANCE if S.exponent.max() <= 2.0 else 1e-6
+    accepted = 10.0 * TOLERANCE if steepest <= 2.0 else 1e-6
     for frame in range(balance.shape[0]):
         A, b, result = values[frame], balance[frame], y[frame]
         unknown, scale = 0.0, 1.0
@@ -320,26 +306,36 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
             unknown += b[j] - b[j]
             scale = max(scale, 1.0 + abs(b[j]))
         if unknown != 0.0:
-            x[frame, :] = np.nan
-            y[frame, :] = np.nan
+            for i in range(variables):
+                x[frame, i] = np.nan
+            for j in range(n):
+                result[j] = np.nan
             imbalance[frame], iterations[frame], status[frame] = np.nan, 0, MISSING
             continue
         cold = True
         for j in range(n):
             result[j] = warm[j]
             cold = cold and warm[j] == 0.0
-        worst, left, steps = _newton(S, A, b, targets[frame], SLACKS[0], 30, cold, x[frame], result, work, M)
-        settled = left <= TOLERANCE * scale
-        if not settled:
-            result[:] = 0.0
-            before = np.inf
-            for k in range(1, len(SLACKS)):
-                worst, left, more = _newton(S, A, b, targets[frame], SLACKS[k], 200, k == 1, x[frame], result, work, M)
-                steps += more
-                settled = left <= 1e-3 * worst or left <= TOLERANCE * scale
-                if worst > 0.1 * before or not settled:
-                    break
-                before = worst
+        worst, steps, settled, before = np.inf, 0, False, np.inf
+        for k in range(len(SLACKS)):
+            most = 30 if k == 0 else 200
+            worst, left, more = _newton(
+                S, A, b, targets[frame], SLACKS[k], most, cold, x[frame], result, by_variable, by_row, M
+            )
+            steps += more
+            settled = left <= TOLERANCE * scale
+            if k == 0 and settled:
+                break
+            if k == 0:
+                cold = True
+                for j in range(n):
+                    result[j] = 0.0
+                continue
+            cold = False
+            settled = settled or left <= 1e-3 * worst
+            if worst > 0.1 * before or not settled:
+                break
+            before = worst
         imbalance[frame], iterations[frame] = worst, steps
         if worst <= accepted * scale:
             status[frame] = OPTIMAL

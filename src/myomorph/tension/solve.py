@@ -12,7 +12,7 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.muscles.hill import Convention, compile_hill, hill_frames
+from myomorph.muscles.hill import Convention, compile_hill, fill_hill_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import couple_rates_frames
@@ -300,8 +300,8 @@ class TensionProblem:
         lengths, speeds, arms = self._paths.evaluate(c, self._rates[part])
         entries = np.hstack([arms, actuator_entries(assembly, c)])
         active, passive = np.empty((frames, muscles)), np.empty((frames, muscles))
-        like_opensim, wanted = self._options.convention == "opensim", self._options.passive
-        hill_frames(self._hill, lengths, speeds, like_opensim, wanted, active, passive)
+        options = self._options
+        fill_hill_forces(self._hill, lengths, speeds, options.convention, options.passive, active, passive)
         if self._options.curves == "constant":
             active[:] = np.where(np.isnan(active), np.nan, self._strength)
         active *= self._enabled
