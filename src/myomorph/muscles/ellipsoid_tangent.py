@@ -7,8 +7,6 @@ To give the same numbers, the same steps are taken here.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from myomorph.muscles.vectors import dot, inner, minus, unit
@@ -93,21 +91,23 @@ def _normal_equations(p, r, w, n, e, A, b):
 
 @inner
 def _solved(A, b, damping, gain):
-    """Solution of (A + damping diag(A)) u = gain b by Cholesky's factors."""
+    """Solution of (A + damping diag(A)) u = gain b by the factors L D L^T."""
     k = 1.0 + damping
-    a00 = math.sqrt(A[0, 0] * k)
-    a10, a20, a30 = A[1, 0] / a00, A[2, 0] / a00, A[3, 0] / a00
-    a11 = math.sqrt(A[1, 1] * k - a10 * a10)
-    a21, a31 = (A[2, 1] - a20 * a10) / a11, (A[3, 1] - a30 * a10) / a11
-    a22 = math.sqrt(A[2, 2] * k - a20 * a20 - a21 * a21)
-    a32 = (A[3, 2] - a30 * a20 - a31 * a21) / a22
-    a33 = math.sqrt(A[3, 3] * k - a30 * a30 - a31 * a31 - a32 * a32)
-    y0 = gain * b[0] / a00
-    y1 = (gain * b[1] - a10 * y0) / a11
-    y2 = (gain * b[2] - a20 * y0 - a21 * y1) / a22
-    y3 = (gain * b[3] - a30 * y0 - a31 * y1 - a32 * y2) / a33
-    x3 = y3 / a33
-    x2 = (y2 - a32 * x3) / a22
-    x1 = (y1 - a21 * x2 - a31 * x3) / a11
-    x0 = (y0 - a10 * x1 - a20 * x2 - a30 * x3) / a00
-    return x0, x1, x2, x3
+    i0 = 1.0 / (A[0, 0] * k)
+    l10, l20, l30 = A[1, 0] * i0, A[2, 0] * i0, A[3, 0] * i0
+    i1 = 1.0 / (A[1, 1] * k - l10 * A[1, 0])
+    e2, e3 = A[2, 1] - l20 * A[1, 0], A[3, 1] - l30 * A[1, 0]
+    l21, l31 = e2 * i1, e3 * i1
+    i2 = 1.0 / (A[2, 2] * k - l20 * A[2, 0] - l21 * e2)
+    f3 = A[3, 2] - l30 * A[2, 0] - l31 * e2
+    l32 = f3 * i2
+    i3 = 1.0 / (A[3, 3] * k - l30 * A[3, 0] - l31 * e3 - l32 * f3)
+    y0 = gain * b[0]
+    y1 = gain * b[1] - l10 * y0
+    y2 = gain * b[2] - l20 * y0 - l21 * y1
+    y3 = gain * b[3] - l30 * y0 - l31 * y1 - l32 * y2
+    u3 = y3 * i3
+    u2 = y2 * i2 - l32 * u3
+    u1 = y1 * i1 - l21 * u2 - l31 * u3
+    u0 = y0 * i0 - l10 * u1 - l20 * u2 - l30 * u3
+    return u0, u1, u2, u3

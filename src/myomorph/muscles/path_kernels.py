@@ -16,6 +16,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from myomorph.model.spatial import Array
 from myomorph.muscles.path_arrays import (
@@ -51,7 +52,7 @@ from myomorph.muscles.path_arrays import (
     WEIGHT,
     WRAPS,
 )
-from myomorph.muscles.vectors import inner
+from myomorph.muscles.vectors import inlined, inner
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder
 from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.muscles.wrap_sphere import wrap_sphere
@@ -82,7 +83,8 @@ class PathScratch(NamedTuple):
     pull : (muscle's bodies, 6) force of unit tension and its moment about the ground's origin
     pose : (surfaces, 12) rotation row by row and place in ground
     slopes : (couplers, 2)
-    ends : (3, 3) of `wrap_tendon`: both ends of the arc, the side point; or of `_move`
+    moved : (moving points, 6) place in the body [m], and its derivative in the coordinates
+    ends : (9, 3) the arguments of `wrap_tendon`
     """
 
     x: Array
@@ -92,10 +94,11 @@ class PathScratch(NamedTuple):
     pull: Array
     pose: Array
     slopes: Array
+    moved: Array
     ends: Array
 
 
-@inner
+@njit(cache=True, nogil=True)
 def path_scratch(P):
     """Room for `path_frame`."""
     nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
@@ -107,7 +110,8 @@ def path_scratch(P):
         np.zeros((bodies, 6)),
         np.zeros((P.object.shape[0], 12)),
         np.zeros((P.coupler.shape[0], 2)),
-        np.zeros((3, 3)),
+        np.zeros((P.moving.shape[0], 6)),
+        np.zeros((9, 3)),
     )
 
 
@@ -125,34 +129,55 @@ def path_frame(P, c, cdot, R, p, w, o, dphi, S, lengths, velocities, arms):
     arms : (moment arms,) filled in the order of the pattern; a coordinate that others follow has what
         reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
     """
-    coupler_slopes(P, c, S.slopes)
-    _place_objects(P.object, P.object_pose, R, p, S.pose)
-    for m in range(P.start.shape[0] - 1):
-        count = _point_nodes(P, m, c, R, p, S.x, S.node, S.ends)
-        first, stop = P.start[m, WRAPS], P.start[m + 1, WRAPS]
-        if stop > first:
-            for i in range(2 * (stop - first)):
-                S.seen[i, 3] = 0.0
-            if P.wrap[first, AFTER] >= 0:
-                count = _tendon_nodes(P, m, R, p, S, count)
+    # Taken out of the bundles once: taking them out in a loop counts references each time, which cost
+    # more than the arithmetic.
+    start, point, place, moving = P.start, P.point, P.place, P.moving
+    wrap, surface, size = P.wrap, P.object, P.object_size
+    axis, support, arm, follow = P.axis, P.support, P.arm, P.follow
+    x, node, seen, turns, pull = S.x, S.node, S.seen, S.turns, S.pull
+    pose, slopes, moved, side = S.pose, S.slopes, S.moved, P.wrap_side
+    rotation, out, rows = S.ends[:3], S.ends[3:5], (S.ends[5], S.ends[6], S.ends[7], S.ends[8])
+    coupler_slopes(P, c, slopes)
+    _move_points(P, c, moved)
+    _place_objects(surface, P.object_pose, R, p, pose)
+    for m in range(start.shape[0] - 1):
+        first, stop = start[m, POINTS], start[m + 1, POINTS]
+        count = _point_nodes(point, place, moved, first, stop, c, R, p, x, node)
+        begin, end = start[m, WRAPS], start[m + 1, WRAPS]
+        if end > begin:
+            for i in range(2 * (end - begin)):
+                seen[i, 3] = 0.0
+            if wrap[begin, AFTER] >= 0:
+                count = _tendon_nodes(
+                    wrap, side, surface, size, begin, end, first, R, p, x, node, pose, rotation, rows, out, count
+                )
             else:
-                count = _wrapped_nodes(P, m, S, count)
-        lengths[m] = _length(S.x, S.node, S.seen, count)
-        for k in range(P.start[m, ARMS], P.start[m + 1, ARMS]):
+                count = _wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
+        lengths[m] = _length(x, node, seen, count)
+        begin, end = start[m, ARMS], start[m + 1, ARMS]
+        for k in range(begin, end):
             arms[k] = 0.0
-        _pulls(P, m, c, R, S.x, S.node, S.seen, S.pull, S.ends, count, arms)
-        _gather(P, m, w, o, dphi, S.pull, S.slopes, arms)
+        for b in range(start[m + 1, BODIES] - start[m, BODIES]):
+            for i in range(6):
+                pull[b, i] = 0.0
+        _pulls(point, moving, moved, R, x, node, seen, pull, count, begin, arms)
+        _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, arms)
+        for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
+            k, own = follow[q, 0], arms[begin + follow[q, 1]]
+            for i in range(2):
+                if follow[q, 2 + i] >= 0:
+                    arms[begin + follow[q, 2 + i]] += slopes[k, i] * own
         speed = 0.0
-        for k in range(P.start[m, ARMS], P.start[m + 1, ARMS]):
-            if P.arm[k, 1] == 1:
-                speed -= arms[k] * cdot[P.arm[k, 0]]
+        for k in range(begin, end):
+            if arm[k, 1] == 1:
+                speed -= arms[k] * cdot[arm[k, 0]]
         velocities[m] = speed
 
 
 @inner
 def coupler_slopes(P, c, slopes):
     """Fill slopes (couplers, 2) of the dependent coordinates in those they follow."""
-    for k in range(P.coupler.shape[0]):
+    for k in range(slopes.shape[0]):
         i, j = P.coupler[k, 1], P.coupler[k, 2]
         x, y = c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
         _, slopes[k, 0], slopes[k, 1], _, _, _ = evaluate(P.functions, P.coupler[k, 0], x, y)
@@ -173,39 +198,39 @@ def _place_objects(rows, poses, R, p, placed):
             placed[k, 9 + i] = x
 
 
-@inner
-def _point_nodes(P, m, c, R, p, nodes_x, nodes, ends):
-    """Put the active points of muscle m in the chain; returns how many."""
+@inlined
+def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
+    """Put a muscle's active points in the chain; returns how many."""
     count = 0
-    for k in range(P.start[m, POINTS], P.start[m + 1, POINTS]):
-        j = P.point[k, COORDINATE]
-        if j >= 0 and not P.place[k, LOW] - SLACK <= c[j] <= P.place[k, HIGH] + SLACK:
+    for k in range(start, stop):
+        j = point[k, COORDINATE]
+        if j >= 0 and not place[k, LOW] - SLACK <= c[j] <= place[k, HIGH] + SLACK:
             continue
-        x, y, z = P.place[k, 0], P.place[k, 1], P.place[k, 2]
-        v = P.point[k, MOVING]
+        u0, u1, u2 = place[k, 0], place[k, 1], place[k, 2]
+        v = point[k, MOVING]
         if v >= 0:
-            _move(P.moving, P.moving_range, P.functions, v, c, ends)
-            x, y, z = ends[0, 0], ends[0, 1], ends[0, 2]
-        b = P.point[k, BODY]
+            u0, u1, u2 = moved[v, 0], moved[v, 1], moved[v, 2]
+        b = point[k, BODY]
         for i in range(3):
-            nodes_x[count, i] = R[b, i, 0] * x + R[b, i, 1] * y + R[b, i, 2] * z + p[b, i]
-        nodes_x[count, NODE_WEIGHT], nodes_x[count, NODE_ARC] = P.place[k, WEIGHT], 0.0
-        nodes[count, NODE_LOCAL], nodes[count, NODE_OBJECT] = P.point[k, LOCAL], -1
-        nodes[count, NODE_POINT], nodes[count, NODE_WRAP], nodes[count, NODE_END] = k, -1, -1
+            x[count, i] = R[b, i, 0] * u0 + R[b, i, 1] * u1 + R[b, i, 2] * u2 + p[b, i]
+        x[count, NODE_WEIGHT], x[count, NODE_ARC] = place[k, WEIGHT], 0.0
+        node[count, NODE_LOCAL], node[count, NODE_OBJECT] = point[k, LOCAL], -1
+        node[count, NODE_POINT], node[count, NODE_WRAP], node[count, NODE_END] = k, -1, -1
         count += 1
     return count
 
 
 @inner
-def _move(moving, ranges, functions, v, c, out):
-    """Fill out (2, 3) with the place of moving point v in its body, and its derivative in the coordinates."""
-    for i in range(3):
-        j = moving[v, 3 + i]
-        low, high = ranges[v, 2 * i], ranges[v, 2 * i + 1]
-        at = min(max(c[j], low), high) if j >= 0 else 0.0
-        out[0, i], slope, _, _, _, _ = evaluate(functions, moving[v, i], at, 0.0)
-        # Beyond the range the point stands still.
-        out[1, i] = slope if j >= 0 and low <= c[j] <= high else 0.0
+def _move_points(P, c, moved):
+    """Fill moved (moving points, 6): place in the body, and its derivative in the coordinates."""
+    for v in range(moved.shape[0]):
+        for i in range(3):
+            j = P.moving[v, 3 + i]
+            low, high = P.moving_range[v, 2 * i], P.moving_range[v, 2 * i + 1]
+            at = min(max(c[j], low), high) if j >= 0 else 0.0
+            moved[v, i], slope, _, _, _, _ = evaluate(P.functions, P.moving[v, i], at, 0.0)
+            # Beyond the range the point stands still.
+            moved[v, 3 + i] = slope if j >= 0 and low <= c[j] <= high else 0.0
 
 
 @inner
@@ -236,76 +261,68 @@ def _without(x, node, count, wrap):
     return count
 
 
-@inner
-def _tendon_nodes(P, m, R, p, S, count):
-    """Wrap the chain in the way of MuJoCo: each surface between the two points around it."""
-    rotation = np.empty((3, 3))
-    for k in range(P.start[m, WRAPS], P.start[m + 1, WRAPS]):
+@inlined
+def _tendon_nodes(wrap, wrap_side, surface, size, start, stop, points, R, p, x, node, pose, rotation, rows, out, count):
+    """Wrap the chain in the way of MuJoCo: each surface between the two points around it.
+
+    `rotation` (3, 3), `rows` (4 of (3,)) and `out` (2, 3) are room for the arguments of `wrap_tendon`.
+    """
+    before, after, center, side = rows
+    for k in range(start, stop):
         at = 0
-        while S.node[at, NODE_POINT] != P.start[m, POINTS] + P.wrap[k, AFTER]:
+        while node[at, NODE_POINT] != points + wrap[k, AFTER]:
             at += 1
-        b, g = P.wrap[k, SIDE_BODY], P.wrap[k, OBJECT]
+        b, g = wrap[k, SIDE_BODY], wrap[k, OBJECT]
         for i in range(3):
+            before[i], after[i], center[i] = x[at, i], x[at + 1, i], pose[g, 9 + i]
             for j in range(3):
-                rotation[i, j] = S.pose[g, 3 * i + j]
+                rotation[i, j] = pose[g, 3 * i + j]
             if b >= 0:
-                side = P.wrap_side[k]
-                S.ends[2, i] = R[b, i, 0] * side[0] + R[b, i, 1] * side[1] + R[b, i, 2] * side[2] + p[b, i]
-        arc = wrap_tendon(
-            S.x[at, :3],
-            S.x[at + 1, :3],
-            0 if P.object[g, KIND] == SPHERE else 1,
-            P.object_size[g, 0],
-            rotation,
-            S.pose[g, 9:],
-            S.ends[2],
-            b >= 0,
-            S.ends[:2],
-        )
+                side[i] = p[b, i]
+                for j in range(3):
+                    side[i] += R[b, i, j] * wrap_side[k, j]
+        kind = 0 if surface[g, KIND] == SPHERE else 1
+        arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, b >= 0, out)
         if arc >= 0.0:
-            r = (S.ends[0, 0], S.ends[0, 1], S.ends[0, 2])
-            s = (S.ends[1, 0], S.ends[1, 1], S.ends[1, 2])
-            end = 2 * (k - P.start[m, WRAPS])
-            count = _insert(S.x, S.node, at, count, P.wrap[k, OBJECT_LOCAL], g, k, end, r, s, arc)
+            r, s = _placed(out, 0 * k), _placed(out, 0 * k + 1)
+            count = _insert(x, node, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
     return count
 
 
-@inner
-def _wrapped_nodes(P, m, S, count):
+@inlined
+def _wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns, pose, count):
     """Wrap the chain in the way of OpenSim: surface after surface, until the length settles."""
-    start = P.start[m, WRAPS]
-    wraps = P.start[m + 1, WRAPS] - start
-    order, result = S.turns[0], S.turns[1]
+    wraps = stop - start
     for i in range(wraps):
-        order[i] = i
-    before = math.inf
-    for turn in range(MOST_PASSES if wraps > 1 else 1):
+        turns[0, i] = i
+    before, turn = math.inf, 0
+    left = MOST_PASSES if wraps > 1 else 1
+    while left > 0:
+        left -= 1
         for i in range(wraps):
-            k = start + order[i]
-            g = P.wrap[k, OBJECT]
-            result[i] = NO_WRAP
-            count = _without(S.x, S.node, count, k)
-            if P.object[g, ACTIVE] == 0:
-                continue
-            points = P.start[m, POINTS]
-            first, last = _between_points(S.node, count, points + P.wrap[k, FIRST], points + P.wrap[k, LAST])
-            if first < 0:
-                return count
-            result[i], at, arc, r, s = _best_wrap(
-                P.object[g], P.object_size[g], S.pose[g], P.wrap[k, METHOD], S.x, S.node, S.seen, first, last, wraps
-            )
-            if at >= 0:
-                end = 2 * (k - start)
-                count = _insert(S.x, S.node, at, count, P.wrap[k, OBJECT_LOCAL], g, k, end, r, s, arc)
-        if wraps == 1:
-            return count
-        length = _length(S.x, S.node, S.seen, count)
-        if abs(length - before) < SETTLED:
-            return count
-        before = length
-        if turn == 0 and result[0] == NO_WRAP and result[1] == INSIDE:
-            order[0], order[1] = 1, 0
-            count = _without(S.x, S.node, count, start)
+            k = start + turns[0, i]
+            g = wrap[k, OBJECT]
+            turns[1, i] = NO_WRAP
+            count = _without(x, node, count, k)
+            first, last = _between_points(node, count, points + wrap[k, FIRST], points + wrap[k, LAST])
+            if surface[g, ACTIVE] == 1:
+                if first < 0:
+                    # OpenSim then leaves the path as it is, with what later surfaces had before.
+                    left = -1
+                    break
+                turns[1, i], at, arc, r, s = _best_wrap(
+                    surface, size, pose, g, wrap[k, METHOD], x, node, seen, first, last, wraps
+                )
+                if at >= 0:
+                    count = _insert(x, node, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
+        if left > 0:
+            length = _length(x, node, seen, count)
+            if abs(length - before) < SETTLED:
+                left = 0
+            elif turn == 0 and turns[1, 0] == NO_WRAP and turns[1, 1] == INSIDE:
+                turns[0, 0], turns[0, 1] = 1, 0
+                count = _without(x, node, count, start)
+            before, turn = length, 1
     return count
 
 
@@ -322,20 +339,20 @@ def _between_points(node, count, low, high):
 
 
 @inner
-def _best_wrap(row, size, pose, method, x, node, seen, first, last, wraps):
+def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps):
     """The segment on which a surface lengthens the path least, or the first that runs through it.
 
     Returns the last code, the node before the segment (-1 for none), arc, and both ends in ground.
     """
     none = (0.0, 0.0, 0.0)
     least, at, best_arc, best_r, best_s = math.inf, -1, 0.0, none, none
-    kind, axis, side = row[KIND], row[AXIS], row[SIDE]
-    sizes = (size[0], size[1], size[2])
+    kind, axis, side = surface[g, KIND], surface[g, AXIS], surface[g, SIDE]
+    sizes = (size[g, 0], size[g, 1], size[g, 2])
     code = NO_WRAP
     for i in range(first, last):
         if node[i, NODE_OBJECT] >= 0 and node[i, NODE_OBJECT] == node[i + 1, NODE_OBJECT]:
             continue
-        a, b = _into(pose, (x[i, 0], x[i, 1], x[i, 2])), _into(pose, (x[i + 1, 0], x[i + 1, 1], x[i + 1, 2]))
+        a, b = _into(pose, g, _placed(x, i)), _into(pose, g, _placed(x, i + 1))
         if kind == CYLINDER:
             code, arc, r, s = wrap_cylinder(a, b, sizes[0], sizes[1], axis, side, wraps == 1)
         elif kind == SPHERE:
@@ -348,11 +365,11 @@ def _best_wrap(row, size, pose, method, x, node, seen, first, last, wraps):
             at, best_arc, best_r, best_s = i, arc, r, s
             break
         if code == WRAPPED:
-            a, b = _into(pose, _seen(x, node, seen, i)), _into(pose, _seen(x, node, seen, i + 1))
+            a, b = _into(pose, g, _seen(x, node, seen, i)), _into(pose, g, _seen(x, node, seen, i + 1))
             longer = _between(a, r) + arc + _between(b, s) - _between(a, b)
             if longer < least:
                 least, at, best_arc, best_r, best_s = longer, i, arc, r, s
-    return code, at, best_arc, _out_of(pose, best_r), _out_of(pose, best_s)
+    return code, at, best_arc, _out_of(pose, g, best_r), _out_of(pose, g, best_s)
 
 
 @inner
@@ -365,31 +382,39 @@ def _between(a, b):
 def _seen(x, node, seen, i):
     """Where OpenSim takes node i to be in ground: the place at which it was first asked for."""
     end = node[i, NODE_END]
-    if end < 0:
-        return x[i, 0], x[i, 1], x[i, 2]
-    if seen[end, 3] == 0.0:
-        seen[end, 0], seen[end, 1], seen[end, 2], seen[end, 3] = x[i, 0], x[i, 1], x[i, 2], 1.0
-    return seen[end, 0], seen[end, 1], seen[end, 2]
+    a0, a1, a2 = x[i, 0], x[i, 1], x[i, 2]
+    # One way out only: with more, Numba counts references to the arrays at run time.
+    if end >= 0:
+        if seen[end, 3] == 0.0:
+            seen[end, 0], seen[end, 1], seen[end, 2], seen[end, 3] = a0, a1, a2, 1.0
+        else:
+            a0, a1, a2 = seen[end, 0], seen[end, 1], seen[end, 2]
+    return a0, a1, a2
 
 
 @inner
-def _into(pose, a):
-    """A point in ground, in the frame of a surface."""
-    x, y, z = a[0] - pose[9], a[1] - pose[10], a[2] - pose[11]
+def _placed(x, i):
+    return x[i, 0], x[i, 1], x[i, 2]
+
+
+@inner
+def _into(pose, g, a):
+    """A point in ground, in the frame of surface g."""
+    x, y, z = a[0] - pose[g, 9], a[1] - pose[g, 10], a[2] - pose[g, 11]
     return (
-        pose[0] * x + pose[3] * y + pose[6] * z,
-        pose[1] * x + pose[4] * y + pose[7] * z,
-        pose[2] * x + pose[5] * y + pose[8] * z,
+        pose[g, 0] * x + pose[g, 3] * y + pose[g, 6] * z,
+        pose[g, 1] * x + pose[g, 4] * y + pose[g, 7] * z,
+        pose[g, 2] * x + pose[g, 5] * y + pose[g, 8] * z,
     )
 
 
 @inner
-def _out_of(pose, a):
-    """A point in the frame of a surface, in ground."""
+def _out_of(pose, g, a):
+    """A point in the frame of surface g, in ground."""
     return (
-        pose[0] * a[0] + pose[1] * a[1] + pose[2] * a[2] + pose[9],
-        pose[3] * a[0] + pose[4] * a[1] + pose[5] * a[2] + pose[10],
-        pose[6] * a[0] + pose[7] * a[1] + pose[8] * a[2] + pose[11],
+        pose[g, 0] * a[0] + pose[g, 1] * a[1] + pose[g, 2] * a[2] + pose[g, 9],
+        pose[g, 3] * a[0] + pose[g, 4] * a[1] + pose[g, 5] * a[2] + pose[g, 10],
+        pose[g, 6] * a[0] + pose[g, 7] * a[1] + pose[g, 8] * a[2] + pose[g, 11],
     )
 
 
@@ -405,70 +430,69 @@ def _length(x, node, seen, count):
     return total
 
 
-@inner
-def _pulls(P, m, c, R, x, node, seen, pull, ends, count, arms):
-    """Force and moment of unit tension on each body of the muscle; what moves points goes into `arms`."""
-    for b in range(P.start[m + 1, BODIES] - P.start[m, BODIES]):
-        for i in range(6):
-            pull[b, i] = 0.0
+@inlined
+def _pulls(point, moving, moved, R, x, node, seen, pull, count, arm, arms):
+    """Add force and moment of unit tension to each body of the muscle; what moves points goes into `arms`."""
     for n in range(count - 1):
-        moves = False
-        for k in (node[n, NODE_POINT], node[n + 1, NODE_POINT]):
-            moves = moves or (k >= 0 and P.point[k, MOVING] >= 0)
-        if node[n, NODE_LOCAL] == node[n + 1, NODE_LOCAL] and not moves:
+        k, j = node[n, NODE_POINT], node[n + 1, NODE_POINT]
+        v = point[k, MOVING] if k >= 0 else -1
+        u = point[j, MOVING] if j >= 0 else -1
+        if node[n, NODE_LOCAL] == node[n + 1, NODE_LOCAL] and v < 0 and u < 0:
             continue
         start, stop = _seen(x, node, seen, n), _seen(x, node, seen, n + 1)
         length = _between(start, stop)
         if length < COINCIDENT:
             continue
         scale = x[n, NODE_WEIGHT] / length
-        for k in range(n, n + 2):
-            b = node[k, NODE_LOCAL]
-            fx, fy, fz = scale * (stop[0] - start[0]), scale * (stop[1] - start[1]), scale * (stop[2] - start[2])
-            pull[b, 0] += fx
-            pull[b, 1] += fy
-            pull[b, 2] += fz
-            pull[b, 3] += x[k, 1] * fz - x[k, 2] * fy
-            pull[b, 4] += x[k, 2] * fx - x[k, 0] * fz
-            pull[b, 5] += x[k, 0] * fy - x[k, 1] * fx
-            v = P.point[node[k, NODE_POINT], MOVING] if node[k, NODE_POINT] >= 0 else -1
-            if v >= 0:
-                b = P.point[node[k, NODE_POINT], BODY]
-                _move(P.moving, P.moving_range, P.functions, v, c, ends)
-                for i in range(3):
-                    place = P.moving[v, 6 + i]
-                    if place >= 0:
-                        work = R[b, 0, i] * fx + R[b, 1, i] * fy + R[b, 2, i] * fz
-                        arms[P.start[m, ARMS] + place] += ends[1, i] * work
-            scale = -scale
+        f0, f1, f2 = scale * (stop[0] - start[0]), scale * (stop[1] - start[1]), scale * (stop[2] - start[2])
+        _pull(pull, node[n, NODE_LOCAL], x, n, f0, f1, f2)
+        _pull(pull, node[n + 1, NODE_LOCAL], x, n + 1, -f0, -f1, -f2)
+        if v >= 0:
+            _work(moving, moved, v, R, point[k, BODY], f0, f1, f2, arm, arms)
+        if u >= 0:
+            _work(moving, moved, u, R, point[j, BODY], -f0, -f1, -f2, arm, arms)
 
 
 @inner
-def _gather(P, m, w, o, dphi, pull, slopes, arms):
-    """Add what the forces do along the axes, and let dependent coordinates add to those they follow."""
-    start = P.start[m, ARMS]
-    for q in range(P.start[m, AXES], P.start[m + 1, AXES]):
-        fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for n in range(P.axis[q, SUPPORT], P.axis[q, SUPPORT_STOP]):
-            b = P.support[n]
-            fx += pull[b, 0]
-            fy += pull[b, 1]
-            fz += pull[b, 2]
-            mx += pull[b, 3]
-            my += pull[b, 4]
-            mz += pull[b, 5]
-        k = P.axis[q, TREE_AXIS]
-        if P.axis[q, ROTATES] == 1:
-            x, y, z = o[k, 0], o[k, 1], o[k, 2]
-            fx, fy, fz = mx - (y * fz - z * fy), my - (z * fx - x * fz), mz - (x * fy - y * fx)
-        work = w[k, 0] * fx + w[k, 1] * fy + w[k, 2] * fz
-        if P.axis[q, SLOT_1] >= 0:
-            arms[start + P.axis[q, SLOT_1]] += dphi[k, 0] * work
-        if P.axis[q, SLOT_2] >= 0:
-            arms[start + P.axis[q, SLOT_2]] += dphi[k, 1] * work
-    for q in range(P.start[m, FOLLOWS], P.start[m + 1, FOLLOWS]):
-        k, own = P.follow[q, 0], arms[start + P.follow[q, 1]]
-        if P.follow[q, 2] >= 0:
-            arms[start + P.follow[q, 2]] += slopes[k, 0] * own
-        if P.follow[q, 3] >= 0:
-            arms[start + P.follow[q, 3]] += slopes[k, 1] * own
+def _pull(pull, b, x, n, f0, f1, f2):
+    """Add a force at node n to body b of the muscle."""
+    x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
+    pull[b, 0] += f0
+    pull[b, 1] += f1
+    pull[b, 2] += f2
+    pull[b, 3] += x1 * f2 - x2 * f1
+    pull[b, 4] += x2 * f0 - x0 * f2
+    pull[b, 5] += x0 * f1 - x1 * f0
+
+
+@inner
+def _work(moving, moved, v, R, b, f0, f1, f2, arm, arms):
+    """Add the work of a force on moving point v of body b, per unit of the coordinates that move it."""
+    for i in range(3):
+        if moving[v, 6 + i] >= 0:
+            share = R[b, 0, i] * f0 + R[b, 1, i] * f1 + R[b, 2, i] * f2
+            arms[arm + moving[v, 6 + i]] += moved[v, 3 + i] * share
+
+
+@inlined
+def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
+    """Add what the forces do along the axes that lie between the muscle's bodies."""
+    for q in range(start, stop):
+        f0, f1, f2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(axis[q, SUPPORT], axis[q, SUPPORT_STOP]):
+            b = support[n]
+            f0 += pull[b, 0]
+            f1 += pull[b, 1]
+            f2 += pull[b, 2]
+            m0 += pull[b, 3]
+            m1 += pull[b, 4]
+            m2 += pull[b, 5]
+        k = axis[q, TREE_AXIS]
+        if axis[q, ROTATES] == 1:
+            x0, x1, x2 = o[k, 0], o[k, 1], o[k, 2]
+            f0, f1, f2 = m0 - (x1 * f2 - x2 * f1), m1 - (x2 * f0 - x0 * f2), m2 - (x0 * f1 - x1 * f0)
+        work = w[k, 0] * f0 + w[k, 1] * f1 + w[k, 2] * f2
+        if axis[q, SLOT_1] >= 0:
+            arms[arm + axis[q, SLOT_1]] += dphi[k, 0] * work
+        if axis[q, SLOT_2] >= 0:
+            arms[arm + axis[q, SLOT_2]] += dphi[k, 1] * work

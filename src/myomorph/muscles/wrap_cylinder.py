@@ -39,7 +39,7 @@ def wrap_cylinder(a, b, radius, length, axis, side, single):
     r, s : where the path meets and leaves the surface; only on WRAPPED and MANDATORY
     """
     rr = radius * radius
-    da, db = math.hypot(a[0], a[1]), math.hypot(b[0], b[1])
+    da, db = math.sqrt(a[0] * a[0] + a[1] * a[1]), math.sqrt(b[0] * b[0] + b[1] * b[1])
     if da * da < rr or db * db < rr:
         return INSIDE, 0.0, a, b
     t, near = _nearest_to_axis(a, b)
@@ -146,47 +146,60 @@ def _slide_to_plane(a, b, da, db, r, s, radius, far):
 @inner
 def _helix(a, b, r, s, radius, long, single):
     """Length of the helix from r to s, slid to tangency unless `single`, and its ends."""
-    slides = 0
-    while True:
-        rise = s[2] - r[2]
-        angle = math.atan2(r[0] * s[1] - r[1] * s[0], r[0] * s[0] + r[1] * s[1])
-        if long:
-            angle = 2.0 * math.pi - angle
-        arc = math.hypot(radius * angle, rise)
+    angle = math.atan2(r[0] * s[1] - r[1] * s[0], r[0] * s[0] + r[1] * s[1])
+    if long:
+        angle = 2.0 * math.pi - angle
+    turn = -angle if long else angle
+    flat = radius * angle
+    z, y = r[2], s[2]
+    arc = math.sqrt(flat * flat + (y - z) * (y - z))
+    slides = 0 if not single else MOST_SLIDES
+    known, t = 0, 0.0
+    at_r, at_s = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    while slides < MOST_SLIDES and arc >= 2.0 * CHORD:
         chords = int(arc / CHORD)
-        if single or chords < 2 or slides >= MOST_SLIDES:
-            return arc, r, s
-        turn = -angle if long else angle
-        t = 1.0 / chords
-        slid_r, r_new = _slide_to_tangency(a, r, _on_helix(r, t * turn, t * rise))
+        if chords != known:
+            known, t = chords, 1.0 / chords
+            at_r, at_s = _flat_view(a, r, r, t * turn), _flat_view(b, s, r, (1.0 - t) * turn)
+        rise = y - z
+        slid_r, new_z = _slide_to_tangency(a[2], z, z + t * rise, at_r)
         # The other end is compared with the helix of the new r, as OpenSim does.
-        slid_s, s_new = _slide_to_tangency(b, s, _on_helix(r_new, (1.0 - t) * turn, (1.0 - t) * rise))
+        slid_s, new_y = _slide_to_tangency(b[2], y, new_z + (1.0 - t) * rise, at_s)
         if not slid_r and not slid_s:
-            return arc, r, s
-        r, s = r_new, s_new
+            break
+        z, y = new_z, new_y
+        arc = math.sqrt(flat * flat + (y - z) * (y - z))
         slides += 1
+    return arc, (r[0], r[1], z), (s[0], s[1], y)
 
 
 @inner
-def _on_helix(r, turn, rise):
+def _flat_view(p, q, r, turn):
+    """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by `turn` makes.
+
+    Seen along the axis: squares of the distances p q, q w and p w, and how far along p w the point
+    nearest to q lies.
+    """
     c, s = math.cos(turn), math.sin(turn)
-    return c * r[0] - s * r[1], s * r[0] + c * r[1], r[2] + rise
+    w0, w1 = c * r[0] - s * r[1], s * r[0] + c * r[1]
+    q0, q1, d0, d1 = q[0] - p[0], q[1] - p[1], w0 - p[0], w1 - p[1]
+    pw = d0 * d0 + d1 * d1
+    share = (q0 * d0 + q1 * d1) / pw if pw > 0.0 else 0.0
+    return q0 * q0 + q1 * q1, (w0 - q[0]) ** 2 + (w1 - q[1]) ** 2, pw, share
 
 
 @inner
-def _slide_to_tangency(p, r, w):
-    """Slide r along the axis where the line from p and the helix towards w do not meet at one angle."""
-    v, u = unit(minus(r, p)), unit(minus(w, r))
-    if not abs(math.acos(min(1.0, max(-1.0, v[2]))) - math.acos(min(1.0, max(-1.0, u[2])))) > TANGENCY:
-        return False, r
-    d, along_axis = unit(minus(w, p)), 1.0 if w[2] > p[2] else -1.0
-    if abs(w[2] - p[2]) < EPSILON:
-        return False, r
-    # Nearest point, on the line through r along the axis, to the line from p to w.
-    n = cross(d, (0.0, 0.0, along_axis))
-    denominator = dot(n, n)
-    if denominator <= PARALLEL:
-        return False, r
-    start = (r[0], r[1], p[2])
-    t = dot(cross(minus(start, p), d), n) / denominator
-    return True, (r[0], r[1], r[2] + 1.5 * (start[2] + t * along_axis - r[2]))
+def _slide_to_tangency(p, q, w, view):
+    """Slide a tangent point where the line to it and the helix away from it do not meet at one angle.
+
+    Takes and gives heights along the axis: of the outer point, the tangent point and a point on the helix.
+    """
+    pq, qw, pw, share = view
+    into, away = q - p, w - q
+    v, u = into / math.sqrt(pq + into * into), away / math.sqrt(qw + away * away)
+    # acos is steep: only cosines this near need their angles.
+    slides = abs(v - u) > TANGENCY or abs(math.acos(v) - math.acos(u)) > TANGENCY
+    if slides and abs(w - p) >= EPSILON and pw > PARALLEL * (pw + (w - p) * (w - p)):
+        # To the height of the line from p to w where it passes the tangent point, and half as far again.
+        return True, q + 1.5 * (p + share * (w - p) - q)
+    return False, q

@@ -194,9 +194,10 @@ def _chords_length(center, e, f, step, chords, r, s, a):
     g = (center[0] / a[0], center[1] / a[1], center[2] / a[2])
     C = dot(g, g) - 1.0
     length, before, second = 0.0, r, s
+    c, d, turn_c, turn_d = 1.0, 0.0, math.cos(step), math.sin(step)
     for i in range(1, chords):
-        direction = along((0.0, 0.0, 0.0), math.cos(i * step), e)
-        direction = along(direction, math.sin(i * step), f)
+        c, d = c * turn_c - d * turn_d, d * turn_c + c * turn_d
+        direction = (c * e[0] + d * f[0], c * e[1] + d * f[1], c * e[2] + d * f[2])
         h = (direction[0] / a[0], direction[1] / a[1], direction[2] / a[2])
         A, B = dot(h, h), 2.0 * dot(h, g)
         point = along(center, (-B + math.sqrt(B * B - 4.0 * A * C)) / (2.0 * A), direction)
