@@ -87,6 +87,16 @@ def test_force_table_equals_the_loads_file(walker, data):
     assert by_table.bodies == by_xml.bodies
 
 
+def test_channels_find_their_muscles(walker):
+    channels = ("soleus_r", " vas_lat_l_activation", "bifemlh_r", "soleus", "CH1", "glut_med_l")
+    assert inputs.muscles_of_channels(channels, walker) == {
+        "soleus_r": ("soleus_r",),
+        " vas_lat_l_activation": ("vaslat_l",),
+        "bifemlh_r": ("bflh_r",),
+        "glut_med_l": ("glmed1_l", "glmed2_l", "glmed3_l"),
+    }
+
+
 def test_emg_of_any_scale(tmp_path):
     head = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"
     (tmp_path / "small.sto").write_text(head + "0\t0.1\t0.2\n1\t0.5\t-0.1\n2\t0.9\t1.1\n")

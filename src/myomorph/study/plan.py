@@ -67,6 +67,7 @@ class _Subject(_Strict):
     mass: float | None = Field(default=None, gt=0.0)
     trials: list[str | _Trial]
     steps: list[str] = list(STEPS)
+    emg_muscles: dict[str, list[str]] = {}
     tasks: str | None = None
     actuators: str | None = None
     time: tuple[float, float] | None = None
@@ -205,6 +206,7 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
                 bodies=MappingProxyType(dict(trial.bodies)),
                 plates=tuple(trial.plates),
                 emg=emg,
+                emg_muscles={channel: tuple(names) for channel, names in subject.emg_muscles.items()},
                 tasks=shared["tasks"],
                 actuators=shared["actuators"],
                 mass=subject.mass,

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 from myomorph.model.errors import BadData
-from myomorph.model.model import Actuator, Model
+from myomorph.model.model import Actuator, Model, index_of
 from myomorph.model.provenance import Source
-from myomorph.model.series import Motion, Trial
+from myomorph.model.series import Emg, Motion, Trial
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
 from myomorph.study.results import file_source, value_source
@@ -33,6 +33,7 @@ class FileTake:
     loads : external loads file, or a table of forces with `bodies`
     bodies : prefix of the columns of each force in a table, and the body it acts on
     plates : bodies that stand on the plates of a C3D file, in the plates' order
+    emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     mass : of the subject [kg]
     time : start and end [s]
     """
@@ -46,6 +47,7 @@ class FileTake:
     bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     plates: tuple[str, ...] = ()
     emg: Path | None = None
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     tasks: Path | None = None
     actuators: Path | None = None
     mass: float | None = None
@@ -112,12 +114,14 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     if files.bodies or files.plates:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
+    emg = None if files.emg is None else inputs.open_emg(files.emg)
     return Take(
         name=name,
         subject=files.subject or model.name,
         model=model,
         loads=_file_loads(files, model),
-        emg=None if files.emg is None else inputs.open_emg(files.emg),
+        emg=emg,
+        emg_muscles={} if emg is None else _emg_muscles(emg, files, model),
         mass=files.mass,
         kinematics=kinematics_options(files, settings.get("ik", {}), model),
         derivatives=derivative_options(settings),
@@ -126,6 +130,14 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         sources=tuple(sources),
         warnings=tuple(f"{files.model.name}: {text}" for text in model.warnings),
     )
+
+
+def _emg_muscles(emg: Emg, files: FileTake, model: Model) -> Mapping[str, tuple[str, ...]]:
+    for channel, muscles in files.emg_muscles.items():
+        index_of("EMG channel", channel, emg.names, str(files.emg))
+        for muscle in muscles:
+            model.muscle(muscle)
+    return inputs.muscles_of_channels(emg.names, model) | dict(files.emg_muscles)
 
 
 def _load_tables(path: Path) -> list[Source]:
