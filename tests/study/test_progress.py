@@ -28,9 +28,11 @@ def stderr(monkeypatch):
     return use
 
 
-def work(frames=10):
+def work(frames=10, stop_at=10):
     with progress("walk: inverse kinematics", frames) as advance:
-        for _ in range(frames):
+        for frame in range(frames):
+            if frame == stop_at:
+                raise KeyboardInterrupt
             advance(1)
 
 
@@ -58,7 +60,6 @@ def test_long_work_on_a_terminal_shows_a_bar(stderr):
 @pytest.mark.parametrize("kind", [io.StringIO, Terminal])
 def test_an_error_passes_through(stderr, kind):
     stream = stderr(kind(), -1.0)
-    with pytest.raises(KeyboardInterrupt), progress("x", 3) as advance:
-        advance(1)
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        work(stop_at=5)
     assert "frames in" not in stream.getvalue()
