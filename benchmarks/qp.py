@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
+from benchmarks.cases import data_folder
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
@@ -272,3 +273,8 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
     """Rows of all cases."""
     for case in CASES:
         yield from measure_case(folder, case)
+
+
+def run() -> list[dict[str, object]]:
+    """Rows of all cases, for `python -m benchmarks qp`."""
+    return list(measure(data_folder()))
