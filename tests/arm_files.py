@@ -1,11 +1,13 @@
-"""A small arm whose files are made here: model, markers, motion, external loads, EMG."""
+"""Fixtures of the command line: a small arm whose files are made here, and the program in this process."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from myomorph.io.osim import read_osim
 from myomorph.io.trc import write_trc
@@ -113,3 +115,23 @@ def write_arm(folder: Path) -> SimpleNamespace:
     files.loads.write_text(LOADS.format(body="fore", table=files.forces.name))
     files.emg.write_text(table_text({"time": time, "flexor": 0.5 + 0.4 * np.sin(8 * time)}))
     return files
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> SimpleNamespace:
+    """Files of a small arm in a folder of their own, by role."""
+    return write_arm(tmp_path)
+
+
+@pytest.fixture
+def command(capfd: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]:
+    """Runs the command line in this process: its exit status and what it printed."""
+    from myomorph.cli import main
+
+    def run(*arguments: object) -> SimpleNamespace:
+        capfd.readouterr()
+        status = main([str(one) for one in arguments])
+        printed = capfd.readouterr()
+        return SimpleNamespace(status=status, out=printed.out, err=printed.err)
+
+    return run

@@ -7,7 +7,6 @@ import csv
 import numpy as np
 import pytest
 
-from arm_files import write_arm
 from myomorph.io.sto import read_sto
 from myomorph.study.plan import read_plan
 from myomorph.study.results import read_result
@@ -24,11 +23,6 @@ steps = [{steps}]
 [options.id]
 cutoff = {cutoff}
 """
-
-
-@pytest.fixture
-def arm(tmp_path):
-    return write_arm(tmp_path)
 
 
 def run(arm, trials='"reach.trc"', steps='"ik", "id", "muscles", "tension"', cutoff="6", resume=False):
