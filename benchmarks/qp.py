@@ -52,7 +52,7 @@ CASES = (
         step=10,
     ),
     QpCase(
-        "Rajagopal walk, 80 muscles, 29 coordinates",
+        "Rajagopal walk, 80 muscles, 31 free coordinates",
         "rajagopal-walk-emg/subject_walk_scaled.osim",
         "rajagopal-walk-emg/coordinates.sto",
         "rajagopal-walk-emg/grf_walk.xml",
@@ -60,7 +60,7 @@ CASES = (
         1.6,
         20,
     ),
-    QpCase("made motion, 520 muscles", "fullbody-many-muscles/cyclistFullBodyMuscle.osim"),
+    QpCase("made motion, 520 muscles, 115 free coordinates", "fullbody-many-muscles/cyclistFullBodyMuscle.osim"),
 )
 
 
