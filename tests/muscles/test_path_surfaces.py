@@ -65,9 +65,7 @@ def compared(ways, folder, seed, reach):
     order = [model.coordinate_names.index(f"{body}{axis}") for body in "ab" for axis in "ABCxyz"]
     all_values = np.zeros_like(values)
     all_values[:, order] = values
-    expected, arms = opensim_kinematics(
-        theirs, state, model.muscle_names, model.coordinate_names, all_values, arms=False
-    )
+    expected, _ = opensim_kinematics(theirs, state, model.muscle_names, model.coordinate_names, all_values, arms=False)
     paths = compile_paths(model)
     lengths, _, values = paths.evaluate(all_values)
     straight = np.linalg.norm(all_values[:, order[3:6]] - all_values[:, order[9:12]], axis=1)
