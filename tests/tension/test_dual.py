@@ -128,6 +128,7 @@ def test_targets_pull_activations_towards_them():
 
 
 def test_diagonal_and_dense_forms_of_one_program_have_one_solution():
+    pytest.importorskip("piqp")
     directions, low, high, torques = muscles(7)
     count = len(low)
     rng = np.random.default_rng(0)
@@ -145,6 +146,7 @@ def test_diagonal_and_dense_forms_of_one_program_have_one_solution():
 
 
 def test_inequalities_hold_and_are_certified():
+    pytest.importorskip("piqp")
     directions, low, high, torques = muscles(9)
     count = len(low)
     limit = np.zeros((1, count))

@@ -142,7 +142,7 @@ def _compile_muscle(
     return kind, sizes, numbers + [0.0] * (6 - len(numbers)), used + [-1] * (3 - len(used))
 
 
-def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], int]) -> int:  # type: ignore[no-untyped-def]
+def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], int]) -> int:
     """Number of the curve `maker(*key)`; muscles of equal parameters share one."""
     if (maker, *key) not in index:
         index[(maker, *key)] = len(curves)

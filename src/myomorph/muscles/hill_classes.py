@@ -57,27 +57,25 @@ def class_parameters(muscle: Muscle, kind: int) -> tuple[list[float], list[Recip
         with the curve's class and a slash, which tells apart names that two curves share
     kind : number of the class
     """
-    given = muscle.parameters
+
+    def numbers(**defaults: float) -> list[float]:
+        return [muscle.parameters.get(name, default) for name, default in defaults.items()]
+
     if kind == THELEN:
-        names = ("KshapeActive", "FmaxMuscleStrain", "KshapePassive", "Af", "Flen", "fv_linear_extrap_threshold")
-        defaults = (0.45, 0.6, 5.0, 0.25, 1.4, 0.95)
-        return [given.get(name, default) for name, default in zip(names, defaults, strict=True)], []
+        shapes = {"KshapeActive": 0.45, "FmaxMuscleStrain": 0.6, "KshapePassive": 5.0, "Af": 0.25, "Flen": 1.4}
+        return numbers(**shapes, fv_linear_extrap_threshold=0.95), []
     if kind in (MILLARD, ACCELERATION):
         return [], _millard_curves(muscle, kind)
     if kind == DEGROOTE:
-        passive = 0.0 if given.get("ignore_passive_fiber_force", 0.0) else 1.0
-        strain = given.get("passive_fiber_strain_at_one_norm_force", 0.6)
-        return [given.get("active_force_width_scale", 1.0), strain, passive], []
+        width, strain = numbers(active_force_width_scale=1.0, passive_fiber_strain_at_one_norm_force=0.6)
+        return [width, strain, 1.0 - numbers(ignore_passive_fiber_force=0.0)[0]], []
     if kind == RIGID:
         return [], [((), _generic_active), ((), _generic_velocity), ((), _generic_passive)]
     if kind == DEPRECATED_THELEN:
-        names = ("KshapeActive", "FmaxMuscleStrain", "KshapePassive", "FmaxTendonStrain")
-        defaults4 = (0.5, 0.6, 4.0, 0.033)
-        return [given.get(name, default) for name, default in zip(names, defaults4, strict=True)], []
+        return numbers(KshapeActive=0.5, FmaxMuscleStrain=0.6, KshapePassive=4.0, FmaxTendonStrain=0.033), []
     if kind == SCHUTTE:
         return [], [((), _generic_active), ((), _schutte_tendon)]
-    names = ("lmin", "lmax", "fpmax", "fvmax")
-    return [given.get(name, default) for name, default in zip(names, (0.5, 1.6, 1.3, 1.2), strict=True)], []
+    return numbers(lmin=0.5, lmax=1.6, fpmax=1.3, fvmax=1.2), []
 
 
 def _millard_curves(muscle: Muscle, kind: int) -> list[Recipe]:

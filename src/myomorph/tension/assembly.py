@@ -127,11 +127,21 @@ def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     rank = np.append(np.argsort(shape.order), -1)
     row = rank[row_of]
     arm_row = np.where(paths.arm_free, row[paths.arm_coordinate], -1)
-    columns = [np.ascontiguousarray(column) for column in table.T]
+    columns = np.ascontiguousarray(table.T)
+    arm_muscle = np.ascontiguousarray(paths.arm_muscle, np.int64)
     return Assembly(
         tree=tree,
         rows=rows,
-        links=Links(*columns, np.ascontiguousarray(paths.arm_muscle, np.int64), arm_row.astype(np.int64), row),
+        links=Links(
+            columns[0],
+            columns[1],
+            columns[2],
+            columns[3],
+            columns[4],
+            arm_muscle,
+            arm_row.astype(np.int64),
+            row,
+        ),
         pattern=shape,
         bodies=bodies,
         coordinate_actuators=len(on_coordinates),

@@ -275,9 +275,10 @@ class TensionProblem:
         muscles = self.assembly.tree.model.muscles
         lower = np.concatenate([self._lower, [one.min_control for one in actuators]])
         upper = np.concatenate([self._upper, [one.max_control for one in actuators]])
-        for one, least, most in zip((*muscles, *actuators), lower, upper, strict=True):
+        names = [one.name for one in muscles] + [one.name for one in actuators]
+        for name, least, most in zip(names, lower, upper, strict=True):
             if not least <= most:
-                raise BadModel(f"'{one.name}' has bounds {least:g} ... {most:g}: the first must not be greater")
+                raise BadModel(f"'{name}' has bounds {least:g} ... {most:g}: the first must not be greater")
         weight = np.ones(len(lower))
         if self._options.weights == "volume":
             volume = self._strength * [one.optimal_fiber_length for one in muscles]

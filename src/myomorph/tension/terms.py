@@ -162,7 +162,10 @@ def _separable(problem: Program) -> tuple[Array, Array, Array, int]:
 
 
 def _general(problem: Program) -> tuple[Array, Array, Array, int]:
-    import piqp
+    try:
+        import piqp
+    except ImportError:
+        raise BadData("this tension problem has a full cost matrix or inequalities: install piqp to solve it") from None
 
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-10
