@@ -7,6 +7,7 @@ from numba import njit
 
 from myomorph.motion.marker_cost import marker_cost, marker_distances, mean_curvature, new_work, normal_equations
 from myomorph.rigid.kinematics import body_poses, couple
+from myomorph.rigid.small import in_place
 
 
 @njit(cache=True, nogil=True)
@@ -119,7 +120,7 @@ def posture_cost(K, c, posture, stiffness):
     return total
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def bounded_step(K, work, c, damping):
     """Damped Newton step of the variables, those at a bound and pushed outwards held.
 

@@ -10,6 +10,7 @@ from numba import njit
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
 from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.small import in_place
 from myomorph.rigid.tree import ROTATION
 
 
@@ -110,7 +111,7 @@ def marker_cost(K, observed, target, c, R, p):
     return total
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def mean_curvature(K, D):
     """Mean Gauss-Newton diagonal over the variables that markers move."""
     total, moved = 0.0, 0
@@ -184,7 +185,7 @@ def normal_equations(T, K, observed, target, c, work):
     return cost
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def marker_sums(K, observed, work, z0, z1, z2):
     """Weighted sums over each body's markers: 1, x (3), x x^T (upper 6), e (3), x e^T (9). Returns the cost."""
     sums = work.sums
@@ -229,7 +230,7 @@ def marker_sums(K, observed, work, z0, z1, z2):
     return cost
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def axis_fields(T, c, work, z0, z1, z2):
     """Velocity field (w, v) of every axis about the point z, and the curvature of its function."""
     axis, curvature = work.axis, work.curvature
@@ -250,7 +251,7 @@ def axis_fields(T, c, work, z0, z1, z2):
             curvature[k, 0], curvature[k, 1], curvature[k, 2] = d11, d12, d22
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def add_gradient(T, work, k, along):
     """Gradient through axis k, and what the curvature of its function adds to the Hessian."""
     i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
@@ -262,7 +263,7 @@ def add_gradient(T, work, k, along):
         work.H[max(i, j), min(i, j)] += work.curvature[k, 1] * along
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def add_pair(T, work, k, a, plain, curved):
     """Lower triangle of the Hessian between the coordinates of axis k and of an earlier axis a (or k)."""
     for s in range(2):
@@ -282,7 +283,7 @@ def add_pair(T, work, k, a, plain, curved):
                 work.D[i] += share * plain
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def fold_couplers(T, c, H, g, D):
     """Carry what dependent coordinates feel over to those they follow, by the chain rule, in place."""
     for k in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
@@ -306,7 +307,7 @@ def fold_couplers(T, c, H, g, D):
             H[j, i] += g[d] * d12
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def marker_distances(T, K, observed, c, work, out):
     """Distance of every marker from where it was seen (markers,) [m], NaN where unseen."""
     body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)

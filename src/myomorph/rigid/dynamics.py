@@ -12,7 +12,19 @@ from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import body_poses, body_rates, carried, couple_rates_frames
-from myomorph.rigid.small import along, cross, dot, matrix, minus, plus, put_vector, turned, turned_back, vector
+from myomorph.rigid.small import (
+    along,
+    cross,
+    dot,
+    in_place,
+    matrix,
+    minus,
+    plus,
+    put_vector,
+    turned,
+    turned_back,
+    vector,
+)
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
 
@@ -90,7 +102,8 @@ def _external(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tuple[In
     bodies = np.array([tree.body_index[body] for body in wrenches.bodies], np.int64)
     # A point of application is unknown (NaN) where nothing touches, and then does not matter.
     points = np.where(np.isnan(wrenches.points) & (wrenches.forces == 0.0).all(axis=2)[..., None], 0.0, wrenches.points)
-    return bodies, np.ascontiguousarray(wrenches.forces), points, np.ascontiguousarray(wrenches.torques)
+    # Copies, because a kernel is compiled anew for arrays that are read-only.
+    return bodies, wrenches.forces.copy(), points, wrenches.torques.copy()
 
 
 @njit(cache=True, nogil=True)
@@ -113,7 +126,7 @@ def _inverse_dynamics(T, c, cdot, cddot, bodies, forces, points, torques, tau):
         project(T, w, o, dphi, f, m, tau[frame])
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def body_wrenches(T, R, p, omega, alpha, a, f, m):
     """Force and moment about the ground's origin that each body needs, gravity taken off.
 

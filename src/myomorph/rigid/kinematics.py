@@ -14,6 +14,7 @@ from myomorph.rigid.small import (
     about,
     along,
     cross,
+    in_place,
     matrix,
     minus,
     plus,
@@ -126,7 +127,7 @@ def body_poses(T, c, R, p, w, o, dphi):
         put_matrix(R, b, product(r, matrix(T.post_R, b)))
 
 
-@njit(cache=True, nogil=True)
+@in_place
 def axis_rates(T, k, c, cdot, cddot):
     """Velocity and acceleration of axis k's motion: Phi cdot and Phi cddot + Phidot cdot."""
     i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
@@ -244,7 +245,8 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     coordinates : (frames, coordinates) in the model's order [rad or m], dependent ones consistent
         (`Tree.coordinates_of` makes them so)
     """
-    coordinates = np.ascontiguousarray(coordinates, dtype=np.float64)
+    # A copy, because a kernel is compiled anew for an array that is read-only.
+    coordinates = np.array(coordinates, dtype=np.float64, order="C")
     arrays = tree.arrays
     frames, bodies, axes = len(coordinates), len(arrays.parent), len(arrays.axis_kind)
     R, p = np.empty((frames, bodies, 3, 3)), np.empty((frames, bodies, 3))

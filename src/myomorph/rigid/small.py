@@ -6,14 +6,20 @@ import math
 
 from numba import njit
 
+inner = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""Decorator of kernels that only kernels call: less to compile, but Python would crash on a call."""
 
-@njit(cache=True, nogil=True)
+in_place = njit(cache=True, nogil=True, inline="always")
+"""Decorator of kernels that one kernel alone calls: compiled as a part of it, and not by themselves."""
+
+
+@inner
 def vector(array, k):
     """Row k of an array (n, 3)."""
     return array[k, 0], array[k, 1], array[k, 2]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def matrix(array, k):
     """Matrix k of an array (n, 3, 3)."""
     return (
@@ -23,13 +29,13 @@ def matrix(array, k):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@inner
 def put_vector(array, k, x):
     """Store a vector as row k of an array (n, 3)."""
     array[k, 0], array[k, 1], array[k, 2] = x[0], x[1], x[2]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def put_matrix(array, k, r):
     """Store a matrix as number k of an array (n, 3, 3)."""
     array[k, 0, 0], array[k, 0, 1], array[k, 0, 2] = r[0], r[1], r[2]
@@ -37,37 +43,37 @@ def put_matrix(array, k, r):
     array[k, 2, 0], array[k, 2, 1], array[k, 2, 2] = r[6], r[7], r[8]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def plus(x, y):
     """Sum of two vectors."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def minus(x, y):
     """The difference x - y."""
     return x[0] - y[0], x[1] - y[1], x[2] - y[2]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def along(x, s, y):
     """The vector x + s y."""
     return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def cross(x, y):
     """Vector product."""
     return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def dot(x, y):
     """Scalar product."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def turned(r, x):
     """The vector r x."""
     return (
@@ -77,7 +83,7 @@ def turned(r, x):
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def turned_back(r, x):
     """The vector r^T x."""
     return (
@@ -87,7 +93,7 @@ def turned_back(r, x):
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def product(a, b):
     """The product of two matrices."""
     return (
@@ -103,7 +109,7 @@ def product(a, b):
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def about(u, angle):
     """Rotation by `angle` about the unit vector u (Rodrigues)."""
     s, c = math.sin(angle), math.cos(angle)
