@@ -43,7 +43,7 @@ STANDING = MappingProxyType({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder
 """The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
 SQUAT = MappingProxyType(
     {
-        "root_rx": 12.0,
+        "root_rx": 14.0,
         "hip_flexion_r": 55.0,
         "hip_flexion_l": 55.0,
         "hip_adduction_r": -5.0,
@@ -52,7 +52,6 @@ SQUAT = MappingProxyType(
         "knee_angle_l": 65.0,
         "ankle_angle_r": 22.0,
         "ankle_angle_l": 22.0,
-        "flex_extension": 3.0,
         "shoulder_elv_r": 40.0,
         "shoulder_elv_l": 40.0,
         "elbow_flexion_r": 50.0,
@@ -60,6 +59,8 @@ SQUAT = MappingProxyType(
     }
 )
 """The lowest pose, the coordinates' differences from the highest [deg]."""
+SOLE = 0.012
+"""Height of the heel bones' origins above their lowest point [m]."""
 KNOT_RATE = 20.0
 CLUSTER = 0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 """Markers of a body about its mass center [m]."""
@@ -229,7 +230,7 @@ def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
     body = tree.body_index[root.child]
     feet = [poses.origins[:, tree.body_index[name]] for name in FEET]
     up = -tree.model.gravity / np.linalg.norm(tree.model.gravity)
-    floor = float(np.min([foot @ up for foot in feet])) - 0.07
+    floor = float(np.min([foot @ up for foot in feet])) - SOLE
     force, moment = np.empty((len(motion), 3)), np.empty((len(motion), 3))
     for frame in range(len(motion)):
         origin = poses.origins[frame, body]
@@ -253,7 +254,10 @@ def measured_markers(tree: Tree, motion: Motion, options: SimulationOptions, ran
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_index[one.body] for one in tree.model.markers])
     places = poses.points(bodies, np.array([one.location for one in tree.model.markers]))
-    slow: Array = lowpass(random.standard_normal(places.shape), options.rate, 2.0)
+    # The filter's ends are not like its middle: they are cut off.
+    margin = int(options.rate)
+    longer = random.standard_normal((len(places) + 2 * margin, *places.shape[1:]))
+    slow: Array = lowpass(longer, options.rate, 2.0)[margin:-margin]
     shift = options.tissue * slow / slow.std(axis=0)
     noise = options.marker_noise * random.standard_normal(places.shape)
     return Markers(motion.time, tree.model.marker_names, places + shift + noise)
