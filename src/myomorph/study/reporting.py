@@ -148,7 +148,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         date=max((made.date for made in found.provenance.values()), default=""),
         version=__version__,
         notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
-        facts=MappingProxyType({"Body mass": f"{float(mass):g} kg"} if mass else {}),
+        facts=MappingProxyType({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         sources=_sources(found.provenance),
         steps=tuple(_step(step, found) for step in CHAIN if step in found.provenance),
         model=model,
