@@ -6,7 +6,7 @@ the last wrap from frame to frame but loses it before it is used, so frames do n
 
 A quirk of OpenSim 4.6 is kept, since it changes lengths by millimeters where a path has two surfaces
 or more: within a frame, the place in ground of a point on a surface is that of the pass in which it
-was first asked for, though later passes move it (`_seen`). Lengths and directions use the place first
+was first asked for, though later passes move it (`_look_at`). Lengths and directions use the place first
 seen, the force acts at the last one. MuJoCo's tendons take the branch of `_tendon_nodes`.
 """
 
@@ -62,7 +62,7 @@ from myomorph.rigid.coordinates import Ints, evaluate
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)
-NODE_WEIGHT, NODE_ARC = 3, 4
+NODE_WEIGHT, NODE_ARC, SEEN = 3, 4, 5
 MOST_PASSES = 8
 SETTLED = 0.0005
 COINCIDENT = 1e-14
@@ -74,8 +74,9 @@ class PathScratch(NamedTuple):
 
     Attributes
     ----------
-    x : (nodes, 5) place in ground [m], NODE_WEIGHT: share in the length of what follows the node,
-        NODE_ARC: length on the surface up to a node that leaves it [m]
+    x : (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the node,
+        NODE_ARC: length on the surface up to a node that leaves it [m], SEEN ...: place at which
+        OpenSim takes the node to be in ground [m]
     node : (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface,
         NODE_POINT: row of `point`, NODE_WRAP: row of `wrap`, NODE_END: row of `seen`; -1 for none
     seen : (2 wraps, 4) places first seen of the points on surfaces [m], and 1 once they are
@@ -103,7 +104,7 @@ def path_scratch(P):
     """Room for `path_frame`."""
     nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
     return PathScratch(
-        np.zeros((nodes, 5)),
+        np.zeros((nodes, 8)),
         np.zeros((nodes, 5), np.int64),
         np.zeros((2 * wraps, 4)),
         np.zeros((2, wraps), np.int64),
@@ -149,18 +150,18 @@ def path_frame(P, c, cdot, R, p, w, o, dphi, S, lengths, velocities, arms):
                 seen[i, 3] = 0.0
             if wrap[begin, AFTER] >= 0:
                 count = _tendon_nodes(
-                    wrap, side, surface, size, begin, end, first, R, p, x, node, pose, rotation, rows, out, count
+                    wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows, out, count
                 )
             else:
                 count = _wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
-        lengths[m] = _length(x, node, seen, count)
+        lengths[m] = _length(x, node, count)
         begin, end = start[m, ARMS], start[m + 1, ARMS]
         for k in range(begin, end):
             arms[k] = 0.0
         for b in range(start[m + 1, BODIES] - start[m, BODIES]):
             for i in range(6):
                 pull[b, i] = 0.0
-        _pulls(point, moving, moved, R, x, node, seen, pull, count, begin, arms)
+        _pulls(point, moving, moved, R, x, node, pull, count, begin, arms)
         _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, arms)
         for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
             k, own = follow[q, 0], arms[begin + follow[q, 1]]
@@ -213,6 +214,7 @@ def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
         b = point[k, BODY]
         for i in range(3):
             x[count, i] = R[b, i, 0] * u0 + R[b, i, 1] * u1 + R[b, i, 2] * u2 + p[b, i]
+            x[count, SEEN + i] = x[count, i]
         x[count, NODE_WEIGHT], x[count, NODE_ARC] = place[k, WEIGHT], 0.0
         node[count, NODE_LOCAL], node[count, NODE_OBJECT] = point[k, LOCAL], -1
         node[count, NODE_POINT], node[count, NODE_WRAP], node[count, NODE_END] = k, -1, -1
@@ -234,17 +236,22 @@ def _move_points(P, c, moved):
 
 
 @inner
-def _insert(x, node, at, count, local, surface, wrap, end, r, s, arc):
+def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
     """Put both ends of an arc into the chain after node `at`; `end` is the first one's row of `seen`."""
     for k in range(count - 1, at, -1):
+        for i in range(8):
+            x[k + 2, i] = x[k, i]
         for i in range(5):
-            x[k + 2, i], node[k + 2, i] = x[k, i], node[k, i]
+            node[k + 2, i] = node[k, i]
     for i in range(3):
         x[at + 1, i], x[at + 2, i] = r[i], s[i]
     for k in range(at + 1, at + 3):
+        row = end + k - at - 1
         x[k, NODE_WEIGHT] = x[at, NODE_WEIGHT]
         node[k, NODE_LOCAL], node[k, NODE_OBJECT] = local, surface
-        node[k, NODE_POINT], node[k, NODE_WRAP], node[k, NODE_END] = -1, wrap, end + k - at - 1
+        node[k, NODE_POINT], node[k, NODE_WRAP], node[k, NODE_END] = -1, wrap, row
+        for i in range(3):
+            x[k, SEEN + i] = seen[row, i] if seen[row, 3] == 1.0 else x[k, i]
     x[at + 1, NODE_ARC], x[at + 2, NODE_ARC] = 0.0, arc
     return count + 2
 
@@ -255,14 +262,18 @@ def _without(x, node, count, wrap):
     for k in range(count - 1):
         if node[k, NODE_WRAP] == wrap:
             for n in range(k, count - 2):
+                for i in range(8):
+                    x[n, i] = x[n + 2, i]
                 for i in range(5):
-                    x[n, i], node[n, i] = x[n + 2, i], node[n + 2, i]
+                    node[n, i] = node[n + 2, i]
             return count - 2
     return count
 
 
 @inlined
-def _tendon_nodes(wrap, wrap_side, surface, size, start, stop, points, R, p, x, node, pose, rotation, rows, out, count):
+def _tendon_nodes(
+    wrap, wrap_side, surface, size, start, stop, points, R, p, x, node, seen, pose, rotation, rows, out, count
+):
     """Wrap the chain in the way of MuJoCo: each surface between the two points around it.
 
     `rotation` (3, 3), `rows` (4 of (3,)) and `out` (2, 3) are room for the arguments of `wrap_tendon`.
@@ -285,7 +296,7 @@ def _tendon_nodes(wrap, wrap_side, surface, size, start, stop, points, R, p, x, 
         arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, b >= 0, out)
         if arc >= 0.0:
             r, s = _placed(out, 0 * k), _placed(out, 0 * k + 1)
-            count = _insert(x, node, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
+            count = _insert(x, node, seen, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
     return count
 
 
@@ -314,9 +325,11 @@ def _wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turn
                     surface, size, pose, g, wrap[k, METHOD], x, node, seen, first, last, wraps
                 )
                 if at >= 0:
-                    count = _insert(x, node, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
+                    count = _insert(x, node, seen, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
         if left > 0:
-            length = _length(x, node, seen, count)
+            for n in range(count):
+                _look_at(x, node, seen, n)
+            length = _length(x, node, count)
             if abs(length - before) < SETTLED:
                 left = 0
             elif turn == 0 and turns[1, 0] == NO_WRAP and turns[1, 1] == INSIDE:
@@ -365,7 +378,9 @@ def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps
             at, best_arc, best_r, best_s = i, arc, r, s
             break
         if code == WRAPPED:
-            a, b = _into(pose, g, _seen(x, node, seen, i)), _into(pose, g, _seen(x, node, seen, i + 1))
+            _look_at(x, node, seen, i)
+            _look_at(x, node, seen, i + 1)
+            a, b = _into(pose, g, _seen(x, i)), _into(pose, g, _seen(x, i + 1))
             longer = _between(a, r) + arc + _between(b, s) - _between(a, b)
             if longer < least:
                 least, at, best_arc, best_r, best_s = longer, i, arc, r, s
@@ -379,17 +394,16 @@ def _between(a, b):
 
 
 @inner
-def _seen(x, node, seen, i):
-    """Where OpenSim takes node i to be in ground: the place at which it was first asked for."""
+def _look_at(x, node, seen, i):
+    """Ask for node i's place in ground: for the rest of the frame OpenSim takes it to stay there."""
     end = node[i, NODE_END]
-    a0, a1, a2 = x[i, 0], x[i, 1], x[i, 2]
-    # One way out only: with more, Numba counts references to the arrays at run time.
-    if end >= 0:
-        if seen[end, 3] == 0.0:
-            seen[end, 0], seen[end, 1], seen[end, 2], seen[end, 3] = a0, a1, a2, 1.0
-        else:
-            a0, a1, a2 = seen[end, 0], seen[end, 1], seen[end, 2]
-    return a0, a1, a2
+    if end >= 0 and seen[end, 3] == 0.0:
+        seen[end, 0], seen[end, 1], seen[end, 2], seen[end, 3] = x[i, 0], x[i, 1], x[i, 2], 1.0
+
+
+@inner
+def _seen(x, i):
+    return x[i, SEEN], x[i, SEEN + 1], x[i, SEEN + 2]
 
 
 @inner
@@ -419,19 +433,17 @@ def _out_of(pose, g, a):
 
 
 @inner
-def _length(x, node, seen, count):
+def _length(x, node, count):
     total = 0.0
     for i in range(count - 1):
-        a, b = _seen(x, node, seen, i), _seen(x, node, seen, i + 1)
-        if node[i, NODE_OBJECT] >= 0 and node[i, NODE_OBJECT] == node[i + 1, NODE_OBJECT]:
-            total += x[i, NODE_WEIGHT] * x[i + 1, NODE_ARC]
-        else:
-            total += x[i, NODE_WEIGHT] * _between(a, b)
+        on_surface = node[i, NODE_OBJECT] >= 0 and node[i, NODE_OBJECT] == node[i + 1, NODE_OBJECT]
+        part = x[i + 1, NODE_ARC] if on_surface else _between(_seen(x, i), _seen(x, i + 1))
+        total += x[i, NODE_WEIGHT] * part
     return total
 
 
 @inlined
-def _pulls(point, moving, moved, R, x, node, seen, pull, count, arm, arms):
+def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
     """Add force and moment of unit tension to each body of the muscle; what moves points goes into `arms`."""
     for n in range(count - 1):
         k, j = node[n, NODE_POINT], node[n + 1, NODE_POINT]
@@ -439,7 +451,7 @@ def _pulls(point, moving, moved, R, x, node, seen, pull, count, arm, arms):
         u = point[j, MOVING] if j >= 0 else -1
         if node[n, NODE_LOCAL] == node[n + 1, NODE_LOCAL] and v < 0 and u < 0:
             continue
-        start, stop = _seen(x, node, seen, n), _seen(x, node, seen, n + 1)
+        start, stop = _seen(x, n), _seen(x, n + 1)
         length = _between(start, stop)
         if length < COINCIDENT:
             continue
