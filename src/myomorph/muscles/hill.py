@@ -150,7 +150,7 @@ def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], i
     return index[(maker, *key)]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def active_length_factor(H, m, x):
     """f_L of muscle m at the normalized fiber length x."""
     kind = H.kind[m]
@@ -186,7 +186,7 @@ def active_length_factor(H, m, x):
     return np.exp(-(x - 1.0) * (x - 1.0) / H.parameters[m, 0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def velocity_factor(H, m, v):
     """f_V of muscle m, fully active, at the normalized fiber velocity v (negative: shortening); never below 0."""
     kind = H.kind[m]
@@ -220,7 +220,7 @@ def velocity_factor(H, m, v):
     return 1.8 - 1.8 / (1.0 + np.exp((0.04 + v) / 0.18))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def passive_length_factor(H, m, x):
     """f_PE of muscle m at the normalized fiber length x; never below 0."""
     kind = H.kind[m]
@@ -250,7 +250,7 @@ def passive_length_factor(H, m, x):
     return np.exp(H.parameters[m, 2] * (x - 1.0) / H.parameters[m, 1] - H.parameters[m, 2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def rigid_forces(H, m, length, speed, opensim, wanted):
     """Active force per unit activation and passive force of muscle m, along the tendon [N].
 
@@ -287,7 +287,7 @@ def rigid_forces(H, m, length, speed, opensim, wanted):
     return 0.0 if clamped else active, passive
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _cosine_of_normalized(H, m, x):
     """The pennation cosine OpenSim 4.6 takes for Millard2012EquilibriumMuscle in static optimization.
 
