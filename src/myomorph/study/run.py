@@ -15,6 +15,7 @@ import numpy as np
 
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
+from myomorph.study.ahead import compile_ahead
 from myomorph.study.inputs import open_model
 from myomorph.study.plan import Plan
 from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
@@ -104,8 +105,10 @@ def run_take(take: Take, steps: Sequence[str], folder: Path, resume: bool = Fals
         shutil.rmtree(parts, ignore_errors=True)
     known = {step: made.key for step, made in stored_provenance(earlier).items()} if resume else {}
     found = Found()
+    wanted = [one for one in CHAIN if one in steps]
+    ahead = compile_ahead(wanted)
     try:
-        for step in [one for one in CHAIN if one in steps]:
+        for step in wanted:
             key = step_provenance(step, take).key
             part = parts / step / PART
             made = stored_provenance(part).get(step)
@@ -117,6 +120,7 @@ def run_take(take: Take, steps: Sequence[str], folder: Path, resume: bool = Fals
                 outcome = replace(outcome, kept=(*outcome.kept, step))
             else:
                 shutil.rmtree(parts / step, ignore_errors=True)
+                ahead.wait(step)
                 with whole_folder(parts / step) as temporary, new_result(temporary / PART, step) as writer:
                     found = run_step(step, take, found, writer, temporary)
             outcome = replace(outcome, done=(*outcome.done, step))
@@ -125,6 +129,8 @@ def run_take(take: Take, steps: Sequence[str], folder: Path, resume: bool = Fals
     except Exception as error:
         text = f"{_next(steps, outcome.done)}: {type(error).__name__}: {' '.join(str(error).split())}"
         outcome = replace(outcome, error=text, fault=True)
+    finally:
+        ahead.stop()
     if outcome.done:
         _gather(parts, earlier, outcome)
     outcome = _with_numbers(outcome, found)

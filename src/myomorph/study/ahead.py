@@ -1,0 +1,97 @@
+"""The muscle kernels compiled in a second process while the first steps run: once on a new machine.
+
+Compilation takes most of the first command's time and uses one core. The kernels of inverse kinematics
+compile in this process, those of muscles and tension meanwhile in a child, which leaves them in Numba's
+cache on disk.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.functions import linear
+from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, PathPoint
+from myomorph.model.paths import Path as MusclePath
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+from myomorph.motion.filters import differentiate
+
+MUSCLE_STEPS = ("muscles", "tension")
+
+
+class Ahead:
+    """A child process that compiles, or none."""
+
+    def __init__(self, child: subprocess.Popen[bytes] | None) -> None:
+        self._child = child
+
+    def wait(self, step: str) -> None:
+        """Return when the kernels of a step are compiled (or the child has failed: then they compile here)."""
+        if self._child is not None and step in MUSCLE_STEPS:
+            if self._child.poll() is None:
+                sys.stderr.write("compiling the muscle kernels: once on this machine, up to half a minute\n")
+            self._child.wait()
+            self._child = None
+
+    def stop(self) -> None:
+        """End the child, if it still runs."""
+        if self._child is not None:
+            self._child.terminate()
+            self._child = None
+
+
+def compile_ahead(steps: Sequence[str]) -> Ahead:
+    """Compile the muscle kernels in a child where steps after the first need them and they are not cached."""
+    child = None
+    if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached():
+        command = [sys.executable, "-m", "myomorph.study.ahead"]
+        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return Ahead(child)
+
+
+def cached() -> bool:
+    """Whether an earlier command has left the muscle kernels in Numba's cache."""
+    from myomorph.muscles import path
+
+    return any(Path(path._frames.stats.cache_path).glob("path._frames*.nbi"))
+
+
+def two_links() -> Model:
+    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second."""
+    still, z = Transform.identity(), np.array([0.0, 0.0, 1.0])
+    bodies, joints = [], []
+    for name, parent in (("first", GROUND), ("second", "first")):
+        bodies.append(Body(name, 1.0, np.zeros(3), np.eye(3)))
+        axes = (Axis("rotation", z, linear(1.0), (f"{name}_angle",)),)
+        joints.append(Joint(f"{name}_joint", "PinJoint", parent, name, still, still, axes, (f"{name}_angle",)))
+    points = (
+        PathPoint("origin", "first", np.array([0.1, 0.3, 0.0])),
+        PathPoint("end", "second", np.array([0.0, -0.3, 0.0])),
+    )
+    muscle = Muscle("muscle", "Millard2012EquilibriumMuscle", MusclePath(points), 100.0, 0.3, 0.3)
+    coordinates = tuple(Coordinate(f"{body.name}_angle") for body in bodies)
+    return Model("two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=(muscle,))
+
+
+def compile_muscles() -> None:
+    """Run every muscle and tension kernel once."""
+    from myomorph.muscles.path import muscle_kinematics
+    from myomorph.rigid.dynamics import inverse_dynamics
+    from myomorph.tension.solve import solve_tension
+
+    model = two_links()
+    residual = Actuator("residual", "torque", 1.0, body="first", direction=np.array([0.0, 0.0, 1.0]))
+    time = np.linspace(0.0, 0.07, 8)
+    motion = differentiate(Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time])))
+    muscle_kinematics(model, motion)
+    solve_tension(model, motion, inverse_dynamics(model, motion), actuators=(residual,))
+
+
+if __name__ == "__main__":
+    compile_muscles()
