@@ -31,7 +31,7 @@ STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 TOLERANCE = 1e-9
 """Imbalance, relative to 1 + max |b|, at which a frame is solved."""
 
-SLACKS = (1e-12, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12)
+SLACKS = (1e-16, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-15)
 """Slack per multiplier, relative to the row's stiffness: first try, then from large to small."""
 
 
