@@ -215,7 +215,7 @@ def _free_stiffness(S, values, slope, diagonal):
 def _newton(S, A, b, targets, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
 
-    by_variable, by_row, M are room to work in: (3, variables), (4, rows), (rows, rows).
+    by_variable, by_row, M are room to work in: (3, variables), (5, rows), (rows, rows).
 
     Returns
     -------
@@ -289,7 +289,7 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
     imbalance, iterations, status : (frames,) filled; imbalance is max |b - A x|
     """
     n, variables = balance.shape[1], x.shape[1]
-    M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((4, n))
+    M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((5, n))
     steepest = 0.0
     for i in range(variables):
         steepest = max(steepest, S.exponent[i])
@@ -316,30 +316,39 @@ def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iteratio
         for j in range(n):
             result[j] = warm[j]
             cold = cold and warm[j] == 0.0
-        worst, steps, settled, before = np.inf, 0, False, np.inf
-        for k in range(len(SLACKS)):
-            most = 30 if k == 0 else 200
+        worst, before, steps, stuck, k = np.inf, np.inf, 0, False, 0
+        most = 40
+        while k < len(SLACKS):
             worst, left, more = _newton(
                 S, A, b, targets[frame], SLACKS[k], most, cold, x[frame], result, by_variable, by_row, M
             )
             steps += more
-            settled = left <= TOLERANCE * scale
-            if k == 0 and settled:
+            if most == 0:
                 break
-            if k == 0:
-                cold = True
+            if k == 0 and left <= TOLERANCE * scale:
+                stuck = True
+                break
+            settled = left <= TOLERANCE * scale or left <= 1e-3 * worst
+            cold = k == 0
+            if k > 1 and not settled:
+                # The last slack that could be solved for is the answer: x again, without a step.
+                k, most = k - 1, 0
                 for j in range(n):
-                    result[j] = 0.0
+                    result[j] = by_row[4, j]
                 continue
-            cold = False
-            settled = settled or left <= 1e-3 * worst
-            if worst > 0.1 * before or not settled:
-                break
-            before = worst
+            for j in range(n):
+                by_row[4, j] = result[j]
+                if k == 0:
+                    result[j] = 0.0
+            if k > 0:
+                # Less slack, but the same imbalance: nothing is left that could take it.
+                stuck = settled and worst > 0.5 * before
+                before = worst
+            k, most = k + 1, 150
         imbalance[frame], iterations[frame] = worst, steps
         if worst <= accepted * scale:
             status[frame] = OPTIMAL
         else:
-            status[frame] = INFEASIBLE if settled else STALLED
+            status[frame] = INFEASIBLE if stuck else STALLED
         for j in range(n):
             warm[j] = result[j] if status[frame] == OPTIMAL else 0.0
