@@ -88,9 +88,7 @@ class Transform:
 
     def __matmul__(self, other: Transform) -> Transform:
         """Composition: `(A @ B).apply(x) == A.apply(B.apply(x))`."""
-        return Transform(
-            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
-        )
+        return Transform(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)
 
     def inverse(self) -> Transform:
         """The transform back."""
