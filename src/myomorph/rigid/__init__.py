@@ -1,1 +1,7 @@
 """The model as flat arrays and the kernels over frames. Knows neither muscles nor markers."""
+
+from pathlib import Path
+
+from myomorph.rigid.cache import forget_other_versions
+
+forget_other_versions(Path(__file__).resolve().parents[1])
