@@ -23,10 +23,9 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 from myomorph.muscles.path_arrays import ARMS, PathArrays, path_arrays
-from myomorph.muscles.path_kernels import coupler_slopes, path_frame, path_scratch
+from myomorph.muscles.path_kernels import coupler_slopes, path_frames
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kinematics import body_poses, couple
 from myomorph.rigid.tree import Tree, compile_tree
 
 
@@ -98,7 +97,7 @@ class Paths:
 
         def part(start: int, stop: int) -> None:
             here = slice(start, stop)
-            _frames(T, P, coordinates[here], speeds[here], lengths[here], velocities[here], arms[here])
+            path_frames(T, P, coordinates[here], speeds[here], lengths[here], velocities[here], arms[here])
 
         over_frames(part, frames, progress)
         return lengths, velocities, arms
@@ -117,18 +116,6 @@ def compile_paths(model: Model) -> Paths:
     """
     tree = compile_tree(model)
     return Paths(tree, path_arrays(model, tree))
-
-
-@njit(cache=True, nogil=True)
-def _frames(T, P, c, cdot, lengths, velocities, arms):
-    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
-    S = path_scratch(P)
-    for frame in range(c.shape[0]):
-        couple(T, c[frame])
-        body_poses(T, c[frame], R, p, w, o, dphi)
-        path_frame(P, c[frame], cdot[frame], R, p, w, o, dphi, S, lengths[frame], velocities[frame], arms[frame])
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""One frame of all muscle paths: lengths, lengthening velocities and moment arms.
+"""All muscle paths, frame by frame: lengths, lengthening velocities and moment arms.
 
 A path is a chain of nodes: its points that are active, and two more for each surface it touches. The
 rules by which OpenSim lets a path touch several surfaces are those of `GeometryPath` (4.6). It keeps
@@ -52,13 +52,14 @@ from myomorph.muscles.path_arrays import (
     WEIGHT,
     WRAPS,
 )
-from myomorph.muscles.vectors import inlined, inner
+from myomorph.muscles.vectors import inner
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder
 from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.muscles.wrap_sphere import wrap_sphere
 from myomorph.muscles.wrap_tendon import wrap_tendon
 from myomorph.muscles.wrap_torus import wrap_torus
 from myomorph.rigid.coordinates import Ints, evaluate
+from myomorph.rigid.kinematics import body_poses, couple
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)
@@ -101,7 +102,7 @@ class PathScratch(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def path_scratch(P):
-    """Room for `path_frame`."""
+    """Room for `path_frames`."""
     nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
     return PathScratch(
         np.zeros((nodes, 8)),
@@ -116,63 +117,86 @@ def path_scratch(P):
     )
 
 
-@inner
-def path_frame(P, c, cdot, R, p, w, o, dphi, S, lengths, velocities, arms):
-    """Lengths, velocities and moment arms of all muscles in one frame.
+@njit(cache=True, nogil=True, error_model="numpy")
+def path_frames(T, P, c, cdot, lengths, velocities, arms):
+    """Lengths, velocities and moment arms of all muscles, frame by frame.
 
     Parameters
     ----------
-    P : `PathArrays`
-    c, cdot : (coordinates,) values and speeds, dependent values consistent; dependent speeds are not read
-    R, p, w, o, dphi : as `body_poses` fills them
-    S : from `path_scratch`
-    lengths, velocities : (muscles,) filled [m, m/s]
-    arms : (moment arms,) filled in the order of the pattern; a coordinate that others follow has what
-        reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
+    T, P : `TreeArrays`, `PathArrays`
+    c, cdot : (frames, coordinates) values, of which dependent ones are set here, and speeds, of which
+        dependent ones are not read
+    lengths, velocities : (frames, muscles) filled [m, m/s]
+    arms : (frames, moment arms) filled in the order of the pattern; a coordinate that others follow has
+        what reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
     """
     # Taken out of the bundles once: taking them out in a loop counts references each time, which cost
     # more than the arithmetic.
     start, point, place, moving = P.start, P.point, P.place, P.moving
-    wrap, surface, size = P.wrap, P.object, P.object_size
-    axis, support, arm, follow = P.axis, P.support, P.arm, P.follow
+    wrap, surface, size, side = P.wrap, P.object, P.object_size, P.wrap_side
+    axis, support, arm, follow, fixed_pose = P.axis, P.support, P.arm, P.follow, P.object_pose
+    S = path_scratch(P)
     x, node, seen, turns, pull = S.x, S.node, S.seen, S.turns, S.pull
-    pose, slopes, moved, side = S.pose, S.slopes, S.moved, P.wrap_side
+    pose, slopes, moved = S.pose, S.slopes, S.moved
     rotation, out, rows = S.ends[:3], S.ends[3:5], (S.ends[5], S.ends[6], S.ends[7], S.ends[8])
-    coupler_slopes(P, c, slopes)
-    _move_points(P, c, moved)
-    _place_objects(surface, P.object_pose, R, p, pose)
-    for m in range(start.shape[0] - 1):
-        first, stop = start[m, POINTS], start[m + 1, POINTS]
-        count = _point_nodes(point, place, moved, first, stop, c, R, p, x, node)
-        begin, end = start[m, WRAPS], start[m + 1, WRAPS]
-        if end > begin:
-            for i in range(2 * (end - begin)):
-                seen[i, 3] = 0.0
-            if wrap[begin, AFTER] >= 0:
-                count = _tendon_nodes(
-                    wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows, out, count
-                )
-            else:
-                count = _wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
-        lengths[m] = _length(x, node, count)
-        begin, end = start[m, ARMS], start[m + 1, ARMS]
-        for k in range(begin, end):
-            arms[k] = 0.0
-        for b in range(start[m + 1, BODIES] - start[m, BODIES]):
-            for i in range(6):
-                pull[b, i] = 0.0
-        _pulls(point, moving, moved, R, x, node, pull, count, begin, arms)
-        _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, arms)
-        for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
-            k, own = follow[q, 0], arms[begin + follow[q, 1]]
-            for i in range(2):
-                if follow[q, 2 + i] >= 0:
-                    arms[begin + follow[q, 2 + i]] += slopes[k, i] * own
-        speed = 0.0
-        for k in range(begin, end):
-            if arm[k, 1] == 1:
-                speed -= arms[k] * cdot[arm[k, 0]]
-        velocities[m] = speed
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    for f in range(c.shape[0]):
+        here, speeds, row = c[f], cdot[f], arms[f]
+        couple(T, here)
+        body_poses(T, here, R, p, w, o, dphi)
+        coupler_slopes(P, here, slopes)
+        _move_points(P, here, moved)
+        _place_objects(surface, fixed_pose, R, p, pose)
+        for m in range(start.shape[0] - 1):
+            first = start[m, POINTS]
+            count = _point_nodes(point, place, moved, first, start[m + 1, POINTS], here, R, p, x, node)
+            begin, end = start[m, WRAPS], start[m + 1, WRAPS]
+            if end > begin:
+                for i in range(2 * (end - begin)):
+                    seen[i, 3] = 0.0
+                if wrap[begin, AFTER] >= 0:
+                    count = _tendon_nodes(
+                        wrap,
+                        side,
+                        surface,
+                        size,
+                        begin,
+                        end,
+                        first,
+                        R,
+                        p,
+                        x,
+                        node,
+                        seen,
+                        pose,
+                        rotation,
+                        rows,
+                        out,
+                        count,
+                    )
+                else:
+                    count = _wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
+            lengths[f, m] = _length(x, node, count)
+            begin, end = start[m, ARMS], start[m + 1, ARMS]
+            for k in range(begin, end):
+                row[k] = 0.0
+            for b in range(start[m + 1, BODIES] - start[m, BODIES]):
+                for i in range(6):
+                    pull[b, i] = 0.0
+            _pulls(point, moving, moved, R, x, node, pull, count, begin, row)
+            _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
+            for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
+                k, own = follow[q, 0], row[begin + follow[q, 1]]
+                for i in range(2):
+                    if follow[q, 2 + i] >= 0:
+                        row[begin + follow[q, 2 + i]] += slopes[k, i] * own
+            speed = 0.0
+            for k in range(begin, end):
+                if arm[k, 1] == 1:
+                    speed -= row[k] * speeds[arm[k, 0]]
+            velocities[f, m] = speed
 
 
 @inner
@@ -199,7 +223,7 @@ def _place_objects(rows, poses, R, p, placed):
             placed[k, 9 + i] = x
 
 
-@inlined
+@inner
 def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
     """Put a muscle's active points in the chain; returns how many."""
     count = 0
@@ -270,7 +294,7 @@ def _without(x, node, count, wrap):
     return count
 
 
-@inlined
+@inner
 def _tendon_nodes(
     wrap, wrap_side, surface, size, start, stop, points, R, p, x, node, seen, pose, rotation, rows, out, count
 ):
@@ -300,7 +324,7 @@ def _tendon_nodes(
     return count
 
 
-@inlined
+@inner
 def _wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns, pose, count):
     """Wrap the chain in the way of OpenSim: surface after surface, until the length settles."""
     wraps = stop - start
@@ -442,7 +466,7 @@ def _length(x, node, count):
     return total
 
 
-@inlined
+@inner
 def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
     """Add force and moment of unit tension to each body of the muscle; what moves points goes into `arms`."""
     for n in range(count - 1):
@@ -486,7 +510,7 @@ def _work(moving, moved, v, R, b, f0, f1, f2, arm, arms):
             arms[arm + moving[v, 6 + i]] += moved[v, 3 + i] * share
 
 
-@inlined
+@inner
 def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
     """Add what the forces do along the axes that lie between the muscle's bodies."""
     for q in range(start, stop):

@@ -8,11 +8,8 @@ from numba import njit
 
 EPSILON = 2.220446049250313e-16
 
-inner = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner = njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 """Decorator of kernels that only kernels call: half as long to compile, but Python would crash on a call."""
-
-inlined = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
-"""As `inner`, for kernels that take whole bundles of arrays, which are slow to hand over."""
 
 
 @inner
