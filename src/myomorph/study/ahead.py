@@ -57,9 +57,9 @@ def compile_ahead(steps: Sequence[str]) -> Ahead:
 
 def cached() -> bool:
     """Whether an earlier command has left the muscle kernels in Numba's cache."""
-    from myomorph.muscles import path
+    from myomorph.muscles.path_kernels import path_frames
 
-    return any(Path(path._frames.stats.cache_path).glob("path._frames*.nbi"))
+    return any(Path(path_frames.stats.cache_path).glob("path_kernels.path_frames*.nbi"))
 
 
 def two_links() -> Model:
