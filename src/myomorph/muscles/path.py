@@ -2,7 +2,7 @@
 
 A muscle's path is a taut string through points and around surfaces. Its moment arm about a
 coordinate is the generalized force of unit tension along the path, r = -dl/dq. Two kinds of path are
-known: OpenSim's (`path_kernels._wrapped_nodes`) and MuJoCo's (`path_kernels._tendon_nodes`, which
+known: OpenSim's (`path_chain.wrapped_nodes`) and MuJoCo's (`path_chain.tendon_nodes`, which
 calls `wrap_tendon`); a path takes the second where its wraps are `TendonWrap`.
 
 Most coordinates cannot move most muscles, so moment arms are kept for the structural pattern only:
