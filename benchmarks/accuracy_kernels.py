@@ -12,7 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Motion
+from myomorph.motion.filters import natural_spline
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -62,47 +64,60 @@ def measure() -> Iterator[dict[str, object]]:
 
 
 def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
-    """Rate of energy of a swinging leg against the power of the torques, OpenSim's and ours."""
+    """Power of inverse dynamics against the rate of energy in a real walk, OpenSim's torques and ours.
+
+    No external loads: they would add the same to both. OpenSim computes the energy.
+    """
     import opensim
 
     opensim.Logger.setLevelString("Off")
     path = folder / "rajagopal-walk-emg/subject_walk_scaled.osim"
+    model = read_model(path)
+    given = motion_from_table(read_sto(folder / "rajagopal-walk-emg/coordinates.sto"), model)
+    values = compile_tree(model).coordinates_of(given)
+    spline = natural_spline(given.time, values)
     theirs = opensim.Model(str(path))
     theirs.updForceSet().clearAndDestroy()
     state = theirs.initSystem()
     solver = opensim.InverseDynamicsSolver(theirs)
     coordinates = theirs.getCoordinateSet()
-    names = [coordinates.get(i).getName() for i in range(coordinates.getSize())]
+    names = model.coordinate_names
     for i, name in enumerate(names):
         coordinates.get(name).setLocked(state, False)
         coordinates.get(name).setSpeedValue(state, i + 1.0)
-    speeds = state.getU()
-    place = {names[round(speeds[i]) - 1]: i for i in range(len(names))}
-    rates = {"knee_angle_r": 3.0, "hip_flexion_r": 2.0}
-    start = {"knee_angle_r": 0.9, "hip_flexion_r": 0.0}
+    order = [round(speed) - 1 for speed in state.getU().to_numpy()]
+
+    def place(time: float) -> None:
+        q, v = spline(time), spline.derivative()(time)
+        for i, name in enumerate(names):
+            coordinates.get(name).setValue(state, float(q[i]), False)
+            coordinates.get(name).setSpeedValue(state, float(v[i]))
+        theirs.realizeVelocity(state)
 
     def energy(time: float) -> float:
-        for name in names:
-            coordinates.get(name).setValue(state, start.get(name, 0.0) + rates.get(name, 0.0) * time, False)
-            coordinates.get(name).setSpeedValue(state, rates.get(name, 0.0))
-        theirs.realizeVelocity(state)
+        place(time)
         return float(theirs.calcKineticEnergy(state) + theirs.calcPotentialEnergy(state))
 
-    h = 1e-4
-    rate = (energy(-2 * h) - 8 * energy(-h) + 8 * energy(h) - energy(2 * h)) / (12 * h)
-    energy(0.0)
-    torque = solver.solve(state, opensim.Vector(len(names), 0.0))
-    power = sum(speed * torque[place[name]] for name, speed in rates.items())
-    model = replace(read_model(path), couplers=())
-    q, v = np.zeros((1, len(names))), np.zeros((1, len(names)))
-    for name, speed in rates.items():
-        q[0, model.coordinate_names.index(name)] = start[name]
-        v[0, model.coordinate_names.index(name)] = speed
-    tau = inverse_dynamics(model, Motion(np.zeros(1), model.coordinate_names, q, v, np.zeros_like(q)))
-    ours = sum(speed * tau[name][0] for name, speed in rates.items())
-    yield {"quantity": "rate of OpenSim's own kinetic and potential energy [W]", "value": f"{rate:.6f}"}
-    yield {"quantity": "power of OpenSim's torques [W]", "value": f"{power:.6f}"}
-    yield {"quantity": "power of ours [W]", "value": f"{ours:.6f}"}
+    times = given.time[100:-100:50]
+    moving = Motion(times, names, spline(times), spline.derivative()(times), spline.derivative(2)(times))
+    # Without couplers each coordinate keeps the derivatives that OpenSim is given.
+    tau = inverse_dynamics(replace(model, couplers=()), moving)
+    h, off_theirs, off_ours, apart = 1e-4, [], [], []
+    for frame, time in enumerate(times):
+        rate = (energy(time - 2 * h) - 8 * energy(time - h) + 8 * energy(time + h) - energy(time + 2 * h)) / (12 * h)
+        place(time)
+        found = solver.solve(state, opensim.Vector.createFromMat(moving.accelerations[frame][order]))
+        torques = np.empty(len(names))
+        torques[order] = found.to_numpy()
+        off_theirs.append(torques @ moving.velocities[frame] - rate)
+        off_ours.append(tau.values[frame] @ moving.velocities[frame] - rate)
+        apart.append(np.abs(torques - tau.values[frame]).max())
+    yield {
+        "frames": len(times),
+        "OpenSim's power minus its rate of energy, RMS [W]": float(np.sqrt(np.mean(np.square(off_theirs)))),
+        "our power minus OpenSim's rate of energy, RMS [W]": float(np.sqrt(np.mean(np.square(off_ours)))),
+        "largest difference of a generalized force [N m, N]": float(np.max(apart)),
+    }
 
 
 def measure_tendons(poses: int = 20) -> Iterator[dict[str, object]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,11 +13,11 @@ from benchmarks import opensim_tools
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, ForceCase, MarkerCase
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
-from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
 from myomorph.io.tasks import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion
+from myomorph.model.series import Markers, Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
@@ -97,26 +98,36 @@ def markers_at(markers: Markers, at: np.ndarray) -> Markers:
     return Markers(at, markers.names, markers.values[index])
 
 
+def written_whole(model: Model, motion: Motion, folder: Path) -> tuple[Motion, Path]:
+    """The motion with every coordinate, and a file of it: OpenSim's tools overlook columns named as states."""
+    whole = Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
+    path = folder / "motion.mot"
+    write_sto(table_from_motion(whole, model), path)
+    return whole, path
+
+
 def measure_inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
     """Largest RMS difference of a coordinate relative to its range, and milliseconds a frame."""
     model = read_model(folder / case.model)
-    motion = motion_from_table(read_sto(folder / case.motion), model)
+    given = motion_from_table(read_sto(folder / case.motion), model)
     loads = folder / case.loads if case.loads else None
 
-    def chain() -> np.ndarray:
+    def chain() -> Series:
         differentiated = cut(differentiate(motion), case.start, case.end)
         wrenches = None
         if loads is not None:
             wrenches = resample_wrenches(read_external_loads(loads), differentiated.time)
         return inverse_dynamics(model, differentiated, wrenches)
 
-    chain()
-    began = time.perf_counter()
-    ours = chain()
-    seconds = time.perf_counter() - began
-    theirs = opensim_tools.inverse_dynamics(
-        folder / case.model, folder / case.motion, loads, float(ours.time[0]), float(ours.time[-1])
-    )
+    with tempfile.TemporaryDirectory() as work:
+        motion, motion_path = written_whole(model, given, Path(work))
+        chain()
+        began = time.perf_counter()
+        ours = chain()
+        seconds = time.perf_counter() - began
+        theirs = opensim_tools.inverse_dynamics(
+            folder / case.model, motion_path, loads, float(ours.time[0]), float(ours.time[-1])
+        )
     index = np.abs(ours.time[:, None] - theirs.time[None]).argmin(axis=0)
     worst, worst_name = 0.0, ""
     for j, label in enumerate(theirs.names):

@@ -11,6 +11,7 @@ import numpy as np
 import opensim
 
 from benchmarks import accuracy_tension, opensim_static, opensim_tools
+from benchmarks.accuracy_kinematics import written_whole
 from benchmarks.cases import data_folder
 from benchmarks.timing import alternate, compared
 from myomorph.io.loads import read_external_loads, read_load_entries
@@ -94,27 +95,28 @@ def inverse_dynamics_row(name: str, model_path: Path, motion_path: Path, loads: 
     Neither program's time counts the reading of the two tables: OpenSim's is measured and taken off.
     """
     model = read_model(model_path)
-    motion = motion_from_table(read_sto(motion_path), model)
     wrenches = read_external_loads(loads)
-    tables = [motion_path, read_load_entries(loads)[0].data]
     taken: list[float] = []
     frames: list[int] = []
+    with tempfile.TemporaryDirectory() as work:
+        motion, whole = written_whole(model, motion_from_table(read_sto(motion_path), model), Path(work))
+        tables = [whole, read_load_entries(loads)[0].data]
 
-    def ours() -> None:
-        moving = differentiate(motion)
-        inverse_dynamics(model, moving, resample_wrenches(wrenches, moving.time))
+        def ours() -> None:
+            moving = differentiate(motion)
+            inverse_dynamics(model, moving, resample_wrenches(wrenches, moving.time))
 
-    def theirs() -> None:
-        result = opensim_tools.inverse_dynamics(
-            model_path, motion_path, loads, float(motion.time[0]), float(motion.time[-1])
-        )
-        began = time.perf_counter()
-        for table in tables:
-            opensim.Storage(str(table))
-        taken.append(result.seconds - (time.perf_counter() - began))
-        frames.append(len(result.time))
+        def theirs() -> None:
+            result = opensim_tools.inverse_dynamics(
+                model_path, whole, loads, float(motion.time[0]), float(motion.time[-1])
+            )
+            began = time.perf_counter()
+            for table in tables:
+                opensim.Storage(str(table))
+            taken.append(result.seconds - (time.perf_counter() - began))
+            frames.append(len(result.time))
 
-    seconds = alternate({"ours": ours, "OpenSim": theirs}, rounds=3)
+        seconds = alternate({"ours": ours, "OpenSim": theirs}, rounds=3)
     seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("inverse dynamics", name, len(motion), seconds, frames[-1])
 
