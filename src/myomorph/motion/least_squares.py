@@ -7,7 +7,7 @@ from numba import njit
 
 from myomorph.motion.marker_cost import marker_cost, marker_distances, mean_curvature, new_work, normal_equations
 from myomorph.rigid.kinematics import body_poses, couple
-from myomorph.rigid.small import in_place
+from myomorph.rigid.vectors import in_place
 
 
 @njit(cache=True, nogil=True)

@@ -10,8 +10,8 @@ from numba import njit
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
 from myomorph.rigid.kinematics import body_poses
-from myomorph.rigid.small import in_place
 from myomorph.rigid.tree import ROTATION
+from myomorph.rigid.vectors import in_place
 
 
 class MarkerArrays(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from myomorph.muscles.vectors import dot, inner
+from myomorph.rigid.vectors import dot, inner
 
 ROUNDING = 2e-13
 SMALL = 1e-9

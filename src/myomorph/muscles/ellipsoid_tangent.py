@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.muscles.vectors import dot, inner, minus, unit
+from myomorph.rigid.vectors import dot, inner, minus, unit
 
 SMALL = 1e-8
 MOST_STEPS = 50

@@ -29,12 +29,12 @@ from myomorph.muscles.path_arrays import (
     SIDE,
     SIDE_BODY,
 )
-from myomorph.muscles.vectors import inner
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder
 from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.muscles.wrap_sphere import wrap_sphere
 from myomorph.muscles.wrap_tendon import wrap_tendon
 from myomorph.muscles.wrap_torus import wrap_torus
+from myomorph.rigid.vectors import inner
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)

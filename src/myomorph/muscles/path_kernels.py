@@ -46,9 +46,9 @@ from myomorph.muscles.path_chain import (
     tendon_nodes,
     wrapped_nodes,
 )
-from myomorph.muscles.vectors import inner
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.kinematics import body_poses, couple
+from myomorph.rigid.vectors import inner
 
 COINCIDENT = 1e-14
 SLACK = 1e-5

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from myomorph.muscles.vectors import along, dot, inner, minus, sign, unit
 from myomorph.muscles.wrap_cylinder import NO_WRAP, WRAPPED, wrap_cylinder
+from myomorph.rigid.vectors import along, dot, inner, minus, sign, unit
 
 CYLINDER_LENGTH = 10000.0
 STEP = 1e-5

@@ -12,7 +12,8 @@ from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import body_poses, body_rates, carried, couple_rates_frames
-from myomorph.rigid.small import (
+from myomorph.rigid.tree import ROTATION, Tree, compile_tree
+from myomorph.rigid.vectors import (
     along,
     cross,
     dot,
@@ -25,7 +26,6 @@ from myomorph.rigid.small import (
     turned_back,
     vector,
 )
-from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
 
 def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = None) -> Series:

@@ -10,7 +10,8 @@ from numba import njit
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.small import (
+from myomorph.rigid.tree import ROTATION, Tree
+from myomorph.rigid.vectors import (
     about,
     along,
     cross,
@@ -24,7 +25,6 @@ from myomorph.rigid.small import (
     turned,
     vector,
 )
-from myomorph.rigid.tree import ROTATION, Tree
 
 
 @njit(cache=True, nogil=True)

@@ -31,6 +31,11 @@ class Ahead:
     def __init__(self, child: subprocess.Popen[bytes] | None) -> None:
         self._child = child
 
+    @property
+    def works(self) -> bool:
+        """Whether the child still compiles."""
+        return self._child is not None and self._child.poll() is None
+
     def wait(self, step: str) -> None:
         """Return when the kernels of a step are compiled (or the child has failed: then they compile here)."""
         if self._child is not None and step in MUSCLE_STEPS:
@@ -77,6 +82,27 @@ def two_links() -> Model:
     muscle = Muscle("muscle", "Millard2012EquilibriumMuscle", MusclePath(points), 100.0, 0.3, 0.3)
     coordinates = tuple(Coordinate(f"{body.name}_angle") for body in bodies)
     return Model("two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=(muscle,))
+
+
+def compile_motion() -> None:
+    """Run every kernel of inverse kinematics and dynamics once."""
+    from myomorph.motion.ik import inverse_kinematics
+    from myomorph.rigid.dynamics import inverse_dynamics
+    from myomorph.rigid.kinematics import forward_kinematics
+    from myomorph.rigid.tree import compile_tree
+
+    bare = two_links()
+    places = ((0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.1))
+    marked = [Marker(f"{body.name}_{i}", body.name, np.array(at)) for body in bare.bodies for i, at in enumerate(places)]
+    model = bare.with_markers(tuple(marked))
+    tree = compile_tree(model)
+    time = np.linspace(0.0, 0.07, 8)
+    motion = Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time]))
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_index[one.body] for one in marked])
+    seen = poses.points(bodies, np.array([one.location for one in marked]))
+    found = inverse_kinematics(model, Markers(time, model.marker_names, seen)).motion
+    inverse_dynamics(model, differentiate(found))
 
 
 def compile_muscles() -> None:

@@ -6,7 +6,9 @@ import math
 
 from numba import njit
 
-inner = njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+EPSILON = 2.220446049250313e-16
+
+inner = njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 """Decorator of kernels that only kernels call: less to compile, but Python would crash on a call."""
 
 in_place = njit(cache=True, nogil=True, inline="always")
@@ -71,6 +73,33 @@ def cross(x, y):
 def dot(x, y):
     """Scalar product."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@inner
+def norm(x):
+    """Euclidean length."""
+    return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@inner
+def unit(x):
+    """The vector of length 1, or zeros where `x` is shorter than the rounding error."""
+    length = norm(x)
+    if length >= EPSILON:
+        return x[0] / length, x[1] / length, x[2] / length
+    return 0.0, 0.0, 0.0
+
+
+@inner
+def sign(x):
+    """1 for a number x >= 0, else -1 (also for NaN)."""
+    return 1 if x >= 0.0 else -1
+
+
+@inner
+def replaced(x, i, value):
+    """The vector with `value` as component i."""
+    return value if i == 0 else x[0], value if i == 1 else x[1], value if i == 2 else x[2]
 
 
 @inner
