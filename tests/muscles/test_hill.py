@@ -31,6 +31,20 @@ def sliding_model(*muscles: Muscle) -> Model:
     return Model("sliding", (body,), (joint,), (Coordinate("x", "translational"),), np.zeros(3), muscles=muscles)
 
 
+CLASS_DEFAULTS = {
+    "Thelen2003Muscle": {
+        "max_contraction_velocity": 10.0,
+        "FmaxTendonStrain": 0.04,
+        "FmaxMuscleStrain": 0.6,
+        "KshapeActive": 0.45,
+        "KshapePassive": 5.0,
+        "Af": 0.25,
+        "Flen": 1.4,
+    },
+}
+"""What OpenSim's classes begin with, where files of the collection have defaults of their own."""
+
+
 def muscle(kind: str, pennation: float = 0.0, **parameters: float) -> Muscle:
     """A muscle of the class at its default parameters but for those given."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
@@ -54,6 +68,9 @@ def opensim_muscle(kind: str, pennation: float):
     made.set_optimal_fiber_length(SIZES["optimal_fiber_length"])
     made.set_tendon_slack_length(SIZES["tendon_slack_length"])
     made.set_pennation_angle_at_optimal(pennation)
+    # OpenSim keeps the defaults of a file for all that is made in the same process later.
+    for name, value in CLASS_DEFAULTS.get(kind, {}).items():
+        opensim.PropertyHelper.setValueDouble(value, made.updPropertyByName(name))
     if kind.startswith(("Millard2012E", "DeGroote")):
         made.set_ignore_tendon_compliance(True)
         exact = getattr(opensim, kind).safeDownCast(made)
