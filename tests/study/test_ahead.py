@@ -10,11 +10,11 @@ import pytest
 
 USE = """
 from myomorph.study import ahead
-from myomorph.muscles import path
+from myomorph.muscles.path_kernels import path_frames
 assert ahead.cached()
 ahead.compile_muscles()
-assert sum(path._frames.stats.cache_hits.values()) == 1
-assert not path._frames.stats.cache_misses
+assert sum(path_frames.stats.cache_hits.values()) == 1
+assert not path_frames.stats.cache_misses
 """
 
 
