@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.paths import Path as MusclePath
-from myomorph.model.series import Motion
+from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 
@@ -93,7 +93,9 @@ def compile_motion() -> None:
 
     bare = two_links()
     places = ((0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.1))
-    marked = [Marker(f"{body.name}_{i}", body.name, np.array(at)) for body in bare.bodies for i, at in enumerate(places)]
+    marked = [
+        Marker(f"{body.name}_{i}", body.name, np.array(at)) for body in bare.bodies for i, at in enumerate(places)
+    ]
     model = bare.with_markers(tuple(marked))
     tree = compile_tree(model)
     time = np.linspace(0.0, 0.07, 8)

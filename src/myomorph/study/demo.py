@@ -10,6 +10,7 @@ import numpy as np
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.study.ahead import compile_ahead, compile_motion
 from myomorph.study.results import file_source, value_source
 from myomorph.study.run import Outcome, run_take
 from myomorph.study.settings import Differentiation
@@ -27,6 +28,14 @@ def run_demo(name: str, out: Path) -> Outcome:
     UnknownName
         where there is no such demo
     """
+    # Making the recording needs all kernels already: on a new machine both processes compile at once.
+    ahead = compile_ahead(STEPS)
+    try:
+        if ahead.works:
+            compile_motion()
+        ahead.wait("muscles")
+    finally:
+        ahead.stop()
     return run_take(demo_take(name), STEPS, out)
 
 
