@@ -1,15 +1,17 @@
 """The muscle kernels compiled in a second process while the first steps run: once on a new machine.
 
-Compilation takes most of the first command's time and uses one core. The kernels of inverse kinematics
-compile in this process, those of muscles and tension meanwhile in a child, which leaves them in Numba's
-cache on disk.
+Compilation takes most of the first command's time and uses one core. This process compiles inverse
+kinematics, muscle curves and the tension solver; a child meanwhile compiles muscle paths and what is left
+of tension, and leaves it in Numba's cache on disk.
 """
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.paths import Path as MusclePath
-from myomorph.model.series import Markers, Motion
+from myomorph.model.series import Markers, Motion, Series
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 
@@ -41,6 +43,7 @@ class Ahead:
         if self._child is not None and step in MUSCLE_STEPS:
             if self._child.poll() is None:
                 sys.stderr.write("compiling the muscle kernels: once on this machine, up to half a minute\n")
+                compile_forces()
             self._child.wait()
             self._child = None
 
@@ -84,6 +87,17 @@ def two_links() -> Model:
     return Model("two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=(muscle,))
 
 
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Keep the garbage collector out: the compiler makes millions of objects and frees few."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+@uncollected()
 def compile_motion() -> None:
     """Run every kernel of inverse kinematics and dynamics once."""
     from myomorph.motion.ik import inverse_kinematics
@@ -107,10 +121,20 @@ def compile_motion() -> None:
     inverse_dynamics(model, differentiate(found))
 
 
+@uncollected()
+def compile_forces() -> None:
+    """Run the muscle curves and the tension solver once, which need no paths."""
+    from myomorph.muscles.hill import hill_forces
+    from myomorph.tension.terms import balance, effort, program, solve_program
+
+    hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
+    solve_program(program([effort(np.ones(2))], [balance(np.ones((1, 2)), np.ones(1))]))
+
+
+@uncollected()
 def compile_muscles() -> None:
-    """Run every muscle and tension kernel once."""
+    """Run every muscle and tension kernel once, paths first."""
     from myomorph.muscles.path import muscle_kinematics
-    from myomorph.rigid.dynamics import inverse_dynamics
     from myomorph.tension.solve import solve_tension
 
     model = two_links()
@@ -118,7 +142,8 @@ def compile_muscles() -> None:
     time = np.linspace(0.0, 0.07, 8)
     motion = differentiate(Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time])))
     muscle_kinematics(model, motion)
-    solve_tension(model, motion, inverse_dynamics(model, motion), actuators=(residual,))
+    still = Series(time, model.coordinate_names, np.zeros((len(time), len(model.coordinates))))
+    solve_tension(model, motion, still, actuators=(residual,))
 
 
 if __name__ == "__main__":
