@@ -117,3 +117,10 @@ def test_cut_and_common_time():
         cut(motion, 5.0, 6.0)
     start, end = common_time(motion, wrenches_with_unknown_points())
     assert (start, end) == (0.0, pytest.approx(0.098))
+
+
+def test_forces_of_a_long_recording_do_not_depend_on_its_far_ends():
+    wrenches = wrenches_with_unknown_points(frames=2000)
+    time = np.linspace(2.0, 2.1, 23)
+    whole = natural_spline(wrenches.time, wrenches.forces, degree=3)(time)
+    np.testing.assert_allclose(resample_wrenches(wrenches, time).forces, whole, atol=1e-12)
