@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.series import Event, Series, Wrenches
+from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
-from myomorph.report.selection import split_side
 
 _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
 

@@ -11,10 +11,10 @@ from myomorph.model.functions import Function
 from myomorph.model.model import GROUND, Model
 from myomorph.model.paths import MovingPathPoint, Muscle
 from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.centroid import up_axis
-from myomorph.report.selection import split_side
 from myomorph.report.shapes import primitive, sticks
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.model import GROUND, Model
+from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 
 Indices = NDArray[np.int64]
 SIDES = ("right", "left", "")
-_SIDE_SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
-_SIDE_PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
-_SIDE_LETTER = re.compile(r"^(.*__)?([RL])([A-Z][a-z].*)$")
 
 MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Gluteus maximus", r"gl(ut)?_?max(imus)?[\d_]*"),
@@ -74,20 +72,6 @@ COORDINATE_ORDER: tuple[str, ...] = (
     "pro_sup",
 )
 """Coordinates shown first where a model has them; the others follow by how far they move."""
-
-
-def split_side(name: str) -> tuple[str, str]:
-    """Name without its side, and the side: `("hip_flexion", "right")` for `hip_flexion_r`."""
-    found = _SIDE_SUFFIX.match(name)
-    if found:
-        return found[1], "right" if found[2][0] in "rR" else "left"
-    found = _SIDE_PREFIX.match(name)
-    if found:
-        return found[2], "right" if found[1][0] in "rR" else "left"
-    found = _SIDE_LETTER.match(name)
-    if found:
-        return (found[1] or "") + found[3], "right" if found[2] == "R" else "left"
-    return name, ""
 
 
 @dataclass(frozen=True)

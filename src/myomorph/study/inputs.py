@@ -277,7 +277,8 @@ def muscles_of_channels(channels: Sequence[str], model: Model) -> dict[str, tupl
     "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the
     model calls it; "soleus" without a side is not claimed to be either.
     """
-    from myomorph.report.selection import MAJOR_MUSCLES, split_side
+    from myomorph.model.sides import split_side
+    from myomorph.report.selection import MAJOR_MUSCLES
 
     sided = {name: split_side(name) for name in model.muscle_names}
     found: dict[str, tuple[str, ...]] = {}

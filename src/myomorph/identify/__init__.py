@@ -1,0 +1,1 @@
+"""Inertial parameters of the links from motion, forces and body shape."""

@@ -1,0 +1,136 @@
+"""Mass points in a body, and the links they belong to, in the one pose in which skin and skeleton match."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """The bodies of a model in one pose, in ground.
+
+    Attributes
+    ----------
+    names : of the bodies, in the model's order
+    rotations, origins : (links, 3, 3), (links, 3) of the bodies' frames [m]
+    centers : (links, 3) mass centers of the model that mass points are for [m]
+    bones : (bones, 2, 3) straight pieces between joint centers (and to mass centers and markers at the
+        ends of limbs), for distances to a bone [m]
+    bone_links : (bones,) link of each
+    """
+
+    names: tuple[str, ...]
+    rotations: Array
+    origins: Array
+    centers: Array
+    bones: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    bone_links: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class MassPoints:
+    """Points that a body's mass is thought to sit in, [D] eq. 3.5-3.9.
+
+    Attributes
+    ----------
+    points : (points, 3) in ground [m]
+    reference : (points,) masses before anything is identified, rho_ref [kg]
+    weights : (points, links) share of each point in each link, w_ij; rows sum to 1
+    links : the links in the same pose
+    spacing : of the grid [m]
+    source : what the points fill, in words: the user's skin, a statistical shape, envelopes
+    """
+
+    points: Array
+    reference: Array
+    weights: sparse.csr_array
+    links: Links
+    spacing: float
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen_array(self.points, (-1, 3)))
+        object.__setattr__(self, "reference", frozen_array(self.reference, (len(self.points),)))
+        if self.weights.shape != (len(self.points), len(self.links.names)):
+            raise BadData(
+                f"expected weights ({len(self.points)}, {len(self.links.names)}), but got {self.weights.shape}"
+            )
+
+    @cached_property
+    def places(self) -> Array:
+        """(links, 10, 10) parameters of a link from the moments 1, x, y, z, xx, yy, zz, yz, zx, xy of its points."""
+        return np.stack([_from_moments(R, p) for R, p in zip(self.links.rotations, self.links.origins, strict=True)])
+
+    def parameters(self, masses: Array) -> Array:
+        """(links, 10) inertial parameters of the links, W rho of eq. 3.5, for point masses (points,) [kg]."""
+        moments = self.weights.T @ (point_moments(self.points) * np.asarray(masses)[:, None])
+        result: Array = np.einsum("lij,lj->li", self.places, moments)
+        return result
+
+
+def point_moments(points: Array) -> Array:
+    """(points, 10) the products 1, x, y, z, xx, yy, zz, yz, zx, xy of each point's coordinates."""
+    x, y, z = np.asarray(points).T
+    return np.stack([np.ones_like(x), x, y, z, x * x, y * y, z * z, y * z, z * x, x * y], axis=1)
+
+
+def _from_moments(rotation: Array, origin: Array) -> Array:
+    """(10, 10): unit mass at x in ground gives the link's parameters `result @ point_moments(x)`, eq. 3.9."""
+    # Coordinates in the link are r = R^T (x - p); as polynomials in x each r_a is `linear[a] . (1, x, y, z)`.
+    linear = np.hstack([-(rotation.T @ origin)[:, None], rotation.T])
+    pairs = ((1, 1), (2, 2), (3, 3), (2, 3), (3, 1), (1, 2))
+
+    def product(a: int, b: int) -> Array:
+        square = np.outer(linear[a], linear[b])
+        square = square + square.T
+        quadratic = [square[i, j] * (0.5 if i == j else 1.0) for i, j in pairs]
+        return np.concatenate([[0.5 * square[0, 0]], square[0, 1:], quadratic])
+
+    second = {(a, b): product(a, b) for a in range(3) for b in range(a, 3)}
+    xx, yy, zz = second[0, 0], second[1, 1], second[2, 2]
+    first = np.hstack([linear, np.zeros((3, 6))])
+    rows = [np.eye(10)[0], *first, yy + zz, zz + xx, xx + yy, -second[1, 2], -second[0, 2], -second[0, 1]]
+    return np.stack(rows)
+
+
+def links_of(model: Model, pose: Motion) -> Links:
+    """The model's bodies in the first frame of a motion, with bones from joint center to joint center.
+
+    A link's bones go from its own joint to the joints of its children; a link without children has one
+    from its joint through its mass center, as far again beyond it.
+    """
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
+    rotations, origins = poses.rotations[0, 1:], poses.origins[0, 1:]
+    number = {name: i for i, name in enumerate(model.body_names)}
+    centers = np.array([origins[i] + rotations[i] @ body.mass_center for i, body in enumerate(model.bodies)]).reshape(
+        -1, 3
+    )
+    joints = {}
+    for joint in model.joints:
+        i = number[joint.child]
+        joints[joint.child] = origins[i] + rotations[i] @ joint.child_frame.translation
+    pieces: list[tuple[int, Array, Array]] = []
+    for i, name in enumerate(model.body_names):
+        ends = [joints[joint.child] for joint in model.joints if joint.parent == name]
+        ends = ends or [2.0 * centers[i] - joints[name]]
+        pieces += [(i, joints[name], end) for end in ends]
+    return Links(
+        names=model.body_names,
+        rotations=frozen_array(rotations),
+        origins=frozen_array(origins),
+        centers=frozen_array(centers),
+        bones=frozen_array(np.array([(start, end) for _, start, end in pieces]).reshape(-1, 2, 3)),
+        bone_links=np.array([i for i, _, _ in pieces], np.int64),
+    )

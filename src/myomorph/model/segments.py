@@ -1,0 +1,84 @@
+"""The anatomical segments that a model's bodies belong to, as tables of segment masses name them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, Model
+from myomorph.model.sides import split_side
+
+SEGMENTS = (
+    "head", "upper_trunk", "lower_trunk", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot",
+)  # fmt: skip
+"""Those of tables 3.4 and 3.5 of [D]; its "body" is the upper and the lower trunk together."""
+
+_PATTERNS = (
+    ("head", r"head|neck|skull|cervical|jaw|mandible|hyoid|^c[1-7]$"),
+    ("hand", r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez|hamate"
+             r"|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan"),
+    ("foot", r"foot|feet|talus|calcn|calcaneus|toe|tars|midfoot|forefoot"),
+    ("shank", r"tibia|shank|fibula|patella|kneecap|lower_?leg"),
+    ("thigh", r"femur|thigh|upper_?leg"),
+    ("lower_arm", r"ulna|radius|fore_?arm|lower_?arm"),
+    ("upper_arm", r"humer|hum?phant|upper_?arm"),
+    ("lower_trunk", r"pelvis|sacrum|lumbar|abd(omen)?(_|$)|hips?$|ilium|coccyx|^l[1-5]$|full.body"),
+    ("upper_trunk", r"torso|trunk|thora|rib|sternum|clav|scap|chest|spine|back|shoulder|^t(1[0-2]?|[2-9])$"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of the body: one of `SEGMENTS`, and its side ("right", "left", or "" in the middle)."""
+
+    name: str
+    side: str = ""
+
+
+def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
+    """The segment of every body of a human model, by the bodies' names.
+
+    A body whose name tells nothing (a massless one between two joints) belongs with its parent; one on
+    the ground, with its child.
+
+    Parameters
+    ----------
+    given : segments that go before the names
+
+    Raises
+    ------
+    UnknownName : a segment is given for a body that the model does not have
+    BadData : no body's name tells a segment, or a given segment is none of `SEGMENTS`
+    """
+    found: dict[str, Segment] = {}
+    for body, segment in (given or {}).items():
+        if body not in model.body_names:
+            raise UnknownName("body", body, model.body_names)
+        if segment.name not in SEGMENTS:
+            raise UnknownName("segment", segment.name, SEGMENTS, "the table of segments")
+        found[body] = segment
+    parents = {joint.child: joint.parent for joint in model.joints}
+    for body in model.body_names:
+        named = found.get(body) or _by_name(body)
+        if named is None and parents[body] in found:
+            named = found[parents[body]]
+        if named is not None:
+            found[body] = named
+    if not found:
+        raise BadData(f"no body of model '{model.name}' is named like a segment of the human body: {model.body_names}")
+    for body in reversed(model.body_names):
+        if body in found and parents[body] not in (GROUND, *found):
+            found[parents[body]] = found[body]
+    return MappingProxyType({body: found.get(body, Segment("lower_trunk")) for body in model.body_names})
+
+
+def _by_name(body: str) -> Segment | None:
+    base, side = split_side(body.rsplit("__", 1)[-1])
+    for segment, pattern in _PATTERNS:
+        if re.search(pattern, base, re.IGNORECASE):
+            trunk = segment in ("head", "upper_trunk", "lower_trunk")
+            return Segment(segment, "" if trunk else side)
+    return None

@@ -1,0 +1,50 @@
+"""Right and left, as names tell them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+_SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
+_PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
+_LETTER = re.compile(r"^(.*__)?([RL])([A-Z][a-z].*)$")
+_OTHER = {"right": "left", "left": "right"}
+_OTHER_LETTER = {"R": "L", "L": "R", "r": "l", "l": "r"}
+
+
+def split_side(name: str) -> tuple[str, str]:
+    """Name without its side, and the side: `("hip_flexion", "right")` for `hip_flexion_r`."""
+    for pattern, base, side in ((_SUFFIX, 1, 2), (_PREFIX, 2, 1)):
+        found = pattern.match(name)
+        if found:
+            return found[base], "right" if found[side][0] in "rR" else "left"
+    found = _LETTER.match(name)
+    if found:
+        return (found[1] or "") + found[3], "right" if found[2] == "R" else "left"
+    return name, ""
+
+
+def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
+    """Each name that has a counterpart on the other side, and that counterpart.
+
+    Names are those of bodies, joints, coordinates or markers: `femur_r` and `femur_l`, `RASI` and
+    `LASI`, `Abd_R_L1` and `Abd_L_L1`.
+    """
+    given = tuple(names)
+    sided = {split_side(name): name for name in given}
+    found: dict[str, str] = {}
+    for name in given:
+        base, side = split_side(name)
+        letters = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER]
+        swapped = (name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :] for i in letters if _stands_apart(name, i))
+        candidates = ([sided[base, _OTHER[side]]] if side and (base, _OTHER[side]) in sided else []) + list(swapped)
+        match = next((one for one in candidates if one in sided.values()), "")
+        if match:
+            found[name] = match
+    return MappingProxyType(found)
+
+
+def _stands_apart(name: str, i: int) -> bool:
+    """Whether a letter may tell the side: it begins the name, or stands between underscores or dots."""
+    return i == 0 or (name[i - 1] in "_. -" and (i + 1 == len(name) or name[i + 1] in "_. -"))
