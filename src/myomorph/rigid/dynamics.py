@@ -53,7 +53,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     """
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)
-    bodies, forces, points, torques = _external(tree, motion, wrenches)
+    bodies, forces, points, torques = external_arrays(tree, motion, wrenches)
     tau = np.empty_like(c)
 
     def part(start: int, stop: int) -> None:
@@ -87,7 +87,16 @@ def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
     return c, cdot, cddot
 
 
-def _external(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tuple[Ints, Array, Array, Array]:
+def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tuple[Ints, Array, Array, Array]:
+    """Numbers of the bodies that wrenches act on, forces, points of application and free torques.
+
+    Raises
+    ------
+    BadData
+        where the wrenches' clock is not the motion's
+    UnknownName
+        where a wrench acts on a body that the model does not have
+    """
     if wrenches is None:
         empty = np.zeros((len(motion), 0, 3))
         return np.zeros(0, np.int64), empty, empty, empty
