@@ -1,0 +1,324 @@
+"""A simulated subject whose lengths, marker places and inertial parameters are known, and what a laboratory records.
+
+The generic model becomes a person: bodies stretched segment by segment, markers put a centimeter off,
+every body's mass deformed by a random affine map, which no rigid body's physics can object to. The
+person moves through a motion of closed form; `simulated_engines` tells where the markers are and what
+wrench the plate measures without any of Myomorph's kernels, and noise is laid over both. Synthetic:
+nobody was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from scipy.special import ndtr
+
+from benchmarks.simulated_engines import MARGIN, Engine
+from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_inertial_parameters
+from myomorph.model.model import GROUND, Model
+from myomorph.model.scale import scale
+from myomorph.model.segments import segments_of
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.spatial import Array
+
+LEAST_EXTENT = 1e-3
+"""Of a body's mass along each axis, root mean square [m]."""
+
+
+@dataclass(frozen=True)
+class SubjectOptions:
+    """How far the person is from the generic model.
+
+    Attributes
+    ----------
+    length : largest relative change of a segment's size, the same on both sides
+    asymmetry : largest relative difference that each side adds
+    marker_shift : standard deviation of a marker's place, along each axis [m]
+    mass, center, shape : largest relative change of a body's mass; shift of its mass center in parts of
+        its radius of gyration; relative change of its extent along and across its axes
+    seed : of all of them
+    """
+
+    length: float = 0.08
+    asymmetry: float = 0.01
+    marker_shift: float = 0.006
+    mass: float = 0.2
+    center: float = 0.15
+    shape: float = 0.1
+    seed: int = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A person, and the model that stands for the person before anything is measured.
+
+    Attributes
+    ----------
+    generic : the model given to calibration and identification
+    person : the truth: its lengths, markers and inertial parameters
+    factors : by which each body was stretched
+    """
+
+    generic: Model
+    person: Model
+    factors: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """How badly the laboratory measures.
+
+    Attributes
+    ----------
+    rate : of markers and plate [Hz]
+    marker : standard deviation of each marker coordinate's white noise [m]
+    force : standard deviation of each force component's white noise [N]
+    sensors : half distances of the plate's four sensors along x and y of its top [m]. A force noise of
+        0.5 N is 0.25 N in each sensor; the moments' noise about the plate's center follows by the lever
+        arms, 0.5 N times (b, a) about the axes in the top and 0.5 N sqrt(a^2 + b^2) about the upright one
+    seed : of the noise
+    """
+
+    rate: float = 200.0
+    marker: float = 0.3e-3
+    force: float = 0.5
+    sensors: tuple[float, float] = (0.20, 0.12)
+    seed: int = 5
+
+    def sigma(self, up: Array) -> Array:
+        """(6,) standard deviations of the wrench's noise: moments about the plate's center, then forces."""
+        across, along = self.sensors[::-1]
+        lever = np.where(np.abs(up) > 0.5, np.hypot(along, across), 0.0)
+        lever[np.flatnonzero(np.abs(up) < 0.5)] = across, along
+        return np.concatenate([self.force * lever, np.full(3, self.force)])
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One simulated trial.
+
+    Attributes
+    ----------
+    motion : the true one, with derivatives of its closed form
+    markers, exact_markers : with and without noise
+    wrench, exact_wrench : (frames, 6) moment about `center` and force on the person, in ground [N m; N]
+    center : (3,) of the plate's top, in ground [m]
+    sigma : (6,) of the wrench's noise
+    wrenches : the noisy wrench on one foot, as loads are given to the steps
+    """
+
+    motion: Motion
+    markers: Markers
+    exact_markers: Array
+    wrench: Array
+    exact_wrench: Array
+    center: Array
+    sigma: Array
+    wrenches: Wrenches
+
+
+def random_subject(generic: Model, options: SubjectOptions | None = None) -> Subject:
+    """A person of other lengths, marker places and inertial parameters than the generic model's."""
+    options = options or SubjectOptions()
+    random = np.random.default_rng(options.seed)
+    segments = segments_of(generic)
+    sizes: dict[str, float] = {}
+    factors = {}
+    for body, segment in segments.items():
+        common = sizes.setdefault(segment.name, 1.0 + options.length * random.uniform(-1.0, 1.0))
+        own = sizes.setdefault(segment.name + segment.side, 1.0 + options.asymmetry * random.uniform(-1.0, 1.0))
+        factors[body] = common * (own if segment.side else 1.0)
+    grown = scale(generic, {body: (factor,) * 3 for body, factor in factors.items()}, inertia="affine")
+    markers = tuple(
+        replace(one, location=one.location + options.marker_shift * random.standard_normal(3)) for one in grown.markers
+    )
+    table = np.array([deformed(row, options, random) for row in inertial_parameters(grown)])
+    return Subject(generic, with_inertial_parameters(grown.with_markers(markers), table), MappingProxyType(factors))
+
+
+def deformed(parameters: Array, options: SubjectOptions, random: np.random.Generator) -> Array:
+    """Parameters (10,) of a body whose mass was moved by an affine map x -> A x + t, and scaled.
+
+    Whatever positive masses the body was made of, they are so afterwards: J -> k T J T^T for the
+    pseudo-inertia J.
+    """
+    J = pseudo_inertias(parameters)
+    mass = J[3, 3]
+    if mass == 0.0:
+        return parameters
+    center = J[:3, 3] / mass
+    spread = J[:3, :3] - mass * np.outer(center, center)
+    # Some models' small bodies have inertias that no mass has: a person's bodies have at least a millimeter.
+    extent, axes = np.linalg.eigh(spread)
+    spread = (axes * np.maximum(extent, mass * LEAST_EXTENT**2)) @ axes.T
+    stretch = options.shape * random.uniform(-1.0, 1.0, (3, 3))
+    A = np.eye(3) + 0.5 * (stretch + stretch.T)
+    k = 1.0 + options.mass * random.uniform(-1.0, 1.0)
+    size = np.sqrt(np.trace(spread) / mass / 2.0)
+    center = center + options.center * size * random.uniform(-1.0, 1.0, 3)
+    mass, second = k * mass, k * (A @ spread @ A.T + mass * np.outer(center, center))
+    about = np.trace(second) * np.eye(3) - second
+    return np.array([mass, *(mass * center), *np.diag(about), about[1, 2], about[2, 0], about[0, 1]])
+
+
+@dataclass(frozen=True)
+class Amplitudes:
+    """How far coordinates go.
+
+    Attributes
+    ----------
+    share : of a coordinate's range that is used
+    most : furthest from the middle, whatever the range [rad, or m of a sliding joint]
+    root : furthest of the base [m, rad]
+    """
+
+    share: float = 0.7
+    most: tuple[float, float] = (0.7, 0.02)
+    root: tuple[float, float] = (0.10, 0.35)
+
+
+Curves = Callable[[Array], tuple[Array, Array, Array]]
+
+
+def middles_and_reaches(model: Model, amplitudes: Amplitudes | None = None) -> tuple[tuple[str, ...], Array, Array]:
+    """Names, middle and reach of the coordinates that move: neither locked nor driven."""
+    amplitudes = amplitudes or Amplitudes()
+    base = next(joint for joint in model.joints if joint.parent == GROUND)
+    names, middles, reaches = [], [], []
+    for one in model.coordinates:
+        if one.locked or one.name in model.dependent_coordinates:
+            continue
+        slides = one.motion == "translational"
+        if one.name in base.coordinates:
+            middle, reach = one.default, amplitudes.root[0 if slides else 1]
+        else:
+            low, high = one.range
+            most = amplitudes.most[1 if slides else 0]
+            reach = min(amplitudes.share * (high - low) / 2.0, most)
+            middle = float(np.clip(one.default, low + reach, high - reach))
+        names.append(one.name)
+        middles.append(middle)
+        reaches.append(reach)
+    return tuple(names), np.array(middles), np.array(reaches)
+
+
+def exciting_curves(
+    middles: Array, reaches: Array, seed: int = 1, sines: int = 5, band: tuple[float, float] = (0.08, 0.9)
+) -> Curves:
+    """Sums of sines of random frequencies and phases in every coordinate, growing from rest."""
+    random = np.random.default_rng(seed)
+    n = len(middles)
+    omega = 2.0 * np.pi * random.uniform(*band, (sines, n))
+    phase = random.uniform(0.0, 2.0 * np.pi, (sines, n))
+    share = random.uniform(0.5, 1.0, (sines, n))
+    # Five sines seldom meet: together they reach about half of their sum, and never more than the reach.
+    size = reaches * share / share.sum(axis=0)
+
+    def curves(time: Array) -> tuple[Array, Array, Array]:
+        t = time[:, None]
+        swings = [np.zeros((len(time), n)) for _ in range(3)]
+        for a, w, p in zip(size, omega, phase, strict=True):
+            s, c = np.sin(w * t + p), np.cos(w * t + p)
+            swings[0] += a * s
+            swings[1] += a * w * c
+            swings[2] -= a * w * w * s
+        u = t**4
+        rest = np.exp(-u)
+        grow, rise, bend = 1.0 - rest, 4.0 * t**3 * rest, (12.0 * t**2 - 16.0 * t**6) * rest
+        x, v, a = swings
+        return middles + grow * x, grow * v + rise * x, grow * a + 2.0 * rise * v + bend * x
+
+    return curves
+
+
+def step_curves(
+    middles: Array, reaches: Array, duration: float, seed: int = 2, every: float = 1.2, width: float = 0.2
+) -> Curves:
+    """Moves from one random pose to the next: x_0 + sum_k d_k Phi((t - t_k) / width), Phi the normal distribution."""
+    random = np.random.default_rng(seed)
+    at = np.arange(every, duration - every, every)
+    poses = middles + 0.8 * reaches * random.uniform(-1.0, 1.0, (len(at) + 1, len(middles)))
+    moves = np.diff(poses, axis=0)
+
+    def curves(time: Array) -> tuple[Array, Array, Array]:
+        z = (time[:, None] - at) / width
+        bell = np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
+        return poses[0] + ndtr(z) @ moves, bell @ moves / width, (-z * bell) @ moves / width**2
+
+    return curves
+
+
+def record(
+    subject: Subject,
+    engine: Engine,
+    names: tuple[str, ...],
+    curves: Curves,
+    duration: float,
+    instruments: Instruments | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Recording:
+    """What the laboratory records while the person's coordinates follow the curves."""
+    instruments = instruments or Instruments()
+    person = subject.person
+    frames = round(duration * instruments.rate) + 1
+    time = np.arange(-MARGIN, frames + MARGIN) / instruments.rate
+    whole = np.tile([one.default for one in person.coordinates], (len(time), 1))
+    columns = [person.coordinate_names.index(name) for name in names]
+    values, velocities, accelerations = curves(time)
+    whole[:, columns] = values
+    follow(person, whole)
+    center = plate_center(person)
+    places, wrench = engine.measure(whole, instruments.rate, center, progress)
+    span = slice(MARGIN, -MARGIN)
+    motion = Motion(time[span], names, values[span], velocities[span], accelerations[span])
+    random = np.random.default_rng(instruments.seed)
+    sigma = instruments.sigma(person.gravity / np.linalg.norm(person.gravity))
+    noisy = wrench + sigma * random.standard_normal(wrench.shape)
+    markers = places + instruments.marker * random.standard_normal(places.shape)
+    return Recording(
+        motion=motion,
+        markers=Markers(motion.time, person.marker_names, markers),
+        exact_markers=places,
+        wrench=noisy,
+        exact_wrench=wrench,
+        center=center,
+        sigma=sigma,
+        wrenches=on_one_foot(person, motion.time, noisy, center),
+    )
+
+
+def follow(model: Model, values: Array) -> None:
+    """Set the dependent columns of values (frames, coordinates) from those they follow, in place."""
+    waiting = list(model.couplers)
+    while waiting:
+        driven = {one.dependent for one in waiting}
+        for one in [one for one in waiting if not driven & set(one.independents)]:
+            sources = [values[:, model.coordinate_names.index(name)] for name in one.independents]
+            values[:, model.coordinate_names.index(one.dependent)] = one.function(*sources)
+            waiting.remove(one)
+
+
+def plate_center(model: Model) -> Array:
+    """(3,) the point of the floor under the base in its default pose: ground's height 0 is the floor."""
+    base = next(joint for joint in model.joints if joint.parent == GROUND)
+    default = {one.name: one.default for one in model.coordinates}
+    place = np.array(base.parent_frame.translation)
+    for axis in base.axes:
+        if axis.kind == "translation" and axis.coordinates:
+            place = place + axis.vector * default[axis.coordinates[0]]
+    up = -model.gravity / np.linalg.norm(model.gravity)
+    return place - (place @ up) * up
+
+
+def on_one_foot(model: Model, time: Array, wrench: Array, center: Array) -> Wrenches:
+    """The wrench as a force at its center of pressure with an upright free torque, on the right foot."""
+    foot = next(body for body, one in segments_of(model).items() if one.name == "foot" and one.side == "right")
+    up = -model.gravity / np.linalg.norm(model.gravity)
+    moment, force = wrench[:, :3], wrench[:, 3:]
+    arm = np.cross(up, moment) / (force @ up)[:, None]
+    free = moment - np.cross(arm, force)
+    one = [np.asarray(each)[:, None, :] for each in (force, center + arm, free)]
+    return Wrenches(time, ("plate",), (foot,), *one)
