@@ -7,6 +7,7 @@ import pytest
 
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import ForcePlate, Markers, Trial
+from myomorph.motion.measurements import default_markers
 from myomorph.study import inputs
 from myomorph.study.inputs import assigned_wrenches, feet_of, fitted_to, open_emg, open_loads, open_model, open_motion
 
@@ -28,7 +29,7 @@ def test_c3d_with_z_up_is_turned(data):
         kind: np.array([np.nanmean(trial.markers[name][:, axis]) for name in names])
         for kind, trial, axis in (("turned", turned, 1), ("plain", plain, 1))
     }
-    own = inputs.default_markers(model, names)[:, 1]
+    own = default_markers(model, names)[:, 1]
     assert np.corrcoef(height["turned"], own)[0, 1] > 0.99
     assert np.ptp(height["turned"]) == pytest.approx(np.ptp(own), rel=0.15)
 

@@ -91,6 +91,8 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
             from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
 
             tracked_markers(model, markers, InverseKinematicsOptions())
+    from myomorph.motion.measurements import default_markers
+
     own = default_markers(model, shared)
     recorded = markers.values[:, [markers.names.index(name) for name in shared]]
     if not np.isfinite(recorded).all(axis=2).any():
@@ -100,19 +102,6 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
         return trial
     told = "the laboratory's z axis points up: the recording was turned to the model's y axis"
     return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, told))
-
-
-def default_markers(model: Model, names: Sequence[str]) -> Array:
-    """(markers, 3) places of markers in ground in the model's default pose [m]."""
-    from myomorph.rigid.kinematics import forward_kinematics
-    from myomorph.rigid.tree import compile_tree
-
-    tree = compile_tree(model)
-    empty = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    poses = forward_kinematics(tree, tree.coordinates_of(empty))
-    marked = [model.marker(name) for name in names]
-    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
-    return poses.points(bodies, np.array([marker.location for marker in marked]).reshape(-1, 3))[0]
 
 
 def _check_size(source: str, own: Array, recorded: Array) -> None:
