@@ -1,0 +1,346 @@
+"""The mass-point problem of [D] eq. 3.10-3.13: base parameters met by positive masses of points near a reference.
+
+    minimise  W_phi / 2 |b - A phi(rho)|^2 + 1/2 sum_j (rho_j - rho_ref_j)^2 / v_j
+    subject to  rho_j >= eps_j,  sum_j rho_j = mass (where given)
+
+with phi(rho) = W rho, eq. 3.5, and v_j = 1 / W_rho in the paper. The matrix of eq. 3.12 is of low rank
+beside its diagonal. With y = b - A W rho (W_phi = 1) and a multiplier of the mass,
+
+    rho_j(y) = max(eps_j, rho_ref_j + v_j (W^T A^T y)_j)
+
+so bounds and stationarity hold by construction and y alone is left to find: a semismooth Newton on the
+concave dual (Qi and Sun 1993), whose systems I + A W D W^T A^T, D = v_j where a mass is free and 0 on
+its bound, are of the size of the base parameters whatever the number of points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy import linalg
+
+from myomorph.identify.point_sums import PointSums
+from myomorph.identify.points import MassPoints
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+
+
+@dataclass(frozen=True)
+class MassPointOptions:
+    """Settings of `solve_mass_points`.
+
+    Attributes
+    ----------
+    prior : "relative": v_j such that every link's mass has the standard deviation `mass_sd` of itself
+        before anything is measured, whatever the grid (`prior_variances`); "paper": v_j = 1 / W_rho,
+        which counts each point, so a finer grid weighs less against the same measurement
+    mass_sd : relative standard deviation of a link's mass, for (A, b) in units of noise
+    W_phi, W_rho : weights of eq. 3.10; W_rho acts with prior "paper" only
+    floor : least mass of a point, eps_j, as a share of the mean reference mass
+    tolerance : greatest distance of a mass from the optimum, relative to the mean reference mass, and of
+        their sum from the total, for a fit to count as converged
+    iterations : most Newton steps
+    """
+
+    prior: Literal["relative", "paper"] = "relative"
+    mass_sd: float = 0.15
+    W_phi: float = 1.0
+    W_rho: float = 1.0
+    floor: float = 1e-3
+    tolerance: float = 1e-6
+    iterations: int = 100
+
+    def __post_init__(self) -> None:
+        for name in ("mass_sd", "W_phi", "W_rho", "tolerance"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} of the mass-point problem is {getattr(self, name):g}: expected above 0")
+        if self.prior not in ("relative", "paper"):
+            raise BadData(f"unknown prior '{self.prior}': there are 'relative', 'paper'")
+        if not 0.0 < self.floor < 1.0:
+            raise BadData(f"the least mass of a point is {self.floor:g} of the mean: expected between 0 and 1")
+
+
+@dataclass(frozen=True)
+class Optimality:
+    """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold; masses relative to the mean reference.
+
+    Attributes
+    ----------
+    stationarity : greatest |rho_j - rho_ref_j - v_j (W^T A^T (b - A W rho) + multiplier)_j| of free points
+    complementarity : greatest wish of a point on its bound to leave it, by the same formula; 0 if none
+    positivity : greatest bound minus mass; 0 if no mass is below its bound
+    total : |sum rho - mass| / mass, 0 without a given mass
+    distance : bound on the distance of any mass from the optimum of the same total, sqrt(v_j) |b - A W rho - y|
+        with the multipliers y: the duality gap is half that norm squared, and the problem is strongly convex
+    """
+
+    stationarity: float
+    complementarity: float
+    positivity: float
+    total: float
+    distance: float
+
+    @property
+    def worst(self) -> float:
+        """The greatest residual of the four conditions; `distance` bounds what it means for the masses."""
+        return max(self.stationarity, self.complementarity, self.positivity, self.total)
+
+
+@dataclass(frozen=True, eq=False)
+class MassPointFit:
+    """Masses of points, the inertial parameters they make, and the proof that they are the optimum.
+
+    Attributes
+    ----------
+    masses : (points,) rho [kg]
+    parameters : (links, 10) W rho, in [D] order
+    misfit, misfit_before : |b - A phi|^2 of the solution and of the reference masses
+    link_sd : (links,) standard deviation of each link's mass that the prior amounts to [kg]
+    optimality : residuals of the optimality conditions at `masses`
+    on_bound : how many points have the least mass
+    iterations : Newton steps
+    converged : whether the masses are proven to be the optimum within the tolerance
+    """
+
+    masses: Array
+    parameters: Array
+    misfit: float
+    misfit_before: float
+    link_sd: Array
+    optimality: Optimality
+    on_bound: int
+    iterations: int
+    converged: bool
+    options: MassPointOptions = field(repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("masses", "parameters", "link_sd"):
+            getattr(self, name).setflags(write=False)
+
+
+def prior_variances(points: MassPoints, options: MassPointOptions | None = None) -> Array:
+    """(points,) variance v_j of each point's mass before anything is measured [kg^2].
+
+    With "relative", v_j = sd^2 rho_ref_j sum_i w_ij a_i. Points are independent, so the variance of link i's
+    mass is sum_j w_ij^2 v_j; where every point has one link and a_i is the link's mass m_i that is
+    (sd m_i)^2 for any grid, because sum_j rho_ref_j = m_i, and its mass center has the SD sd times the radius
+    of gyration. Where links share points, a_i is found by iteration so that sum_j w_ij^2 v_j = (sd m_i)^2.
+    """
+    options = options or MassPointOptions()
+    if options.prior == "paper":
+        return np.full(len(points.points), 1.0 / options.W_rho)
+    W, reference = points.weights, np.maximum(points.reference, 1e-6 * points.reference.mean())
+    squared = W.copy()
+    squared.data = W.data**2
+    mass = W.T @ reference
+    present = mass > 0.0
+    spread = squared.T @ reference
+    a = np.divide(mass**2, spread, out=np.zeros_like(mass), where=present)
+    for _ in range(20):
+        variance = squared.T @ (reference * (W @ a))
+        change = np.divide(mass**2, variance, out=np.ones_like(mass), where=present)
+        a = a * change
+        if np.abs(change - 1.0).max() < 0.01:
+            break
+    variances: Array = options.mass_sd**2 * reference * (W @ a)
+    return variances
+
+
+def solve_mass_points(
+    points: MassPoints,
+    A: Array,
+    b: Array,
+    *,
+    mass: float | None = None,
+    options: MassPointOptions | None = None,
+) -> MassPointFit:
+    """Positive masses of points that meet measured parameters and stay near their reference, [D] eq. 3.10.
+
+    Parameters
+    ----------
+    points : with weights and reference masses
+    A : (rows, 10 links) what was measured of the parameters, in units of its noise (`BaseFit.rows`); the
+        paper's setting is A = Z and b = phi_B
+    b : (rows,)
+    mass : total [kg] that the points must have, or None
+
+    Raises
+    ------
+    BadData : shapes that do not belong together, numbers that are not finite, a total that positive
+        masses cannot have
+    """
+    options = options or MassPointOptions()
+    problem = _Problem.of(points, np.asarray(A, float), np.asarray(b, float), mass, options)
+    y, iterations = problem.solve()
+    return problem.result(y, iterations)
+
+
+@dataclass(eq=False)
+class _Problem:
+    """The problem in the moments of the links: B = C G with G of `PointSums`; the mass is a row of its own.
+
+    `soft` is 1 for a row that may miss its target, and 0 for the mass, that may not. Masses are counted from the
+    reference, so that little is lost by rounding: `target` is what the reference leaves to do.
+    """
+
+    points: MassPoints
+    sums: PointSums
+    A: Array
+    b: Array
+    C: Array
+    target: Array
+    soft: Array
+    reference: Array
+    freedom: Array
+    floor: Array
+    mass: float | None
+    options: MassPointOptions
+
+    @staticmethod
+    def of(points: MassPoints, A: Array, b: Array, mass: float | None, options: MassPointOptions) -> _Problem:
+        links, reference = len(points.links.names), np.array(points.reference)
+        if A.ndim != 2 or A.shape[1] != 10 * links or b.shape != (len(A),):
+            raise BadData(f"expected A (rows, {10 * links}) and b (rows,), but got {A.shape} and {b.shape}")
+        if not (np.isfinite(A).all() and np.isfinite(b).all()):
+            raise BadData("A or b holds a number that is not finite")
+        if not len(reference) or not np.isfinite(reference).all() or (reference < 0.0).any() or not reference.any():
+            raise BadData("expected at least one mass point, with reference masses that are finite and not negative")
+        floor = np.full(len(reference), options.floor * reference.mean())
+        if mass is not None and not (np.isfinite(mass) and mass > floor.sum()):
+            raise BadData(f"the body's mass is {mass:g} kg: expected more than {floor.sum():.3g} kg")
+        sums = PointSums.of(points)
+        target = b - A @ points.parameters(reference).ravel()
+        rows, target = _fewer_rows(np.sqrt(options.W_phi) * A, np.sqrt(options.W_phi) * target)
+        soft = np.ones(len(rows))
+        C = np.einsum("rli,lij->rlj", rows.reshape(-1, links, 10), points.places @ sums.shift, optimize=True).reshape(
+            len(rows), -1
+        )
+        if mass is not None:
+            row = np.zeros((links, 10))
+            row[:, 0] = 1.0
+            C, target = np.vstack([C, row.ravel()]), np.append(target, mass - reference.sum())
+            soft = np.append(soft, 0.0)
+        return _Problem(
+            points, sums, A, b, C, target, soft, reference, prior_variances(points, options), floor, mass, options
+        )  # fmt: skip
+
+    def solve(self) -> tuple[Array, int]:
+        """Newton steps on the dual until the rows balance or no step gains anything: multipliers, and how many."""
+        y, s = np.zeros(len(self.C)), np.zeros(len(self.reference))
+        size = np.abs(self.target).max(initial=0.0) + 1e-300
+        blocks = np.zeros_like(self.sums.pairs(s))
+        factors = np.zeros_like(s)
+        best, before, iteration = np.inf, np.inf, 0
+        while True:
+            free, change = self._masses(s)
+            left = self.target - self.soft * y - self._wrench(change)
+            best = min(best, before)
+            before = np.abs(left).max(initial=0.0)
+            if before <= 1e-13 * size or iteration == self.options.iterations:
+                break
+            # Near the optimum steps end in rounding: stop where they gain nothing any more.
+            if before <= 1e-7 * size and before > 0.3 * best:
+                break
+            iteration += 1
+            wanted = np.where(free, self.freedom, 0.0)
+            if np.count_nonzero(wanted != factors) < np.count_nonzero(wanted):
+                blocks += self.sums.pairs(wanted - factors)
+            else:
+                blocks = self.sums.pairs(wanted)
+            factors = wanted
+            direction = self._newton(blocks, left)
+            ds = self.sums.pull(self.C.T @ direction)
+            t = self._step(y, s, direction, ds)
+            y += t * direction
+            s = s + t * ds if iteration % 5 else self.sums.pull(self.C.T @ y)
+        return y, iteration
+
+    def _masses(self, s: Array) -> tuple[np.ndarray, Array]:
+        """Which masses are free at s = B^T y, and all masses minus the reference."""
+        change = self.freedom * s
+        low = self.floor - self.reference
+        free = change > low
+        return free, np.where(free, change, low)
+
+    def _wrench(self, change: Array) -> Array:
+        return self.C @ self.sums.push(change)
+
+    def _newton(self, blocks: Array, left: Array) -> Array:
+        """Direction in y: (softness + B D B^T) direction = left."""
+        H = self.C @ self.sums.matrix(blocks) @ self.C.T
+        H[np.diag_indices_from(H)] += self.soft
+        # Where no mass is free, nothing holds the multiplier of the total: a little of its stiffness does.
+        hard = self.soft == 0.0
+        H[hard, hard] += 1e-13 * self.freedom.sum()
+        scale = 1.0 / np.sqrt(np.diag(H))
+        H *= scale[:, None] * scale
+        for ridge in (0.0, 1e-14, 1e-12, 1e-10, 1e-8):
+            try:
+                factor = linalg.cho_factor(H + ridge * np.eye(len(H)), lower=True, check_finite=False)
+            except linalg.LinAlgError:
+                continue
+            direction: Array = scale * linalg.cho_solve(factor, scale * left, check_finite=False)
+            return direction
+        raise BadData("the mass-point problem has no Newton direction: A is too badly scaled")
+
+    def _step(self, y: Array, s: Array, direction: Array, ds: Array) -> float:
+        """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
+        constant = float(self.target @ direction - (self.soft * y) @ direction)
+        linear = float((self.soft * direction) @ direction)
+        t, low, high, enough = 0.0, 0.0, np.inf, 0.0
+        for trial in range(60):
+            total, stiffness = self.sums.respond(self.reference, self.freedom, self.floor, s, ds, t)
+            slope, curvature = constant - t * linear - total, linear + stiffness
+            if trial == 0:
+                enough, t = 0.1 * abs(slope), 1.0
+                continue
+            if abs(slope) <= enough:
+                break
+            low, high = (t, high) if slope > 0.0 else (low, t)
+            newton = t + slope / curvature if curvature > 0.0 else np.inf
+            inside = low < newton < high and newton < 1e3 * max(t, 1.0)
+            t = newton if inside else (4.0 * t if high == np.inf else 0.5 * (low + high))
+        return t
+
+    def result(self, y: Array, iterations: int) -> MassPointFit:
+        """The fit at multipliers y, with the residuals of the conditions of the optimum."""
+        s = self.sums.pull(self.C.T @ y)
+        free, change = self._masses(s)
+        masses = np.maximum(self.reference + change, self.floor)
+        left = self.target - self._wrench(masses - self.reference)
+        # What the measurement itself asks for at these masses; the multiplier of the total stays.
+        asked = self.freedom * self.sums.pull(self.C.T @ np.where(self.soft > 0.0, left, y))
+        gap, mean = asked - (masses - self.reference), float(self.reference.mean())
+        optimality = Optimality(
+            float(np.abs(gap[free]).max(initial=0.0)) / mean,
+            float(gap[~free].max(initial=0.0)) / mean,
+            float((self.floor - masses).max()) / mean if (masses < self.floor).any() else 0.0,
+            abs(float(masses.sum()) - self.mass) / self.mass if self.mass is not None else 0.0,
+            float(np.sqrt(self.freedom.max()) * np.linalg.norm(self.soft * (left - y))) / mean,
+        )
+        squared = self.points.weights.copy()
+        squared.data = squared.data**2
+        parameters = self.points.parameters(masses)
+        misses = [self.b - self.A @ phi.ravel() for phi in (parameters, self.points.parameters(self.reference))]
+        return MassPointFit(
+            masses=masses,
+            parameters=parameters,
+            misfit=float(misses[0] @ misses[0]),
+            misfit_before=float(misses[1] @ misses[1]),
+            link_sd=np.sqrt(squared.T @ self.freedom),
+            optimality=optimality,
+            on_bound=int((~free).sum()),
+            iterations=iterations,
+            converged=max(optimality.distance, optimality.total, optimality.positivity) <= self.options.tolerance,
+            options=self.options,
+        )
+
+
+def _fewer_rows(A: Array, b: Array) -> tuple[Array, Array]:
+    """Rows with the same |A x - b|^2 but for a constant, as many as A has columns at most."""
+    if len(A) <= A.shape[1]:
+        return A, b
+    Q, R = np.linalg.qr(A)
+    return R, Q.T @ b
