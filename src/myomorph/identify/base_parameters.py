@@ -1,0 +1,194 @@
+"""Base parameters: the combinations of inertial parameters that a base wrench can show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from scipy.linalg import qr
+
+from myomorph.identify.null_space import (
+    SCALE,
+    TOLERANCE,
+    NullSpace,
+    held_values,
+    numerical_null_space,
+    random_states,
+    tree_null_space,
+)
+from myomorph.model.errors import BadModel
+from myomorph.model.inertia import PARAMETERS, inertial_parameters
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.rigid.regressor import base_regressor
+from myomorph.rigid.tree import compile_tree
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
+
+    Y phi = Y[:, columns] Z phi for every motion of the model.
+
+    Attributes
+    ----------
+    bodies : names
+    columns : (n,) the standard parameter that each base parameter is named after, 10 body + parameter
+    combination : (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
+    names : such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
+    never : standard parameters that no motion shows at all, such as "toes_r I_xx"
+    held : coordinates that do not move, with their values [rad or m]
+    tree_count : number of base parameters by the structure of the tree
+    rank : number by random states, which is n
+    tared : (n, k) combinations of base parameters that show as constants only, so that a force plate that
+        was tared with the body on it hides them; none where the base moves freely
+    """
+
+    bodies: tuple[str, ...]
+    columns: np.ndarray
+    combination: Array
+    names: tuple[str, ...]
+    never: tuple[str, ...]
+    held: Mapping[str, float]
+    tree_count: int
+    rank: int
+    tared: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "combination", frozen_array(self.combination, (len(self.columns), -1)))
+        object.__setattr__(self, "tared", frozen_array(self.tared, (len(self.columns), -1)))
+        object.__setattr__(self, "held", MappingProxyType(dict(self.held)))
+        self.columns.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def owners(self) -> np.ndarray:
+        """(n,) index of the body that each base parameter is named after."""
+        return self.columns // 10
+
+    def of(self, parameters: Array) -> Array:
+        """(n,) base parameters of inertial parameters (bodies, 10)."""
+        values: Array = self.combination @ np.asarray(parameters).ravel()
+        return values
+
+    def describe(self, i: int, most: int | None = None) -> str:
+        """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it short."""
+        own = int(self.columns[i])
+        row = self.combination[i] * SCALE[np.arange(self.combination.shape[1]) % 10]
+        others = [int(j) for j in np.argsort(-np.abs(row), kind="stable") if row[j] != 0.0 and j != own]
+        text = self._term(own)
+        for j in others[:most]:
+            factor = self.combination[i, j]
+            size = "" if abs(abs(factor) - 1.0) < 1e-9 else f"{abs(factor):.3g} "
+            text += f" {'-' if factor < 0.0 else '+'} {size}{self._term(j)}"
+        left = len(others) - len(others[:most])
+        return text + (f" + {left} more" if left else "")
+
+    def _term(self, column: int) -> str:
+        return f"{self.bodies[column // 10]} {PARAMETERS[column % 10]}"
+
+
+def base_parameters(
+    model: Model, fixed: bool = False, held: Mapping[str, float] | None = None, tolerance: float = TOLERANCE
+) -> BaseParameters:
+    """The base parameters of a model, from its tree and checked on random states.
+
+    The null space of the tree (`tree_null_space`) goes first; what is then still dependent on random
+    states, which happens where the base cannot move freely, is found by QR with column pivoting.
+
+    Parameters
+    ----------
+    fixed : the base does not move, as on a force plate that it is bolted to: its joint to the ground
+        stands at its default or held value
+    held : coordinates that do not move, with their values [rad or m]; by default the locked ones
+    tolerance : relative tolerance of the rank on random states, columns scaled to length 1
+
+    Raises
+    ------
+    UnknownName : a held coordinate is not the model's
+    BadModel : no motion shows any parameter
+    """
+    still = held_values(model, held)
+    if fixed:
+        roots = [joint for joint in model.joints if joint.parent == GROUND]
+        still = {name: model.coordinate(name).default for joint in roots for name in joint.coordinates} | still
+    tree = tree_null_space(model, still)
+    size = 10 * len(model.bodies)
+    left = np.setdiff1d(np.arange(size), tree.dependent)
+    rest = numerical_null_space(model, still, left, tolerance)
+    whole = NullSpace(np.hstack([tree.vectors, rest.vectors]), np.concatenate([tree.dependent, rest.dependent]))
+    columns = np.setdiff1d(np.arange(size), whole.dependent)
+    if not len(columns):
+        raise BadModel(f"no motion of model '{model.name}' shows any inertial parameter: is gravity zero, is all held?")
+    combination = np.zeros((len(columns), size))
+    combination[np.arange(len(columns)), columns] = 1.0
+    combination[:, whole.dependent] = -whole.vectors[columns] @ np.linalg.inv(whole.vectors[whole.dependent])
+    largest = np.abs(combination * SCALE[np.arange(size) % 10]).max(axis=1, keepdims=True)
+    combination[np.abs(combination) * SCALE[np.arange(size) % 10] < 1e-10 * largest] = 0.0
+    bare = BaseParameters(
+        bodies=model.body_names,
+        columns=columns,
+        combination=combination,
+        names=(),
+        never=tuple(
+            f"{model.body_names[j // 10]} {PARAMETERS[j % 10]}" for j in np.flatnonzero(~combination.any(axis=0))
+        ),
+        held=still,
+        tree_count=size - tree.vectors.shape[1],
+        rank=len(columns),
+        tared=_tared(model, still, columns, tolerance) if len(rest.dependent) else np.zeros((len(columns), 0)),
+    )
+    names = tuple(bare.describe(i, most=3) for i in range(len(bare)))
+    return BaseParameters(**{**bare.__dict__, "names": names})
+
+
+def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray, tolerance: float) -> Array:
+    """(n, k) combinations whose wrench about a point of the ground never changes."""
+    rows = base_regressor(model, random_states(model, held, frames=64 + len(columns) // 3, seed=1), np.zeros(3))
+    rows = (rows - rows.mean(axis=0))[:, :, columns].reshape(-1, len(columns))
+    scale = SCALE[columns % 10]
+    R, order = qr(rows * scale, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int(np.sum(diagonal > tolerance * diagonal[0])) if diagonal[0] > 0.0 else 0
+    vectors = np.zeros((len(columns), len(columns) - rank))
+    vectors[order[:rank]] = -np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
+    vectors[order[rank:]] = np.eye(len(columns) - rank)
+    return vectors * scale[:, None]
+
+
+def held_in(model: Model, motions: Sequence[Motion]) -> dict[str, float]:
+    """Locked coordinates that indeed rest in every motion, with the values they rest at [rad or m]."""
+    held: dict[str, float] = {}
+    defaults = dict(zip(model.coordinate_names, compile_tree(model).defaults, strict=True))
+    for coordinate in model.coordinates:
+        if not coordinate.locked:
+            continue
+        values = [
+            motion[coordinate.name] if coordinate.name in motion.names else np.array([defaults[coordinate.name]])
+            for motion in motions
+        ]
+        seen = np.concatenate([one[np.isfinite(one)] for one in values] or [np.array([coordinate.default])])
+        if len(seen) and np.ptp(seen) < 1e-9:
+            held[coordinate.name] = float(seen[0])
+    return held
+
+
+def parameter_sizes(model: Model) -> Array:
+    """(bodies, 10) how large a body's parameters are, to tell what is known well [kg, kg m, kg m^2].
+
+    m, m l, m l^2 with the model's own mass and radius of gyration about the body's origin, at least
+    0.5 % of the whole mass and a tenth of the largest radius, because some bodies only join two others.
+    """
+    table = inertial_parameters(model)
+    mass = table[:, 0]
+    whole = mass.sum() if mass.sum() > 0.0 else 1.0
+    half_trace = 0.5 * table[:, 4:7].sum(axis=1)
+    length = np.sqrt(np.where(mass > 0.005 * whole, half_trace / np.maximum(mass, 1e-300), 0.0))
+    length = np.maximum(length, 0.1 * (length.max() or 1.0))
+    mass = np.maximum(mass, 0.005 * whole)
+    return mass[:, None] * np.column_stack([np.ones_like(length), *[length] * 3, *[length**2] * 6])
