@@ -14,6 +14,7 @@ from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Serie
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
+from myomorph.report.identified import IdentificationInput
 
 NoteKind = Literal["real", "assumed", "simulated", "warning"]
 
@@ -132,6 +133,7 @@ class ReportInput:
     emg_muscles : EMG channel to the muscles it was measured on; channels not named are shown apart
     events : known events; None lets the report find them in the forces
     truth : of a simulated capture
+    identification : how the body's masses and lengths were found
     warnings : what the readers and steps had to say, one line each
     """
 
@@ -160,6 +162,7 @@ class ReportInput:
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     events: tuple[Event, ...] | None = None
     truth: Truth | None = None
+    identification: IdentificationInput | None = None
     warnings: tuple[str, ...] = ()
 
     @property

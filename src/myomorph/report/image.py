@@ -14,6 +14,7 @@ from myomorph.model.spatial import Array
 Bytes = NDArray[np.uint8]
 
 _HEAT = ("#f7f5ef", "#fbe3b6", "#fdc57d", "#f89d5b", "#ea6d4e", "#cc4350", "#9c2b5e", "#64215f", "#2b1543")
+_LEVEL = ("#b5485d", "#d98c4a", "#d9c05a", "#6fa887", "#2f6f8f")
 _ACTIVATION = ("#4477b6", "#7a86b8", "#a586a8", "#c4708a", "#d64f60", "#d7262f")
 
 
@@ -43,6 +44,18 @@ HEAT = _distinct(_ramp(_HEAT))
 
 ACTIVATION = _ramp(_ACTIVATION)
 """(256, 3) colors of a muscle from rest (blue) to full activation (red)."""
+
+
+LEVEL = _ramp(_LEVEL)
+"""(256, 3) colors of how well a link is identified, from red (nothing known) over yellow to blue (all)."""
+
+
+def level_color(values: Array) -> Array:
+    """Colors (..., 3) in 0..1 of levels of identification in 0..1, grey where NaN."""
+    index = np.clip(np.nan_to_num(values) * 255.0, 0, 255).astype(np.int64)
+    colors = LEVEL[index] / 255.0
+    colors[np.isnan(values)] = 0.72
+    return colors
 
 
 def activation_color(values: Array) -> Array:

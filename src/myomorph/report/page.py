@@ -98,7 +98,11 @@ def _text(name: str) -> str:
 def _numbered(prepared: Prepared) -> Sequence[Reference]:
     given = prepared.given
     return references(
-        given.fit is not None, given.torques is not None, given.tension is not None, prepared.movement.kind == "jump"
+        given.fit is not None,
+        given.torques is not None,
+        given.tension is not None,
+        prepared.movement.kind == "jump",
+        given.identification is not None,
     )
 
 

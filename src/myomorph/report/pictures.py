@@ -37,10 +37,14 @@ class Picture:
     height: int
 
 
-def pictures(scene: Scene, height: int = 460, widest: int = 420) -> list[Picture]:
+def pictures(scene: Scene, height: int = 460, widest: int = 420, colors: Array | None = None) -> list[Picture]:
     """Every frame of the scene from its right side, and from the front.
 
     All share one scale and one floor, so that they can be compared; what is transparent is background.
+
+    Parameters
+    ----------
+    colors : (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
@@ -53,7 +57,7 @@ def pictures(scene: Scene, height: int = 460, widest: int = 420) -> list[Picture
         for frame in range(len(scene.time)):
             view = View(axes, centers[frame], scale * SHRINK, width * SHRINK, height * SHRINK)
             canvas = Canvas(view)
-            _draw(canvas, scene, frame, shading)
+            _draw(canvas, scene, frame, shading, colors)
             found.append(Picture(frame, name, png(canvas.picture(SHRINK)), width, height))
     return found
 
@@ -85,7 +89,7 @@ def _framing(scene: Scene, corners: Array, axes: Array, height: int, widest: int
     wide = float((np.nanmax(across, axis=1) - np.nanmin(across, axis=1)).max()) * 1.06
     low, high = min(float(np.nanmin(upward)), scene.floor), float(np.nanmax(upward))
     tall = (high - low) * 1.05
-    scale = min(height / tall, widest / wide)
+    scale = min(height / max(tall, 1e-6), widest / max(wide, 1e-6))
     depth = np.nanmean(corners @ axes[2], axis=1)
     centers = (
         middle[:, None] * axes[0] + np.full((len(middle), 1), (low + high) / 2) * axes[1] + depth[:, None] * axes[2]
@@ -93,11 +97,12 @@ def _framing(scene: Scene, corners: Array, axes: Array, height: int, widest: int
     return centers, max(int(np.ceil(wide * scale)), 40), scale
 
 
-def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array]) -> None:
+def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array], paint: Array | None) -> None:
     for solid, normal in zip(scene.solids, shading, strict=True):
         turn = scene.rotations[frame, solid.body]
         vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
-        canvas.surface(vertices, normal @ turn.T, solid.surface.faces, BONE)
+        color = np.array(BONE) if paint is None else paint[solid.body]
+        canvas.surface(vertices, normal @ turn.T, solid.surface.faces, color)
     plain = plain_color(scene)
     starts, ends, radii, colors = [], [], [], []
     for muscle in scene.muscles:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from myomorph.model.spatial import Array
 from myomorph.report.image import Bytes
@@ -47,11 +48,13 @@ class Canvas:
         self.color = np.zeros((view.height, view.width, 3))
         self.near = np.full((view.height, view.width), FAR)
 
-    def surface(self, vertices: Array, normals: Array, faces: np.ndarray, color: tuple[float, float, float]) -> None:
+    def surface(self, vertices: Array, normals: Array, faces: np.ndarray, color: ArrayLike) -> None:
         """Draw triangles over `vertices` (n, 3) in ground, lit by their `normals` (n, 3)."""
         points = np.ascontiguousarray(self.view.project(vertices))
         turned = np.ascontiguousarray(normals @ self.view.axes.T)
-        fill_triangles(points, turned, np.ascontiguousarray(faces), np.array(color), self.color, self.near)
+        fill_triangles(
+            points, turned, np.ascontiguousarray(faces), np.array(color, dtype=np.float64), self.color, self.near
+        )
 
     def tubes(self, starts: Array, ends: Array, radii: Array, colors: Array) -> None:
         """Draw round tubes between points (n, 3) in ground, of radii (n, 2) at both ends [m]."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Reference:
-    """A source: what it is cited for, authors and title, place, digital object identifier or address."""
+    """A source: what it is cited for, authors and title, place, digital object identifier or address ("" if none)."""
 
     key: str
     used: str
@@ -80,14 +80,45 @@ REFERENCES: tuple[Reference, ...] = (
         "force-time curve. Strength Cond J 40:96–106.",
         "https://doi.org/10.1519/SSC.0000000000000375",
     ),
+    Reference(
+        "dissertation",
+        "identification of lengths and masses; the tables and figures here are those of its chapter 3 ([D])",
+        "Subject-specific inertia modeling based on geometric morphing of skin. Chapter 3 of a dissertation on "
+        "subject-specific musculoskeletal modeling; equations 3.1 to 3.15, tables 3.1 to 3.5, figure 3.3.",
+        "",
+    ),
+    Reference(
+        "ayusawa2014",
+        "identification of masses from the wrench on the base link",
+        "Ayusawa K, Venture G, Nakamura Y (2014). Identifiability and identification of inertial parameters using the "
+        "underactuated base-link dynamics for legged multibody systems. Int J Robot Res 33:446–468.",
+        "",
+    ),
+    Reference(
+        "ae1992",
+        "segment masses of Japanese male athletes",
+        "Ae M, Tang H, Yokoi T (1992). Estimation of inertia properties of the body segments in Japanese athletes. "
+        "Biomechanisms 11:23–33.",
+        "https://www.dh.aist.go.jp/database/properties/segment/e-k-06.html",
+    ),
+    Reference(
+        "wensing2018",
+        "when the inertial parameters of a link are those of a possible body",
+        "Wensing PM, Kim S, Slotine JE (2018). Linear matrix inequalities for physically consistent inertial parameter "
+        "identification: a statistical perspective on the mass distribution. IEEE Robot Autom Lett 3:60–67.",
+        "https://doi.org/10.1109/LRA.2017.2729659",
+    ),
 )
 
 
-def references(kinematics: bool, dynamics: bool, tension: bool, jump: bool) -> tuple[Reference, ...]:
+def references(
+    kinematics: bool, dynamics: bool, tension: bool, jump: bool, identification: bool = False
+) -> tuple[Reference, ...]:
     """Those that a report with these parts relies on."""
     wanted = {"hicks2015", "opensim"}
     wanted |= {"lu1999"} if kinematics else set()
     wanted |= {"featherstone2008", "woltring1986"} if dynamics else set()
     wanted |= {"crowninshield1981", "millard2013"} if tension else set()
+    wanted |= {"dissertation", "ayusawa2014", "ae1992", "wensing2018"} if identification else set()
     wanted |= {"owen2014", "mcmahon2018"} if jump else set()
     return tuple(one for one in REFERENCES if one.key in wanted)

@@ -15,6 +15,7 @@ from myomorph.report.figures import (
     pressure_figure,
     residual_figures,
 )
+from myomorph.report.identification import identification_sections
 from myomorph.report.muscle_sections import (
     activation_section,
     emg_section,
@@ -31,8 +32,11 @@ from myomorph.report.truth import truth_section
 
 def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     """All sections that what was given allows, and a sentence on each that it does not."""
-    found: list[Section] = []
+    given = prepared.given
+    found = [] if given.identification is None else identification_sections(given.identification)
     missing: list[str] = []
+    if found and given.kinematics is None and given.markers is None and given.wrenches is None:
+        return found, missing
     for make, absent in (
         (marker_section, "Marker errors: no inverse kinematics. Give a marker file (TRC or C3D) and the step “ik”."),
         (force_section, ""),

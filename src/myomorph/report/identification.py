@@ -1,0 +1,377 @@
+"""The parts of the page on an identified body: picture, masses, segments, base parameters, cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.report.chart import Line, Panel, number, time_plot
+from myomorph.report.dots import dot_plot, rank_plot
+from myomorph.report.identification_tables import (
+    ATHLETES,
+    Cell,
+    Sheet,
+    length_sheet,
+    link_sheet,
+    mass_sheet,
+    segment_share,
+    segments_given,
+    spine_sheet,
+    trial_sheet,
+    wrench_errors,
+)
+from myomorph.report.identified import COMPONENTS, IdentificationInput, IdentifiedBase, WrenchCheck
+from myomorph.report.image import LEVEL, data_uri, level_color, png
+from myomorph.report.pictures import pictures
+from myomorph.report.scene import make_scene
+from myomorph.report.section import Figure, Grid, Section
+
+STYLES = ("first", "second", "third", "fourth", "left", "middle")
+WELL_KNOWN = 0.1
+"""Relative standard deviation under which a base parameter counts as well known."""
+
+LONGEST_TABLE = 30
+LIGHT = 0.002
+"""Share of the body's mass under which a link of a model of many links is left out of a chart."""
+
+_FORCE_FIRST = (3, 4, 5, 0, 1, 2)
+
+
+def identification_sections(given: IdentificationInput) -> list[Section]:
+    """All sections that what was given allows."""
+    made = (
+        body_section(given),
+        mass_section(given),
+        segment_section(given),
+        base_section(given),
+        *(validation_section(check, _styles(given), i) for i, check in enumerate(given.validation)),
+        calibration_section(given),
+    )
+    return [one for one in made if one is not None]
+
+
+def body_section(given: IdentificationInput) -> Section:
+    """The body colored by how much of each link is known from the data, and what identification had to say."""
+    figures = [Figure(body_picture(given), "medium")] if given.model.bodies else []
+    if len(given.share):
+        masses = np.array([body.mass for body in given.model.bodies])
+        order = np.argsort(-np.nan_to_num(given.share, nan=-1.0), kind="stable")
+        order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > LONGEST_TABLE else order
+        names = [given.model.body_names[i] for i in order]
+        figures.append(
+            Figure(dot_plot("Share from the data", "%", names, [100.0 * given.share[order]], ["first"], ["share"], 520),
+                   "medium")
+        )  # fmt: skip
+    lead = f"{number(given.model.mass)} kg in {len(given.model.bodies)} links"
+    lead += f", masses “{given.chosen}”" if given.chosen else ""
+    lead += f"; mass points: {given.source}" if given.source else ""
+    lead += "."
+    if len(given.share):
+        lead += (
+            " Colors tell how much of what is known of a link comes from the motion and forces (blue) rather than from "
+            "the shape of the body (red)."
+        )
+    wrong = [one for one in given.checks if not one.possible]
+    if given.checks:
+        lead += (
+            f" All {len(given.checks)} links are physically possible." if not wrong
+            else f" {len(wrong)} of {len(given.checks)} links are not physically possible: "
+            + "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5]) + "."
+        )  # fmt: skip
+    grids = []
+    if given.left_out:
+        told = given.frames or sum(given.left_out.values())
+        rows = [(reason, number(count, 1.0), f"{number(100.0 * count / told)} %")
+                for reason, count in given.left_out.items()]  # fmt: skip
+        grids.append(Grid(("Reason", "Frames", "Of all"), tuple(rows), "Frames left out"))
+    if given.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "What identification had to say"))
+    return Section("body-identified", "The identified body", lead, (), tuple(figures), tuple(grids))
+
+
+def body_picture(given: IdentificationInput) -> str:
+    """The model from its right side and from the front as one drawing with its scale of colors."""
+    model = _bare(given.model)
+    pose = given.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
+    scene = make_scene(model, pose, [0], given.surfaces)
+    share = given.share if len(given.share) else np.full(len(model.bodies), np.nan)
+    colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])
+    side, front = pictures(scene, 560, 560, colors)
+    width, height = max(side.width + front.width + 20, 560), side.height + 46
+    first = (width - side.width - front.width) / 3
+    parts = [f'<svg class="chart body" viewBox="0 0 {width} {height}" role="img" aria-label="The identified body">']
+    for picture, x in ((side, first), (front, 2 * first + side.width)):
+        size = f'width="{picture.width}" height="{picture.height}"'
+        parts.append(f'<image href="{data_uri(picture.image)}" x="{x:g}" y="0" {size}/>')
+    if len(given.share):
+        bar = png(np.arange(256, dtype=np.uint8)[None], LEVEL)
+        left, y = width / 2 - 110, side.height + 14
+        parts.append(
+            f'<image href="{data_uri(bar)}" x="{left:g}" y="{y}" width="220" height="9" preserveAspectRatio="none"/>'
+        )
+        for at, text in ((0, "from the shape"), (110, "half"), (220, "from the data")):
+            parts.append(f'<text class="tick x" x="{left + at:g}" y="{y + 23}">{text}</text>')
+    parts.append("</svg>")
+    return "".join(parts)
+
+
+def _bare(model: Model) -> Model:
+    """The model without muscles: only its links are to be seen."""
+    return replace(model, muscles=())
+
+
+def mass_section(given: IdentificationInput) -> Section | None:
+    """Masses per link by method, their spread along the spine, and whether each link is possible."""
+    if not given.parameters:
+        return None
+    masses = given.masses
+    heavy = np.argsort(-next(iter(masses.values())), kind="stable")
+    shown = [i for i in heavy if max(one[i] for one in masses.values()) >= 0.001]
+    plot = dot_plot(
+        "Mass of each link",
+        "kg",
+        [given.model.body_names[i] for i in shown],
+        [one[shown] for one in masses.values()],
+        STYLES[: len(masses)],
+        list(masses),
+        880,
+    )
+    grids = [_grid(mass_sheet(given), "Mass of each link [kg]", len(given.model.bodies) > LONGEST_TABLE)]
+    spine = spine_sheet(given)
+    if spine.rows:
+        grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
+    if given.checks:
+        sheet = link_sheet(given)
+        keep = [sheet.head.index(one) for one in ("link", "mass [kg]", "share from the data", sheet.head[5], "possible",
+                                                  "reason")]  # fmt: skip
+        cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
+        grids.append(_grid(cut, f"Physical consistency of {len(given.checks)} links", True))
+    left = len(given.model.bodies) - len(shown)
+    lead = "Every method's mass of every link, the heaviest first."
+    lead += f" {left} links of less than a gram are only in the table." if left else ""
+    legend = tuple(zip(STYLES, masses, strict=False))
+    return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), tuple(grids))
+
+
+def segment_section(given: IdentificationInput) -> Section | None:
+    """Shares of the body's mass beside athletes', and which link counts to which segment."""
+    if not given.parameters or not segments_given(given):
+        return None
+    masses = given.masses
+    chosen = given.chosen if given.chosen in masses else next(iter(masses))
+    rows = []
+    for name, athletes in ATHLETES.items():
+        right = [segment_share(given, one, name, "right") for one in masses.values()]
+        left = segment_share(given, masses[chosen], name, "left")
+        paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
+        rows.append((name, number(athletes), *(_told(one) for one in right), _told(left) if paired else ""))
+    head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
+    segments = segments_given(given)
+    members: dict[str, list[str]] = {}
+    for body in given.model.body_names:
+        if body in segments:
+            words = f"{segments[body].side} {segments[body].name.replace('_', ' ')}".strip().capitalize()
+            members.setdefault(words, []).append(body)
+    links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
+    lead = (
+        "Percent of the body's mass, limbs of the right side, as table 3.4 of [D] sets it out beside Japanese male "
+        "athletes. That table prints 45.9 for the athletes' body; its two parts sum to 48.9, and only with 48.9 do all "
+        "segments sum to 100."
+    )
+    if not any(segment.name == "head" for segment in segments.values()):
+        lead += " This model has no head of its own: the head counts to the body."
+    grids = (Grid(head, tuple(rows), "Segments"), Grid(("Segment", "Links"), links, "Which link counts where", True))
+    return Section("segments", "Segments of the body", lead, (), (), grids)
+
+
+def base_section(given: IdentificationInput) -> Section | None:
+    """How well the base parameters are known, and what no motion, or not this one, shows."""
+    base = given.base
+    if base is None:
+        return None
+    well = int(np.sum(base.shown & (base.relative_sd < WELL_KNOWN)))
+    lead = f"{int(base.shown.sum())} of {len(base.names)} base parameters are shown by the motion"
+    lead += f", {well} of them within {100 * WELL_KNOWN:g} % (one standard deviation)"
+    lead += f"; {number(base.frames, 1.0)} frames" if base.frames else ""
+    lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
+    lead += ". What is not shown comes from the shape of the body." if not base.shown.all() else "."
+    limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
+    plot = rank_plot("Relative standard deviation", "of the value", "base parameters, the best known first", base.names,
+                     np.where(base.shown, base.relative_sd, np.nan), limits, 880)  # fmt: skip
+    grids = [_base_grid(base)]
+    if np.isfinite(base.residual).any():
+        cells = tuple(
+            f"{number(float(one))} {_unit(name)}" for name, one in zip(COMPONENTS, base.residual, strict=True)
+        )
+        grids.insert(0, Grid(COMPONENTS, (cells,), "Misfit of the base wrench on the motions used, root mean square"))
+    for title, names in (
+        ("Not shown by this motion", given.not_shown),
+        ("Shown by no motion of this model", given.never_shown),
+    ):
+        if names:
+            grids.append(Grid((title,), tuple((name,) for name in names), f"{title}: {len(names)}", True))
+    return Section("base", "Base parameters", lead, (), (Figure(plot, "full"),), tuple(grids))
+
+
+def _base_grid(base: IdentifiedBase) -> Grid:
+    rows = []
+    for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True):
+        rows.append((name, number(float(value)), f"{number(100 * float(relative))} %" if shown else "not shown"))
+    return Grid(("Base parameter", "Estimate", "Relative standard deviation"), tuple(rows),
+                f"All {len(rows)} base parameters", True)  # fmt: skip
+
+
+def validation_section(check: WrenchCheck, styles: Mapping[str, str], number_of: int = 0) -> Section | None:
+    """Six components of the base wrench on a motion that was not used, [D] figure 3.3.
+
+    Parameters
+    ----------
+    styles : of each method's line
+    number_of : of the motion, 0 for the first
+    """
+    if not len(check.time) or not check.predicted:
+        return None
+    span = _busiest(check)
+    styles = {name: styles.get(name, STYLES[i % len(STYLES)]) for i, name in enumerate(check.predicted)}
+    figures = []
+    for k in _FORCE_FIRST:
+        lines = [Line(check.time, check.measured[:, k], "measured", "measured")]
+        # The first method is drawn last, over the others.
+        lines += [Line(check.time, values[:, k], styles[name], name) for name, values in
+                  reversed(list(check.predicted.items()))]  # fmt: skip
+        figures.append(Figure(time_plot(Panel(COMPONENTS[k], _unit(COMPONENTS[k]), lines, span, height=200))))
+    errors = wrench_errors(check)
+    methods = tuple(check.predicted)
+    by = {(one.component, one.method): one for one in errors}
+    order = tuple(COMPONENTS[k] for k in _FORCE_FIRST)
+
+    def grid(title: str, of: str, folded: bool) -> Grid:
+        rows = []
+        for component in order:
+            found = [by.get((component, method)) for method in methods]
+            rows.append(
+                (
+                    f"{component} [{_unit(component)}]",
+                    *("–" if one is None else number(float(getattr(one, of))) for one in found),
+                )
+            )
+        return Grid(("Component", *methods), tuple(rows), title, folded)
+
+    share = tuple(
+        (
+            component,
+            *("–" if (component, one) not in by else f"{number(by[component, one].share)} %" for one in methods),
+        )
+        for component in order
+    )
+    seen = int(np.isfinite(check.measured).all(axis=1).sum())
+    trial = check.trial or "a motion that identification did not see"
+    lead = (
+        f"The wrench on the base link, {trial}: {number(seen, 1.0)} frames. Errors are predicted less measured. "
+        "Moments are about the base link's origin, in ground axes."
+    )
+    if span[1] - span[0] < float(check.time[-1] - check.time[0]) - 1e-9:
+        lead += f" Charts show the {number(span[1] - span[0])} s in which it changes most; the tables cover all of it."
+    grids = (
+        grid("Error, root mean square", "rms", False),
+        grid("Error, mean of its size", "mean_absolute", False),
+        grid("Error, mean", "mean", True),
+        grid("Error, largest", "peak", True),
+        Grid(("Component", *methods), share, "Error, root mean square, over body weight (moments: × 1 m)", True),
+    )  # fmt: skip
+    legend = (("measured", "measured"), *((styles[name], name) for name in methods))
+    title = "Cross-validation" if not number_of else f"Cross-validation: {check.trial or number_of + 1}"
+    return Section(
+        f"cross-validation-{number_of + 1}" if number_of else "cross-validation",
+        title,
+        lead,
+        legend,
+        tuple(figures),
+        grids,
+    )
+
+
+def _busiest(check: WrenchCheck, longest: float = 10.0) -> tuple[float, float]:
+    """The whole time, or of a long motion the part in which the measured wrench changes most [s]."""
+    time = check.time
+    if time[-1] - time[0] <= 2.0 * longest:
+        return float(time[0]), float(time[-1])
+    size = np.maximum(np.nanmax(np.abs(check.measured), axis=0), 1e-12)
+    change = np.concatenate([[0.0], np.nansum(np.abs(np.diff(check.measured / size, axis=0)), axis=1).cumsum()])
+    last = np.minimum(np.searchsorted(time, time + longest), len(time) - 1)
+    start = int(np.argmax(np.where(time + longest <= time[-1], change[last] - change, -1.0)))
+    return float(time[start]), float(time[start] + longest)
+
+
+def _styles(given: IdentificationInput) -> dict[str, str]:
+    """One style for each method, the same in all charts."""
+    return dict(zip(given.parameters, STYLES, strict=False))
+
+
+def calibration_section(given: IdentificationInput) -> Section | None:
+    """Lengths, markers and marker errors before and after kinematic identification."""
+    found = given.calibration
+    if found is None:
+        return None
+    figures = []
+    if found.lengths:
+        values = [np.array([getattr(one, of) for one in found.lengths]) for of in ("after", "before")]
+        figures.append(
+            Figure(dot_plot("Lengths", "m", [one.name for one in found.lengths], values, ("first", "second"),
+                            ("after", "before"), 520), "medium")
+        )  # fmt: skip
+    if found.markers:
+        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:40])
+        far = [1000.0 * np.array(list(moved.values()))]
+        figures.append(
+            Figure(dot_plot("How far markers moved", "mm", list(moved), far, ("third",), ("moved",), 520),
+                   "medium")
+        )  # fmt: skip
+    grids = []
+    if found.errors:
+        head = ("Trial", "Used for calibration", "RMS before", "RMS after")
+        rows = tuple((str(name), str(used), *(f"{number(1000 * float(one or 0))} mm" for one in (before, after)))
+                     for name, used, before, after in trial_sheet(given).rows)  # fmt: skip
+        grids.append(Grid(head, rows, "Marker errors before and after"))
+    if found.lengths:
+        rows = tuple((str(name), *("–" if one is None else f"{number(1000 * float(one))} mm" for one in row))
+                     for name, *row in length_sheet(given).rows)  # fmt: skip
+        grids.append(
+            Grid(("Length", "Before", "After", "Standard deviation"), rows, "Lengths", len(rows) > LONGEST_TABLE)
+        )
+    if found.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "What calibration had to say"))
+    lead = "Lengths between joints and places of markers that fit the recordings"
+    lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
+    legend = (("first", "after"), ("second", "before")) if found.lengths else ()
+    return Section("calibration", "Lengths and markers", lead, legend, tuple(figures), tuple(grids))
+
+
+def _unit(component: str) -> str:
+    return "N·m" if component.startswith("N") else "N"
+
+
+def _told(value: float | None) -> str:
+    return "–" if value is None else number(value)
+
+
+def _grid(sheet: Sheet, title: str, folded: bool = False) -> Grid:
+    """A table of numbers for print: about three digits."""
+
+    def told(cell: Cell) -> str:
+        if cell is None:
+            return "–"
+        return number(cell) if isinstance(cell, float) else str(cell)
+
+    head = tuple(_short(one) for one in sheet.head)
+    return Grid(head, tuple(tuple(told(one) for one in row) for row in sheet.rows), title, folded)
+
+
+def _short(name: str) -> str:
+    """A column's name without its unit, which the table's title tells."""
+    plain = name.removesuffix(" [kg]")
+    return plain[:1].upper() + plain[1:]

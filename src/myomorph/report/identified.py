@@ -1,0 +1,201 @@
+"""What the part of a report on an identified body is made of: masses, trust in them, lengths, cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.segments import Segment
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.surface import Surface
+
+COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")
+"""Of a wrench, in the order of its arrays: moment [N m], then force [N]."""
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedBase:
+    """The base parameters of [D] eq. 3.2 as they were estimated.
+
+    Attributes
+    ----------
+    names : of the base parameters
+    estimate, relative_sd : (parameters,) value [kg, kg m, kg m^2] and standard deviation over its size
+    shown : (parameters,) whether the motion shows it
+    condition : of the scaled least-squares problem
+    frames : that were used
+    residual : (6,) root mean square misfit of the base wrench (moment [N m]; force [N])
+    """
+
+    names: tuple[str, ...]
+    estimate: Array
+    relative_sd: Array
+    shown: np.ndarray
+    condition: float = float("nan")
+    frames: int = 0
+    residual: Array = field(default_factory=lambda: np.full(6, np.nan))
+
+    def __post_init__(self) -> None:
+        for name in ("estimate", "relative_sd"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(self.names),)))
+        object.__setattr__(self, "residual", frozen_array(self.residual, (6,)))
+
+
+@dataclass(frozen=True)
+class LinkCheck:
+    """Whether one link's parameters are those of a possible body.
+
+    Attributes
+    ----------
+    mass : [kg]
+    least_eigenvalue : of its pseudo-inertia [kg m^2 or kg], positive for a possible body
+    possible : the verdict
+    reason : what is wrong, or ""
+    """
+
+    link: str
+    mass: float
+    least_eigenvalue: float
+    possible: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchCheck:
+    """The base wrench on a motion that identification did not see, [D] figure 3.3.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    measured : (frames, 6) moment about the base body's origin [N m], then force [N], in ground
+    predicted : the same by each set of masses, by name
+    weight : of the body [N]
+    trial : name of the motion
+    """
+
+    time: Array
+    measured: Array
+    predicted: Mapping[str, Array]
+    weight: float
+    trial: str = ""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.time), 6)
+        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
+        object.__setattr__(self, "measured", frozen_array(self.measured, shape))
+        predicted = {name: frozen_array(one, shape) for name, one in self.predicted.items()}
+        object.__setattr__(self, "predicted", MappingProxyType(predicted))
+
+    @property
+    def errors(self) -> Mapping[str, Array]:
+        """(frames, 6) predicted less measured, by name; NaN where either is missing."""
+        return {name: one - self.measured for name, one in self.predicted.items()}
+
+
+@dataclass(frozen=True)
+class LengthFound:
+    """One link length: before and after calibration, and its standard deviation [m]; None where unknown."""
+
+    name: str
+    before: float
+    after: float
+    sd: float | None = None
+
+
+@dataclass(frozen=True)
+class TrialError:
+    """Root mean square marker error of one trial before and after calibration [m].
+
+    Attributes
+    ----------
+    used : whether the calibration saw the trial
+    """
+
+    trial: str
+    before: float
+    after: float
+    used: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedBody:
+    """What kinematic identification changed, [D] 3.2.1 step 1.
+
+    Attributes
+    ----------
+    lengths : links' lengths
+    markers : marker to how far it moved on its body [m]
+    errors : of markers, trial by trial
+    frames : that were used
+    notes : what it had to say
+    """
+
+    lengths: tuple[LengthFound, ...] = ()
+    markers: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    errors: tuple[TrialError, ...] = ()
+    frames: int = 0
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationInput:
+    """Everything the report shows of one identified body; a part appears where it is given.
+
+    Attributes
+    ----------
+    model : with the identified parameters
+    segments : segment of each body, see `model.segments.segments_of`
+    parameters : (bodies, 10) of each method, by the name to print, in the order of the columns; for
+        example "identified, w_d", "identified, w_n", "shape only", "generic"
+    chosen : the method whose parameters the model has
+    share : (bodies,) how much of what is known of each link comes from the data rather than from the
+        shape, 0..1; NaN where unknown; () for none at all
+    base : the base parameters
+    never_shown, not_shown : parameters that no motion can show, and that this motion did not, in words
+    checks : physical consistency of each link
+    left_out : reason to the number of frames left out for it
+    frames : that were given
+    validation : on other motions
+    calibration : of lengths and markers before
+    surfaces : meshes for the picture, by `Mesh.file`
+    pose : of the picture, one frame; the default pose where not given
+    source : where the mass points came from, in words
+    notes : what else identification had to say, one line each
+    """
+
+    model: Model
+    segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
+    parameters: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
+    chosen: str = ""
+    share: Array = field(default_factory=lambda: np.zeros(0))
+    base: IdentifiedBase | None = None
+    never_shown: tuple[str, ...] = ()
+    not_shown: tuple[str, ...] = ()
+    checks: tuple[LinkCheck, ...] = ()
+    left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    frames: int = 0
+    validation: tuple[WrenchCheck, ...] = ()
+    calibration: CalibratedBody | None = None
+    surfaces: Mapping[str, Surface] = field(default_factory=lambda: MappingProxyType({}))
+    pose: Motion | None = None
+    source: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        bodies = len(self.model.bodies)
+        given = {name: frozen_array(one, (bodies, 10)) for name, one in self.parameters.items()}
+        object.__setattr__(self, "parameters", MappingProxyType(given))
+        if len(self.share) not in (0, bodies):
+            raise BadData(f"expected the share of {bodies} links, but got {len(self.share)}")
+        object.__setattr__(self, "share", frozen_array(self.share, (-1,)))
+
+    @property
+    def masses(self) -> Mapping[str, Array]:
+        """(bodies,) masses by method [kg]."""
+        return {name: one[:, 0] for name, one in self.parameters.items()}
