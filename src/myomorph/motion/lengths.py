@@ -1,0 +1,183 @@
+"""Lengths of a body that may differ from the model's: which bodies stretch together, and along which axes.
+
+The virtual prismatic coordinates of [D] 3.2.1: the distances between the joint centers of a segment are
+unknowns that do not change with time. They are factors of the model's own lengths here, so that everything
+fixed to a segment follows when the model is scaled.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Model
+from myomorph.model.segments import Segment, segments_of
+from myomorph.model.series import Motion
+from myomorph.model.sides import mirror_names, split_side
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import ROTATION, Tree, compile_tree
+
+AXES = "xyz"
+_SHOULDER_BLADE = re.compile(r"clav|scap|acromi|shoulder", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Length:
+    """One length: an axis of a segment, stretched by one factor.
+
+    Attributes
+    ----------
+    name : of the segment's heaviest body and its axis, "femur_r_y"
+    segment : name of that body
+    stretched : (body, axis 0 ... 2) of every body axis that takes the factor
+    extent : how far the joint centers lie apart along it, in a last segment the joint and the markers, or
+        the mass center where it has none [m]
+    along : whether this is the longest of the segment's axes, its distance from joint to joint
+    """
+
+    name: str
+    segment: str
+    stretched: tuple[tuple[str, int], ...]
+    extent: float
+    along: bool
+
+
+def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
+    """Three lengths for every segment of a model: the one from joint to joint, and the two across it.
+
+    Bodies belong to one segment where no coordinate of their own lets them move apart (welds, couplers,
+    paths driven by a neighbor's angle) and, in a model of a human body, where their names tell the same
+    segment: heel, ankle bone and toes are a foot, ulna and radius a forearm, all vertebrae and ribs above
+    the pelvis a trunk. The axes of a segment are those of its first body; other bodies' axes follow the
+    one they lie nearest to in the default pose.
+
+    Parameters
+    ----------
+    symmetric : one factor for the right and the left
+    """
+    tree = compile_tree(model)
+    pose = forward_kinematics(tree, tree.coordinates_of(_standing()))
+    rotations, centers = pose.rotations[0], _joint_centers(tree, pose.axis_points[0], pose.origins[0])
+    markers: dict[str, list[Array]] = {}
+    for marker in model.markers:
+        b = tree.body_index[marker.body]
+        markers.setdefault(marker.body, []).append(rotations[b] @ marker.location + pose.origins[0, b])
+    parents = {joint.child: joint.parent for joint in model.joints}
+    found: list[Length] = []
+    for bodies in segments_that_stretch(model):
+        inside = set(bodies)
+        first = rotations[tree.body_index[bodies[0]]]
+        joints = [centers[tree.body_index[body]] for body in bodies[:1]]
+        joints += [centers[tree.body_index[body]] for body, h in parents.items() if h in inside and body not in inside]
+        seen = [place for body in bodies for place in markers.get(body, ())]
+        name = max(bodies, key=lambda body: model.body(body).mass)
+        b = tree.body_index[name]
+        heavy = [rotations[b] @ model.body(name).mass_center + pose.origins[0, b]]
+        places = np.array(joints if len(joints) > 1 else joints + (seen or heavy))
+        extents = np.ptp(places @ first, axis=0)
+        axes = {body: _nearest_axes(first, rotations[tree.body_index[body]]) for body in bodies}
+        for axis in range(3):
+            stretched = tuple((body, axes[body][axis]) for body in bodies)
+            along = axis == int(np.argmax(extents))
+            found.append(Length(f"{name}_{AXES[axis]}", name, stretched, float(extents[axis]), along))
+    return _one_for_both_sides(found) if symmetric else tuple(found)
+
+
+def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
+    """The bodies of every segment that stretches as one, each in the order of the tree."""
+    free = {one.name for one in model.coordinates} - set(model.dependent_coordinates)
+    joints = {joint.child: joint for joint in model.joints}
+    named = _named_segments(model)
+    keys: dict[str, object] = {}
+    for body in model.body_names:
+        joint = joints[body]
+        if joint.parent != GROUND and not free & set(joint.coordinates):
+            keys[body] = keys[joint.parent]
+        elif body not in named:
+            keys[body] = body
+        elif named[body].name not in ("upper_trunk", "lower_trunk"):
+            keys[body] = named[body]
+        elif joint.parent == GROUND:
+            keys[body] = "base"
+        elif split_side(body)[1] and _SHOULDER_BLADE.search(body):
+            keys[body] = Segment("shoulder", split_side(body)[1])
+        else:
+            keys[body] = "trunk"
+    groups: dict[object, list[str]] = {}
+    for body, key in keys.items():
+        groups.setdefault(key, []).append(body)
+    return tuple(tuple(bodies) for bodies in groups.values())
+
+
+def factors_of(lengths: Sequence[Length], values: Array) -> dict[str, Array]:
+    """Scale factors (3,) of every body, as `scale` takes them, from the factor of each length (lengths,)."""
+    factors: dict[str, Array] = {}
+    for length, value in zip(lengths, values, strict=True):
+        for body, axis in length.stretched:
+            factors.setdefault(body, np.ones(3))[axis] = value
+    return factors
+
+
+def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
+    """Pairs of lengths that are the same one of the right and the left side."""
+    index = {length.name: i for i, length in enumerate(lengths)}
+    mirror = mirror_names(length.segment for length in lengths)
+    pairs = (
+        (i, index[mirror[one.segment] + one.name[len(one.segment) :]])
+        for i, one in enumerate(lengths)
+        if one.segment in mirror and mirror[one.segment] + one.name[len(one.segment) :] in index
+    )
+    return tuple((i, j) for i, j in pairs if i < j)
+
+
+def _standing() -> Motion:
+    return Motion(np.zeros(1), (), np.zeros((1, 0)))
+
+
+def _named_segments(model: Model) -> Mapping[str, Segment]:
+    try:
+        return segments_of(model)
+    except BadData:
+        return {}
+
+
+def _joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
+    """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its origin [m]."""
+    centers = origins.copy()
+    arrays = tree.arrays
+    for k in range(len(arrays.axis_kind)):
+        if arrays.axis_kind[k] == ROTATION:
+            centers[arrays.axis_body[k]] = axis_points[k]
+    return centers
+
+
+def _nearest_axes(first: Array, other: Array) -> list[int]:
+    """For each axis of one frame, the axis of another that lies nearest to it, each taken once."""
+    _, columns = linear_sum_assignment(-np.abs(first.T @ other))
+    return [int(axis) for axis in columns]
+
+
+def _one_for_both_sides(lengths: Sequence[Length]) -> tuple[Length, ...]:
+    partner = dict(mirrored_lengths(lengths))
+    merged = []
+    for i, one in enumerate(lengths):
+        if i in partner.values():
+            continue
+        if i in partner:
+            other = lengths[partner[i]]
+            segment = split_side(one.segment)[0]
+            one = replace(
+                one,
+                name=segment + one.name[len(one.segment) :],
+                segment=segment,
+                stretched=one.stretched + other.stretched,
+                extent=0.5 * (one.extent + other.extent),
+            )
+        merged.append(one)
+    return tuple(merged)
