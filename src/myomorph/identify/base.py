@@ -22,7 +22,7 @@ from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array, frozen_array
-from myomorph.rigid.regressor import WRENCH, regressor_blocks, sum_of_wrenches
+from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 
 __all__ = [
     "BaseFit",
