@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from myomorph.io.tasks import AnalyzeSetup, InverseDynamicsSetup, InverseKinematicsSetup, read_ik_tasks, read_setup
+from myomorph.io.tasks import read_ik_tasks
+from myomorph.io.tool_setups import AnalyzeSetup, InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.model.errors import BadFile
 
 
@@ -51,7 +52,7 @@ def test_inverse_kinematics_setup(data):
     assert isinstance(setup, InverseKinematicsSetup)
     assert setup.time_range == (0.4, 1.6)
     assert setup.markers == path.parent / "subject01_walk1.trc"
-    assert setup.output == "subject01_walk1_ik.mot"
+    assert setup.output == path.parent / "subject01_walk1_ik.mot"
     assert setup.constraint_weight == 20
     other = read_setup(data("shoulder-bonepin/setup_ik_abdbonepin.xml"))
     assert isinstance(other, InverseKinematicsSetup)
@@ -76,9 +77,10 @@ def test_static_optimization_setup(data):
     assert setup.actuators == (path.parent / "gait10dof_Actuators_weak.xml",)
     assert setup.time_range == (0.5, 1.3)
     assert not setup.replace_forces
-    assert setup.analyses == ("StaticOptimization",)
-    assert setup.static_optimization is not None
-    assert (setup.static_optimization.exponent, setup.static_optimization.step) == (2.0, 10)
+    (analysis,) = setup.analyses
+    assert (analysis.kind, analysis.name, analysis.step) == ("StaticOptimization", "StaticOptimization", 10)
+    assert analysis.static_optimization is not None
+    assert analysis.static_optimization.exponent == 2.0
 
 
 TOOL = """<OpenSimDocument Version="{version}"><IKTool name="old"><model_file>m.osim</model_file>
@@ -108,7 +110,7 @@ def test_tools_with_trials_from_before_2_3(tmp_path):
 def test_files_without_tasks_or_of_other_tools(data, tmp_path):
     with pytest.raises(BadFile, match="has no IKTaskSet"):
         read_ik_tasks(data("rajagopal-walk-emg/grf_walk.xml"))
-    with pytest.raises(BadFile, match="holds <CMCTool>; expected the setup of one of InverseKinematicsTool"):
+    with pytest.raises(BadFile, match="holds <CMCTool>; the tools that exist are"):
         read_setup(data("opensim-reference-small/cmc_arm26_Setup_CMC.xml"))
     path = tmp_path / "tasks.xml"
     path.write_text(

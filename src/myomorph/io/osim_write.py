@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 from lxml import etree
 
+from myomorph.io.marker_set import put_marker
 from myomorph.io.osim_document import NEWEST
 from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle, write_passive
 from myomorph.io.osim_write_functions import child, legal, number, numbers
@@ -99,10 +100,7 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
     _write_groups(holders["ForceSet"], model)
     markers = child(child(element, "MarkerSet", name="markerset"), "objects")
     for marker in model.markers:
-        one = child(markers, "Marker", name=marker.name)
-        child(one, "socket_parent_frame", body_path(marker.body))
-        child(one, "location", numbers(marker.location))
-        child(one, "fixed", str(marker.fixed).lower())
+        put_marker(markers, marker)
     components = etree.Element("components")
     _put_back(components, kept, "components")
     if len(components):
