@@ -1,0 +1,175 @@
+"""Whether inertial parameters are those of a body: positive mass in the right place, for every link."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from myomorph.identify.points import Links, MassPoints
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import pseudo_inertias
+from myomorph.model.spatial import Array, frozen_array
+
+Inside = Callable[[Array], np.ndarray]
+"""Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
+
+ROUNDING = 1e-9
+"""How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkConsistency:
+    """One link's parameters, as a body.
+
+    Attributes
+    ----------
+    name : of the link
+    mass : [kg]
+    center : (3,) mass center in the link's frame [m]; NaN without mass
+    second_moments : (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body
+        of positive mass has none below 0, which is the triangle inequality of the moments of inertia
+    moments : (3,) principal moments of inertia about the mass center, ascending [kg m^2]
+    eigenvalues : (4,) of the pseudo-inertia in the link's frame, ascending
+    inside : whether the mass center is inside the body; None where nothing says so
+    faults : in words; none in a link that a body can have
+    """
+
+    name: str
+    mass: float
+    center: Array
+    second_moments: Array
+    moments: Array
+    eigenvalues: Array
+    inside: bool | None
+    faults: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether a body can have these parameters."""
+        return not self.faults
+
+    @property
+    def massless(self) -> bool:
+        """Whether the link has no mass at all, as frames between joints."""
+        return self.mass == 0.0
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """The links of a model, as bodies.
+
+    Attributes
+    ----------
+    links : one a link
+    """
+
+    links: tuple[LinkConsistency, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every link is a body."""
+        return all(link.ok for link in self.links)
+
+    @property
+    def faulty(self) -> tuple[LinkConsistency, ...]:
+        """The links that are not."""
+        return tuple(link for link in self.links if not link.ok)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        massless = sum(link.massless for link in self.links)
+        rest = f"; {massless} without mass" if massless else ""
+        if self.ok:
+            checked = sum(link.inside is not None for link in self.links)
+            where = f", {checked} mass centers inside the body" if checked else ", mass centers not checked"
+            return f"all {len(self.links)} links are physically possible{where}{rest}"
+        named = "; ".join(f"'{link.name}': {', '.join(link.faults)}" for link in self.faulty[:3])
+        more = f"; and {len(self.faulty) - 3} more" if len(self.faulty) > 3 else ""
+        return f"{len(self.faulty)} of {len(self.links)} links are not those of a body: {named}{more}{rest}"
+
+
+def consistency(
+    names: Sequence[str],
+    parameters: ArrayLike,
+    *,
+    links: Links | None = None,
+    inside: Inside | None = None,
+    points: MassPoints | None = None,
+) -> Consistency:
+    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body.
+
+    Parameters
+    ----------
+    names, parameters : (links, 10) in [D] order
+    links : their poses, to tell mass centers in ground; those of `points` where these are given
+    inside : tells whether points in ground are inside the skin, in the pose of `links`
+    points : without `inside`, a mass center counts as inside within a cell of the grid of a mass point
+
+    Raises
+    ------
+    BadData : shapes that do not belong together, or `inside` without `links`
+    """
+    table = np.asarray(parameters, float)
+    if table.shape != (len(names), 10) or not np.isfinite(table).all():
+        raise BadData(f"expected finite parameters ({len(names)}, 10), but got shape {table.shape}")
+    links = links or (points.links if points is not None else None)
+    if links is None and inside is not None:
+        raise BadData("a test of what is inside the skin needs the links' poses: give links")
+    if links is not None and links.names != tuple(names):
+        raise BadData(
+            f"expected parameters of the {len(links.names)} links, but got {len(names)} names in another order"
+        )
+    within: list[bool | None] = [None] * len(names)
+    weighty = np.flatnonzero(table[:, 0] > 0.0)
+    test = inside or (_near(points) if points is not None else None)
+    if links is not None and test is not None and len(weighty):
+        centers = table[weighty, 1:4] / table[weighty, :1]
+        ground = links.origins[weighty] + np.einsum("lij,lj->li", links.rotations[weighty], centers)
+        for i, found in zip(weighty, test(ground), strict=True):
+            within[i] = bool(found)
+    return Consistency(tuple(_link(*one) for one in zip(names, table, pseudo_inertias(table), within, strict=True)))
+
+
+def _near(points: MassPoints) -> Inside:
+    tree = cKDTree(points.points)
+    reach = np.sqrt(3.0) * points.spacing
+
+    def test(ground: Array) -> np.ndarray:
+        return np.asarray(tree.query(ground)[0] <= reach)
+
+    return test
+
+
+def _link(name: str, row: Array, P: Array, inside: bool | None) -> LinkConsistency:
+    mass, eigenvalues = float(row[0]), np.linalg.eigvalsh(P)
+    faults = []
+    if mass > 0.0:
+        center = row[1:4] / mass
+        around = P[:3, :3] - mass * np.outer(center, center)
+        second = np.linalg.eigvalsh(around)
+        size = max(np.trace(P[:3, :3]), 0.0)
+        if second[0] < -ROUNDING * size:
+            faults.append(f"no mass can have these moments of inertia (second moment {second[0]:.3g} kg m2)")
+        if inside is False:
+            faults.append("mass center outside the body")
+    else:
+        center, second = np.full(3, np.nan), np.full(3, np.nan)
+        if mass < 0.0:
+            faults.append(f"mass {mass:.4g} kg")
+        elif row.any():
+            faults.append("moments without mass")
+    return LinkConsistency(
+        name=name,
+        mass=mass,
+        center=frozen_array(center),
+        second_moments=frozen_array(second),
+        moments=frozen_array(np.sort(second.sum() - second)),
+        eigenvalues=frozen_array(eigenvalues),
+        inside=inside,
+        faults=tuple(faults),
+    )

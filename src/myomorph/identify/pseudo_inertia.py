@@ -1,0 +1,321 @@
+"""Inertial parameters that some positive distribution of mass can have: a linear matrix inequality for each link.
+
+    minimise  1/2 |b - A phi|^2 + 1/2 d(phi, phi_ref)^2 / sd^2
+    subject to  P(phi_i) >= margin P(phi_ref_i),  sum_i m_i = mass (where given)
+
+with the pseudo-inertia P of `model.inertia.pseudo_inertias`, positive definite just where a body of
+positive mass exists (Wensing, Kim, Slotine 2018). With P_ref = L L^T every link's change is written as
+E = L^-1 (P - P_ref) L^-T, so that the inequality is I + E >= margin I and the distance
+|E|^2 = tr((P_ref^-1 (P - P_ref))^2), which does not depend on the frame or the units (the constant
+pull-back of Lee, Wensing, Park 2020, IEEE Transactions on Robotics 36(2):348; the second-order term of their
+entropic divergence too).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import clarabel
+import numpy as np
+from scipy import linalg, sparse
+
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import pseudo_inertias
+from myomorph.model.spatial import Array
+
+TRIANGLE = tuple((i, k) for k in range(4) for i in range(k + 1))
+"""Entries of a symmetric 4 x 4 matrix in the order of the solver: columns of the upper triangle."""
+
+SMALLEST_SHARE = 1e-6
+"""A link of less than this share of the whole mass stays at its reference."""
+
+
+@dataclass(frozen=True)
+class PseudoInertiaOptions:
+    """Settings of `solve_pseudo_inertia` and `solve_ridge`.
+
+    Attributes
+    ----------
+    metric : "pullback": d^2 = sum_i tr((P_ref_i^-1 (P_i - P_ref_i))^2); "euclidean": squares of the ten
+        parameters' changes over m, m k and m k^2 of the reference, k its radius of gyration about its mass center
+    mass_sd : relative standard deviation of a link's mass that the prior amounts to; a mass center then has
+        mass_sd k / sqrt(2) along an axis of radius of gyration k, a second moment of mass mass_sd of itself
+        ("pullback")
+    margin : least eigenvalue of P(phi_i), relative to its reference
+    tolerance : of the solver's residuals and gap
+    """
+
+    metric: Literal["pullback", "euclidean"] = "pullback"
+    mass_sd: float = 0.15
+    margin: float = 1e-3
+    tolerance: float = 1e-9
+
+    def __post_init__(self) -> None:
+        if self.metric not in ("pullback", "euclidean"):
+            raise BadData(f"unknown metric '{self.metric}': there are 'pullback', 'euclidean'")
+        for name in ("mass_sd", "tolerance"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} of the pseudo-inertia problem is {getattr(self, name):g}: expected above 0")
+        if not 0.0 <= self.margin < 1.0:
+            raise BadData(f"the margin of the pseudo-inertia is {self.margin:g}: expected from 0 to below 1")
+
+
+@dataclass(frozen=True, eq=False)
+class PseudoInertiaFit:
+    """Parameters of the links, and how far to trust the solution.
+
+    Attributes
+    ----------
+    parameters : (links, 10) in [D] order
+    misfit, misfit_before : |b - A phi|^2 of the solution and of the reference
+    smallest : (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where kept
+    kept : (links,) links that stayed at their reference because they have hardly any mass
+    status : the solver's word
+    converged : whether the solver proved the optimum
+    residual : greatest of the solver's primal and dual residuals
+    iterations : of the solver; 0 where the problem has a closed form
+    """
+
+    parameters: Array
+    misfit: float
+    misfit_before: float
+    smallest: Array
+    kept: np.ndarray
+    status: str
+    converged: bool
+    residual: float
+    iterations: int
+    options: PseudoInertiaOptions = field(repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("parameters", "smallest", "kept"):
+            getattr(self, name).setflags(write=False)
+
+
+def solve_pseudo_inertia(
+    A: Array,
+    b: Array,
+    reference: Array,
+    *,
+    mass: float | None = None,
+    options: PseudoInertiaOptions | None = None,
+    ellipsoids: Array | None = None,
+) -> PseudoInertiaFit:
+    """Physically possible parameters that meet measured ones and stay near a reference.
+
+    Parameters
+    ----------
+    A : (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`)
+    reference : (links, 10) parameters before anything is measured; those of massless links are kept
+    mass : total [kg], or None
+    ellipsoids : (links, 4, 4) Q of an ellipsoid that holds each link, in the link's frame (`ellipsoid_matrix`);
+        tr(P Q) >= 0 then says that some mass within it has these parameters (Wensing et al. 2018); a link
+        of zeros is free
+
+    Raises
+    ------
+    BadData : shapes that do not belong together, numbers that are not finite, a reference that no body can have
+    """
+    problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
+    n, links = problem.A.shape[1], len(problem.moved)
+    H = sparse.csc_matrix(np.triu(problem.A.T @ problem.A + problem.prior))
+    rows, right, cones = [], [], []
+    if mass is not None:
+        rows.append(sparse.csr_array(problem.total[None]))
+        right.append(np.array([problem.lacking]))
+        cones.append(clarabel.ZeroConeT(1))
+    if ellipsoids is not None:
+        inside, limit = _inside(problem, np.asarray(ellipsoids, float), np.asarray(reference, float))
+        rows.append(sparse.csr_array(-inside))
+        right.append(limit)
+        cones.append(clarabel.NonnegativeConeT(len(limit)))
+    rows.append(sparse.csr_array(-sparse.eye_array(n)))
+    right.append(np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links))
+    cones += [clarabel.PSDTriangleConeT(4)] * links
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
+    solver = clarabel.DefaultSolver(
+        H, -problem.A.T @ problem.b, sparse.csc_matrix(sparse.vstack(rows)), np.concatenate(right), cones, settings
+    )
+    found = solver.solve()
+    status = str(found.status)
+    return problem.fit(
+        np.array(found.x),
+        status=status,
+        converged=status == "Solved",
+        residual=max(found.r_prim, found.r_dual),
+        iterations=found.iterations,
+    )
+
+
+def solve_ridge(
+    A: Array,
+    b: Array,
+    reference: Array,
+    *,
+    mass: float | None = None,
+    options: PseudoInertiaOptions | None = None,
+) -> PseudoInertiaFit:
+    """The same problem without the inequalities: least squares that may give parameters no body can have."""
+    problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
+    H, right = problem.A.T @ problem.A + problem.prior, problem.A.T @ problem.b
+    if mass is not None:
+        n = len(right)
+        H = np.block([[H, problem.total[:, None]], [problem.total[None], np.zeros((1, 1))]])
+        x = linalg.solve(H, np.append(right, problem.lacking), assume_a="sym")[:n]
+    else:
+        x = linalg.solve(H, right, assume_a="pos")
+    return problem.fit(x, status="closed form", converged=True, residual=0.0, iterations=0)
+
+
+def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
+    """(links, 10) parameters whose links with mass are bodies: a principal second moment of mass about the mass
+    center that is below m gyration^2 is lifted to it, everything else stays.
+
+    A few mass points in a plane, and inertias that somebody rounded, are references of no body.
+    """
+    repaired = np.array(reference, dtype=np.float64)
+    for row, P in zip(repaired, pseudo_inertias(repaired), strict=True):
+        if row[0] > 0.0:
+            c = row[1:4] / row[0]
+            values, axes = np.linalg.eigh(P[:3, :3] - row[0] * np.outer(c, c))
+            lift = np.maximum(row[0] * gyration**2 - values, 0.0)
+            if lift.any():
+                added = (axes * lift) @ axes.T
+                about = np.trace(added) * np.eye(3) - added
+                row[4:7] += np.diag(about)
+                row[7:] += about[1, 2], about[2, 0], about[0, 1]
+    return repaired
+
+
+def ellipsoid_matrix(center: Array, axes: Array) -> Array:
+    """(4, 4) Q with (x, 1)^T Q (x, 1) = 1 - |axes^-1 (x - center)|^2, at least 0 inside the ellipsoid.
+
+    Parameters
+    ----------
+    center : (3,) [m]
+    axes : (3, 3) semi-axes as columns [m]
+    """
+    inverse = np.linalg.inv(np.asarray(axes, float))
+    M, c = inverse.T @ inverse, np.asarray(center, float)
+    return np.block([[-M, (M @ c)[:, None]], [(M @ c)[None], np.array([[1.0 - c @ M @ c]])]])
+
+
+@dataclass(eq=False)
+class _Changes:
+    """The problem in the changes E of the moved links, ten scaled entries each, counted from the reference."""
+
+    A: Array
+    b: Array
+    given_A: Array
+    given_b: Array
+    reference: Array
+    moved: np.ndarray
+    basis: Array
+    prior: Array
+    total: Array
+    lacking: float
+    options: PseudoInertiaOptions
+
+    @staticmethod
+    def of(A: Array, b: Array, reference: Array, mass: float | None, options: PseudoInertiaOptions) -> _Changes:
+        A, b, reference = np.asarray(A, float), np.asarray(b, float), np.array(reference, float)
+        if reference.ndim != 2 or reference.shape[1] != 10 or A.shape != (len(b), reference.size):
+            raise BadData(
+                "expected A (rows, 10 links), b (rows,) and a reference (links, 10), "
+                f"but got {A.shape}, {b.shape} and {reference.shape}"
+            )
+        if not (np.isfinite(A).all() and np.isfinite(b).all() and np.isfinite(reference).all()):
+            raise BadData("A, b or the reference holds a number that is not finite")
+        if mass is not None and not mass > 0.0:
+            raise BadData(f"the body's mass is {mass:g} kg: expected above 0")
+        P = pseudo_inertias(reference)
+        moved = np.flatnonzero(reference[:, 0] > SMALLEST_SHARE * reference[:, 0].sum())
+        scale = np.sqrt(np.diagonal(P[moved], axis1=1, axis2=2).clip(min=1e-300))
+        least = np.linalg.eigvalsh(P[moved] / scale[:, :, None] / scale[:, None])[:, 0]
+        if len(least) and least.min() < 1e-9:
+            worst = moved[int(least.argmin())]
+            raise BadData(
+                f"the reference of link {worst} is of no body: its pseudo-inertia is not positive definite; "
+                "give it an inertia that a body of its mass can have, or pass it through `possible_reference`"
+            )
+        factors = np.linalg.cholesky(P[moved])
+        basis = np.stack([_basis(L) for L in factors]) if len(moved) else np.zeros((0, 10, 10))
+        by_link = A.reshape(len(A), len(reference), 10)[:, moved]
+        reduced = np.einsum("rli,lij->rlj", by_link, basis, optimize=True).reshape(len(A), 10 * len(moved))
+        total = basis[:, 0].ravel()
+        return _Changes(
+            reduced, b - A @ reference.ravel(), A, b, reference, moved, basis,
+            _prior(reference[moved], P[moved], basis, options), total,
+            0.0 if mass is None else mass - reference[:, 0].sum(), options,
+        )  # fmt: skip
+
+    def fit(self, x: Array, *, status: str, converged: bool, residual: float, iterations: int) -> PseudoInertiaFit:
+        """The fit of changes x (10 moved links,)."""
+        changes = x.reshape(-1, 10)
+        parameters = self.reference.copy()
+        parameters[self.moved] += np.einsum("lij,lj->li", self.basis, changes)
+        smallest = np.full(len(parameters), np.nan)
+        smallest[self.moved] = 1.0 + np.linalg.eigvalsh(_symmetric(changes))[:, 0]
+        kept = np.ones(len(parameters), bool)
+        kept[self.moved] = False
+        misses = [self.given_b - self.given_A @ phi.ravel() for phi in (parameters, self.reference)]
+        return PseudoInertiaFit(
+            parameters=parameters,
+            misfit=float(misses[0] @ misses[0]),
+            misfit_before=float(misses[1] @ misses[1]),
+            smallest=smallest,
+            kept=kept,
+            status=status,
+            converged=converged,
+            residual=float(residual),
+            iterations=int(iterations),
+            options=self.options,
+        )
+
+
+def _symmetric(entries: Array) -> Array:
+    """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
+    matrices = np.zeros((*entries.shape[:-1], 4, 4))
+    for q, (i, k) in enumerate(TRIANGLE):
+        matrices[..., i, k] = matrices[..., k, i] = entries[..., q] * (1.0 if i == k else np.sqrt(0.5))
+    return matrices
+
+
+def _basis(L: Array) -> Array:
+    """(10, 10) the change of a link's parameters from its scaled triangle: those of L E L^T."""
+    P = L @ _symmetric(np.eye(10)) @ L.T
+    S = P[:, :3, :3]
+    inertia = np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S
+    columns = [P[:, 3, 3], P[:, 0, 3], P[:, 1, 3], P[:, 2, 3], inertia[:, 0, 0], inertia[:, 1, 1], inertia[:, 2, 2]]
+    return np.stack([*columns, inertia[:, 1, 2], inertia[:, 2, 0], inertia[:, 0, 1]])
+
+
+def _prior(reference: Array, P: Array, basis: Array, options: PseudoInertiaOptions) -> Array:
+    """(10 links, 10 links) Hessian of the prior in the changes."""
+    if options.metric == "pullback":
+        return np.eye(10 * len(reference)) / options.mass_sd**2
+    m = reference[:, 0]
+    center = reference[:, 1:4] / m[:, None]
+    gyration = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2) / m - (center**2).sum(axis=1))
+    scales = m[:, None] * gyration[:, None] ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    weighted = basis / (options.mass_sd * scales)[:, :, None]
+    return linalg.block_diag(*(one.T @ one for one in weighted))
+
+
+def _inside(problem: _Changes, ellipsoids: Array, reference: Array) -> tuple[Array, Array]:
+    """Rows of tr(P Q) = limit + row . changes, scaled by the mass."""
+    if ellipsoids.shape != (len(reference), 4, 4):
+        raise BadData(f"expected ellipsoids ({len(reference)}, 4, 4), but got {ellipsoids.shape}")
+    P, width = pseudo_inertias(reference), 10 * len(problem.moved)
+    rows, limits = [np.zeros((0, width))], []
+    for number, i in enumerate(problem.moved):
+        if ellipsoids[i].any():
+            row = np.zeros((1, width))
+            changes = pseudo_inertias(problem.basis[number].T)
+            row[0, 10 * number : 10 * number + 10] = np.einsum("qij,ij->q", changes, ellipsoids[i]) / reference[i, 0]
+            rows.append(row)
+            limits.append(float((P[i] * ellipsoids[i]).sum()) / reference[i, 0])
+    return np.concatenate(rows), np.array(limits)
