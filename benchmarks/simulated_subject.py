@@ -9,9 +9,8 @@ nobody was measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from scipy.special import ndtr
@@ -23,6 +22,7 @@ from myomorph.model.scale import scale
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Array
+from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths
 
 LEAST_EXTENT = 1e-3
 """Of a body's mass along each axis, root mean square [m]."""
@@ -34,8 +34,8 @@ class SubjectOptions:
 
     Attributes
     ----------
-    length : largest relative change of a segment's size, the same on both sides
-    asymmetry : largest relative difference that each side adds
+    length : largest relative change of a length, along or across a segment, the same on both sides
+    asymmetry : largest relative difference that the left side adds
     marker_shift : standard deviation of a marker's place, along each axis [m]
     mass, center, shape : largest relative change of a body's mass; shift of its mass center in parts of
         its radius of gyration; relative change of its extent along and across its axes
@@ -59,12 +59,10 @@ class Subject:
     ----------
     generic : the model given to calibration and identification
     person : the truth: its lengths, markers and inertial parameters
-    factors : by which each body was stretched
     """
 
     generic: Model
     person: Model
-    factors: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -121,22 +119,24 @@ class Recording:
 
 
 def random_subject(generic: Model, options: SubjectOptions | None = None) -> Subject:
-    """A person of other lengths, marker places and inertial parameters than the generic model's."""
+    """A person of other lengths, marker places and inertial parameters than the generic model's.
+
+    Every length of `lengths_of` has a factor of its own: from joint to joint, and across.
+    """
     options = options or SubjectOptions()
     random = np.random.default_rng(options.seed)
-    segments = segments_of(generic)
-    sizes: dict[str, float] = {}
-    factors = {}
-    for body, segment in segments.items():
-        common = sizes.setdefault(segment.name, 1.0 + options.length * random.uniform(-1.0, 1.0))
-        own = sizes.setdefault(segment.name + segment.side, 1.0 + options.asymmetry * random.uniform(-1.0, 1.0))
-        factors[body] = common * (own if segment.side else 1.0)
-    grown = scale(generic, {body: (factor,) * 3 for body, factor in factors.items()}, inertia="affine")
+    lengths = lengths_of(generic)
+    values = np.ones(len(lengths))
+    sides = {j: i for i, j in mirrored_lengths(lengths)}
+    for i in range(len(lengths)):
+        own = 1.0 + options.length * random.uniform(-1.0, 1.0)
+        values[i] = values[sides[i]] * (1.0 + options.asymmetry * random.uniform(-1.0, 1.0)) if i in sides else own
+    grown = scale(generic, factors_of(lengths, values), inertia="affine")
     markers = tuple(
         replace(one, location=one.location + options.marker_shift * random.standard_normal(3)) for one in grown.markers
     )
     table = np.array([deformed(row, options, random) for row in inertial_parameters(grown)])
-    return Subject(generic, with_inertial_parameters(grown.with_markers(markers), table), MappingProxyType(factors))
+    return Subject(generic, with_inertial_parameters(grown.with_markers(markers), table))
 
 
 def deformed(parameters: Array, options: SubjectOptions, random: np.random.Generator) -> Array:
