@@ -8,14 +8,15 @@ from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dgeqrf
 
 from myomorph.identify.base_parameters import (
     BaseParameters,
     base_parameters,
+    base_sizes,
     held_in,
     parameter_sizes,
 )
+from myomorph.identify.factors import absorb, rank_and_condition, with_prior
 from myomorph.identify.null_space import tree_null_space
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
@@ -209,7 +210,7 @@ def fit_base(
         told = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
         raise BadData(f"no frame can be used to identify ({told or 'there are none'})")
     n = len(base)
-    sizes = _base_sizes(model, base)
+    sizes = base_sizes(model, base)
     start = base.of(inertial_parameters(model))
     prior = _Prior(start, sizes * options.prior)
     sigma = _noise(factors, frames, prior, n, options)
@@ -226,7 +227,7 @@ def fit_base(
     rms_tared = np.sqrt(_squares(factors, tared.solution, tare=True) / frames)
     sd = chosen.sd[:n]
     estimate = chosen.solution[:n]
-    rank, condition = _rank(chosen.R[:n, :n], options.rank_tolerance)
+    rank, condition = rank_and_condition(chosen.R[:n, :n], options.rank_tolerance)
     return BaseFit(
         base=base,
         estimate=estimate,
@@ -266,11 +267,6 @@ class _Solution:
     sd: Array
 
 
-def _base_sizes(model: Model, base: BaseParameters) -> Array:
-    sizes: Array = np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))
-    return sizes
-
-
 def _measured(model: Model, recording: Recording) -> Array:
     """(frames, 6) measured moment about the ground's origin and force."""
     return sum_of_wrenches(model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3)))
@@ -295,7 +291,6 @@ def _factors(
     """(6, n + 7, n + 7) triangular factors of [Y_B, constants, wrench], one a row of the wrench."""
     n = len(base)
     width = n + 7
-    stack = np.zeros((width + options.block, width), order="F")
     factors = np.zeros((6, width, width))
     left_out = {"left out by the user": 0, "motion missing": 0, "force missing": 0}
     checked = False
@@ -319,12 +314,11 @@ def _factors(
             wrench = _about(total[block.frames][used], points)
             constants = _constants(points)
             for i in range(6):
-                stack[:width] = factors[i]
-                part = stack[width : width + len(used)]
+                part = np.empty((len(used), width), order="F")
                 part[:, :n] = block.rows[used[:, None], i, base.columns]
                 part[:, n:-1] = constants[:, i]
                 part[:, -1] = wrench[:, i]
-                factors[i] = _triangle(stack[: width + len(used)])
+                factors[i] = absorb(factors[i], part)
     return factors, left_out
 
 
@@ -337,15 +331,6 @@ def _check_base(rows: Array, base: BaseParameters) -> None:
         )
 
 
-def _triangle(stack: Array) -> Array:
-    """The factor R of a QR decomposition, (columns, columns)."""
-    n = stack.shape[1]
-    reduced, _, _, info = dgeqrf(stack)
-    assert info == 0
-    R = np.triu(reduced[:n])
-    return R if len(R) == n else np.vstack([R, np.zeros((n - len(R), n))])
-
-
 def _without_tare(n: int) -> np.ndarray:
     return np.concatenate([np.arange(n), [n + 6]])
 
@@ -353,16 +338,13 @@ def _without_tare(n: int) -> np.ndarray:
 def _solve(factors: Array, sigma: Array, prior: _Prior) -> _Solution:
     """Weigh the rows' factors (6, n + 7, k + 1) together and solve with the prior."""
     k = factors.shape[2] - 1
-    n = len(prior.mean)
-    R = _triangle(np.asfortranarray((factors / sigma[:, None, None]).reshape(-1, k + 1)))
-    with_prior = np.zeros((k + 1 + n, k + 1))
-    with_prior[: k + 1] = R
-    with_prior[k + 1 :, :n] = np.diag(1.0 / prior.sd)
-    with_prior[k + 1 :, -1] = prior.mean / prior.sd
-    whole = _triangle(np.asfortranarray(with_prior))
-    solution = solve_triangular(whole[:k, :k], whole[:k, k])
-    inverse = solve_triangular(whole[:k, :k], np.eye(k))
-    return _Solution(R[:k, :k], R[:k, k], solution, np.sqrt(np.square(inverse).sum(axis=1)))
+    data = np.zeros((k + 1, k + 1))
+    for factor, noise in zip(factors, sigma, strict=True):
+        data = absorb(data, factor / noise)
+    R, z = with_prior(data[:k], prior.mean, prior.sd)
+    solution = solve_triangular(R, z)
+    inverse = solve_triangular(R, np.eye(k))
+    return _Solution(data[:k, :k], data[:k, k], solution, np.sqrt(np.square(inverse).sum(axis=1)))
 
 
 def _squares(factors: Array, solution: Array, tare: bool) -> Array:
@@ -434,10 +416,3 @@ def _correlation_times(residuals: Sequence[Array]) -> Array:
     positive = np.cumprod(sums > 0.0, axis=0)
     times: Array = np.maximum(2.0 * (sums * positive).sum(axis=0) - 1.0, 1.0) if pairs else np.ones(6)
     return times
-
-
-def _rank(R: Array, tolerance: float) -> tuple[int, float]:
-    length = np.linalg.norm(R, axis=0)
-    values = np.linalg.svd(R / np.where(length > 0.0, length, 1.0), compute_uv=False)
-    rank = int(np.sum(values > tolerance * values[0])) if values[0] > 0.0 else 0
-    return rank, float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")

@@ -192,3 +192,9 @@ def parameter_sizes(model: Model) -> Array:
     length = np.maximum(length, 0.1 * (length.max() or 1.0))
     mass = np.maximum(mass, 0.005 * whole)
     return mass[:, None] * np.column_stack([np.ones_like(length), *[length] * 3, *[length**2] * 6])
+
+
+def base_sizes(model: Model, base: BaseParameters) -> Array:
+    """(n,) how large the base parameters are, the root of the sum of squares of what they lump together."""
+    sizes: Array = np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))
+    return sizes

@@ -1,0 +1,325 @@
+"""Base parameters frame by frame, with what is known of each link so far and what to move next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+
+from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes
+from myomorph.identify.factors import rank_and_condition, with_prior
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.rigid.regressor import base_regressor
+from myomorph.rigid.tree import compile_tree
+
+NOISE = (2.0, 2.0, 2.0, 5.0, 5.0, 5.0)
+"""Noise of the base wrench where none is given: a force plate's, and that of accelerations [N m], [N]."""
+
+_SWING = (0.5, 0.1)
+"""Half amplitude of a movement that is proposed, of angles [rad] and lengths [m]."""
+
+_PHASES = 6
+_SAMPLES = 20
+"""Independent samples that a proposed movement is counted as, about two seconds of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A movement that would show more.
+
+    Attributes
+    ----------
+    coordinate : to move, about half a radian up and down once a second
+    body : the body that it moves first
+    gain : information it would add, in nats: 0.7 halves the variance of one parameter
+    """
+
+    coordinate: str
+    body: str
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class SequentialState:
+    """What is known after some frames.
+
+    Attributes
+    ----------
+    frames : folded in so far; with forgetting, older ones count less
+    left_out : frames with something missing
+    estimate, sd, relative_sd : (n,) base parameters, standard deviations, and sd / |estimate|
+    levels : (n,) share of what is known of each base parameter that comes from the motion rather than from
+        the model, 1 - var / (var without data), 0 to 1
+    rank, condition : of the data's information, columns scaled to length 1
+    link_levels : level of every body, the mean over the base parameters named after it; a body without
+        any has its parent's
+    innovation_rms : (6,) RMS of the last frames' errors of the predicted base wrench [N m], [N]
+    wrench_rms : (6,) RMS of what was measured over the same frames
+    """
+
+    frames: int
+    left_out: int
+    estimate: Array
+    sd: Array
+    relative_sd: Array
+    levels: Array
+    rank: int
+    condition: float
+    link_levels: Mapping[str, float]
+    innovation_rms: Array
+    wrench_rms: Array
+
+    @property
+    def progress(self) -> float:
+        """Mean level of all base parameters, 0 to 1."""
+        return float(self.levels.mean())
+
+    @property
+    def least(self) -> str:
+        """The body that is known worst."""
+        return min(self.link_levels, key=lambda body: self.link_levels[body])
+
+
+class _Swings(NamedTuple):
+    """Rows (coordinates, samples, n) that a movement of each coordinate would give, whitened."""
+
+    coordinates: tuple[str, ...]
+    bodies: tuple[str, ...]
+    rows: Array
+
+
+class SequentialFit:
+    """Recursive least squares in square-root form: R phi_B = z, row by row of the base wrench.
+
+    A frame's six rows are turned into the triangular factor by Householder reflections, which is the
+    batch's QR decomposition continued: both end in the same numbers. `update` changes this object.
+
+    Attributes
+    ----------
+    base : what is estimated
+    sizes : (n,) how large each base parameter is in the model
+    sigma : (6,) noise of a row [N m], [N]
+    forgetting : weight of a frame's information relative to the next one's, at most 1
+    prior : standard deviation of a weak prior about the model, in multiples of the sizes (as in `BaseOptions`)
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        base: BaseParameters,
+        sigma: Array,
+        forgetting: float = 1.0,
+        prior: float = 100.0,
+        memory: int = 200,
+    ):
+        sigma = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (6,))
+        if not (np.isfinite(sigma).all() and (sigma > 0.0).all()):
+            raise BadData(f"the noise of the base wrench is {sigma.tolist()}: expected six positive numbers")
+        if not 0.9 < forgetting <= 1.0:
+            raise BadData(f"the forgetting factor is {forgetting:g}: expected above 0.9 and at most 1")
+        if base.bodies != model.body_names:
+            raise BadData("the base parameters are of another model")
+        self.model, self.base = model, base
+        self.sizes = base_sizes(model, base)
+        self.sigma, self.forgetting, self.prior = frozen_array(sigma), forgetting, prior
+        self._mean = base.of(inertial_parameters(model))
+        n = len(base)
+        self._factor = np.zeros((n, n + 1))
+        self._rows = np.empty((6, n + 1))
+        self._memory = memory
+        self._estimate = self._mean.copy()
+        self._due = 0
+        self.frames = self.left_out = 0
+        self._weight = 0.0
+        self._errors, self._measured = np.zeros(6), np.zeros(6)
+        self._swings: _Swings | None = None
+
+    @classmethod
+    def start(
+        cls,
+        model: Model,
+        base: BaseParameters | None = None,
+        sigma: ArrayLike = NOISE,
+        forgetting: float = 1.0,
+        prior: float = 100.0,
+    ) -> SequentialFit:
+        """Begin without data.
+
+        Parameters
+        ----------
+        base : by default the model's, its locked coordinates at rest
+        sigma : (6,) or one number, noise of the rows of the base wrench [N m], [N]. Where successive frames
+            are not independent (filtered, sampled fast), times the root of the frames that make one sample
+        forgetting : below 1, frames T ago weigh forgetting^T: for bodies or plates that change
+        prior : as in `BaseOptions`
+        """
+        return cls(model, base or base_parameters(model), np.asarray(sigma, dtype=np.float64), forgetting, prior)
+
+    def update(self, rows: Array, wrench: Array) -> Array:
+        """Fold in one frame; returns the error of the wrench predicted before, (6,) [N m], [N].
+
+        The prediction uses an estimate that lags by at most a tenth of the frames, and 100 of them. A frame with
+        anything missing is left out and its error is NaN.
+
+        Parameters
+        ----------
+        rows : (6, 10 bodies) of `base_regressor`
+        wrench : (6,) of `base_wrench`
+        """
+        own = rows[:, self.base.columns]
+        if not (np.isfinite(wrench).all() and np.isfinite(own).all()):
+            self.left_out += 1
+            return np.full(6, np.nan)
+        error: Array = wrench - own @ self._estimate
+        self._rows[:, :-1] = own / self.sigma[:, None]
+        self._rows[:, -1] = wrench / self.sigma
+        if self.forgetting < 1.0:
+            self._factor *= math.sqrt(self.forgetting)
+        fold(self._factor, self._rows)
+        self.frames += 1
+        keep = min(1.0 - 1.0 / self._memory, self.frames / (self.frames + 1.0))
+        self._weight = keep * self._weight + 1.0
+        self._errors = keep * self._errors + error**2
+        self._measured = keep * self._measured + wrench**2
+        if self.frames >= self._due:
+            self._solve()
+        return error
+
+    def _solve(self) -> Array:
+        """Refresh the estimate; returns the triangular factor with the prior."""
+        R, z = with_prior(self._factor, self._mean, self.prior * self.sizes)
+        self._estimate = solve_triangular(R, z)
+        self._due = self.frames + 1 + min(self.frames // 10, 100)
+        return R
+
+    def rows(self) -> tuple[Array, Array]:
+        """(A (n, 10 bodies), b (n,)) as `BaseFit.rows`: |A phi - b|^2 is the data's misfit."""
+        return self._factor[:, :-1] @ self.base.combination, self._factor[:, -1].copy()
+
+    def state(self) -> SequentialState:
+        """Everything known by now."""
+        R = self._solve()
+        inverse = solve_triangular(R, np.eye(len(R)))
+        sd = np.sqrt(np.square(inverse).sum(axis=1))
+        levels = 1.0 - np.square(self._spread()).sum(axis=1) / self.sizes**2
+        rank, condition = rank_and_condition(self._factor[:, :-1])
+        weight = max(self._weight, 1.0)
+        return SequentialState(
+            frames=self.frames,
+            left_out=self.left_out,
+            estimate=frozen_array(self._estimate),
+            sd=frozen_array(sd),
+            relative_sd=frozen_array(sd / np.maximum(np.abs(self._estimate), 1e-300)),
+            levels=frozen_array(np.clip(levels, 0.0, 1.0)),
+            rank=rank,
+            condition=condition,
+            link_levels=MappingProxyType(self._link_levels(np.clip(levels, 0.0, 1.0))),
+            innovation_rms=frozen_array(np.sqrt(self._errors / weight)),
+            wrench_rms=frozen_array(np.sqrt(self._measured / weight)),
+        )
+
+    def _spread(self) -> Array:
+        """(n, n) root of the covariance, had the model's parameters been right to within their sizes."""
+        R, _ = with_prior(self._factor, self._mean, self.sizes)
+        root: Array = solve_triangular(R, np.eye(len(R)))
+        return root
+
+    def _link_levels(self, levels: Array) -> dict[str, float]:
+        parents = {joint.child: joint.parent for joint in self.model.joints}
+        found: dict[str, float] = {}
+        for b, name in enumerate(self.model.body_names):
+            own = self.base.owners == b
+            found[name] = float(levels[own].mean()) if own.any() else found.get(parents[name], 0.0)
+        return found
+
+    def propose(self, pose: ArrayLike | None = None, most: int = 3) -> tuple[Proposal, ...]:
+        """The coordinates whose movement would show most of what is not known yet, the best first.
+
+        The information of a slow swing of each coordinate alone, log det(I + Y_B P Y_B^T / sigma^2) with the
+        covariance P so far. The joints of the base to the ground are not proposed.
+
+        Parameters
+        ----------
+        pose : (coordinates,) the pose to swing about; the model's default. Taken at the first call only
+        """
+        if self._swings is None:
+            self._swings = self._prepare(pose)
+        swings = self._swings
+        if not swings.coordinates:
+            return ()
+        spread = swings.rows @ self._spread()
+        size = spread.shape[1]
+        information = np.eye(size) + (_SAMPLES / _PHASES) * spread @ spread.transpose(0, 2, 1)
+        gains = np.linalg.slogdet(information)[1] / 2.0
+        best = np.argsort(-gains)[:most]
+        return tuple(Proposal(swings.coordinates[i], swings.bodies[i], float(gains[i])) for i in best)
+
+    def _prepare(self, pose: ArrayLike | None) -> _Swings:
+        tree = compile_tree(self.model)
+        names = self.model.coordinate_names
+        bodies = {name: joint.child for joint in self.model.joints for name in joint.coordinates}
+        roots = {name for joint in self.model.joints if joint.parent == GROUND for name in joint.coordinates}
+        moving = [j for j in tree.independent if names[j] not in roots and names[j] not in self.base.held]
+        rest = np.array(tree.defaults if pose is None else pose, dtype=np.float64)
+        for name, value in self.base.held.items():
+            rest[names.index(name)] = value
+        phase = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
+        rate = 2.0 * np.pi
+        rows = np.empty((len(moving), 6 * _PHASES, len(self.base)))
+        for i, j in enumerate(moving):
+            coordinate = self.model.coordinates[j]
+            low, high = coordinate.range
+            swing = min(_SWING[coordinate.motion == "translational"], 0.5 * (high - low))
+            middle = min(max(rest[j], low + swing), high - swing) if low < high else rest[j]
+            values = np.tile(rest, (_PHASES, 1))
+            velocities, accelerations = np.zeros_like(values), np.zeros_like(values)
+            values[:, j] = middle + swing * np.sin(phase)
+            velocities[:, j] = swing * rate * np.cos(phase)
+            accelerations[:, j] = -swing * rate**2 * np.sin(phase)
+            motion = Motion(phase, names, values, velocities, accelerations)
+            Y = base_regressor(self.model, motion)[:, :, self.base.columns] / self.sigma[:, None]
+            rows[i] = Y.reshape(6 * _PHASES, -1)
+        coordinates = tuple(names[j] for j in moving)
+        return _Swings(coordinates, tuple(bodies.get(name, "") for name in coordinates), rows)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fold(R, rows):
+    """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in place.
+
+    `rows` is used up.
+    """
+    b0, b1, b2, b3, b4, b5 = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    for j in range(R.shape[0]):
+        x0, x1, x2, x3, x4, x5 = b0[j], b1[j], b2[j], b3[j], b4[j], b5[j]
+        square = x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4 + x5 * x5
+        if square == 0.0:
+            continue
+        r = R[j]
+        diagonal = r[j]
+        length = math.sqrt(diagonal * diagonal + square)
+        new = -length if diagonal > 0.0 else length
+        factor = (new - diagonal) / new
+        scale = 1.0 / (diagonal - new)
+        x0, x1, x2, x3, x4, x5 = x0 * scale, x1 * scale, x2 * scale, x3 * scale, x4 * scale, x5 * scale
+        r[j] = new
+        for k in range(j + 1, R.shape[1]):
+            w = factor * (r[k] + x0 * b0[k] + x1 * b1[k] + x2 * b2[k] + x3 * b3[k] + x4 * b4[k] + x5 * b5[k])
+            r[k] -= w
+            b0[k] -= w * x0
+            b1[k] -= w * x1
+            b2[k] -= w * x2
+            b3[k] -= w * x3
+            b4[k] -= w * x4
+            b5[k] -= w * x5
