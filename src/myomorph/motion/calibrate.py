@@ -1,16 +1,542 @@
-"""Markers put on a model where a recording of a known pose shows them."""
+"""Kinematic identification: the lengths of a body and where its markers sit, from recorded motion."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, listing
 from myomorph.model.model import Marker, Model, index_of
+from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    coordinate_targets,
+    marker_arrays,
+    refuse_loops,
+    tracked_markers,
+)
+from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
+from myomorph.motion.postures import overall_size, spread_postures
+from myomorph.motion.shared_fit import (
+    FrameSet,
+    Minimum,
+    Point,
+    Prior,
+    SharedProblem,
+    minimise,
+    place_at_fixed_angles,
+    reduce,
+    settle,
+)
+from myomorph.motion.stretch import skeleton, stretch_of
+from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+
+STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
+"""What the coordinates' names begin with that stand near their defaults in a static trial."""
+
+FEW_FRAMES = 10
+NOISE_UNKNOWN = 0.005
+NOISE_LEAST = 1e-4
+ALTERNATIONS = 50
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What kinematic identification may be told.
+
+    Attributes
+    ----------
+    frames : at most so many, those whose postures differ most
+    symmetric : the right and the left side have the same lengths
+    method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does ("alternating")
+    mass : of the whole body [kg]; by default what the stretching gives
+    length_sd : how much a segment's length differs from the overall size, as a standard deviation
+    shape_sd : how much a segment's stretch across differs from that along
+    side_sd : how much the right differs from the left
+    marker_sd : how far a marker lies from its place on the given model [m]
+    noise : of a marker about its place on a rigid body, along one axis [m]; by default told by the fit
+    static_sd : of the coordinates that are known in the static trial [rad]
+    iterations : at most so many steps
+    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
+    fixed_markers : markers that stay where the model has them (besides those the model calls fixed)
+    static : a recording of standing still
+    static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model stands
+    posture_weight : as in `InverseKinematicsOptions`
+    """
+
+    frames: int = 50
+    symmetric: bool = False
+    method: Literal["joint", "alternating"] = "joint"
+    mass: float | None = None
+    length_sd: float = 0.05
+    shape_sd: float = 0.05
+    side_sd: float = 0.02
+    marker_sd: float = 0.02
+    noise: float | None = None
+    static_sd: float = 0.1
+    iterations: int = 60
+    marker_weights: Mapping[str, float] = field(default_factory=dict)
+    fixed_markers: tuple[str, ...] = ()
+    static: Markers | None = None
+    static_pose: Mapping[str, float] | None = None
+    posture_weight: float = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLength:
+    """A length as the recordings show it.
+
+    Attributes
+    ----------
+    factor, sd : of the given model's length, and the standard deviation that noise and prior leave
+    prior_sd : standard deviation before any marker was seen
+    generic, value : distance between joint centers along the axis before and after [m]
+    """
+
+    length: Length
+    factor: float
+    sd: float
+    prior_sd: float
+
+    @property
+    def generic(self) -> float:
+        """Distance on the given model [m]."""
+        return self.length.extent
+
+    @property
+    def value(self) -> float:
+        """Distance found [m]."""
+        return self.length.extent * self.factor
+
+    @property
+    def shown(self) -> bool:
+        """Whether the recordings say more of it than was known before: they halve its standard deviation."""
+        return self.sd < 0.5 * self.prior_sd
+
+
+@dataclass(frozen=True, eq=False)
+class FoundMarker:
+    """A marker where the recordings show it.
+
+    Attributes
+    ----------
+    location : (3,) on its stretched body [m]
+    shift : (3,) from where stretching alone puts it [m]
+    sd : (3,) standard deviation along the body's axes [m]
+    before, after : root mean square distance from the recordings on the given model and at the end [m]
+    """
+
+    name: str
+    body: str
+    location: Array
+    shift: Array
+    sd: Array
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A model of the recorded body, and how far to trust it.
+
+    Attributes
+    ----------
+    model : stretched, markers placed
+    factors : (3,) of every body
+    size : overall size relative to the given model
+    noise : of a marker along one axis, as assumed or found [m]
+    frames : for each recording (the static one last) its chosen frames
+    angles : for each recording (frames, coordinates) of the chosen frames [rad or m]
+    before, after : for each recording (frames, markers) distances on the given model and on the found one [m]
+    marker_names : of the columns of `before` and `after`
+    converged : whether the last step was small
+    costs : the objective after every step [m^2]
+    notes : what the recordings do not show, one line each
+    """
+
+    model: Model
+    options: CalibrationOptions
+    factors: Mapping[str, Array]
+    lengths: tuple[FoundLength, ...]
+    markers: tuple[FoundMarker, ...]
+    size: float
+    noise: float
+    frames: tuple[Ints, ...]
+    angles: tuple[Array, ...]
+    before: tuple[Array, ...]
+    after: tuple[Array, ...]
+    marker_names: tuple[str, ...]
+    converged: bool
+    costs: tuple[float, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def rms_before(self) -> float:
+        """Root mean square distance of all markers on the given model [m]."""
+        return root_mean_square(self.before)
+
+    @property
+    def rms_after(self) -> float:
+        """Root mean square distance of all markers on the found model [m]."""
+        return root_mean_square(self.after)
+
+
+def calibrate(
+    model: Model,
+    trials: Sequence[Markers],
+    options: CalibrationOptions | None = None,
+    progress: Callable[[int], None] | None = None,
+    path_lengths: Callable[[Model], ArrayLike] | None = None,
+) -> Calibration:
+    """The lengths of a body and the places of its markers that explain recorded motion best.
+
+    Over frames f, markers m, lengths s, shifts d and angles q_f,
+
+    min sum_fm w_m |x_m(q_f, s, d) - y_fm|^2 / noise^2 + |prior(s, d)|^2,
+
+    where x is linear in (s, d) and the angles, bounded, locked and coupled as in inverse kinematics, are
+    eliminated frame by frame. The prior keeps what no marker shows near the given model: every length near
+    the overall size, stretch across near that along, right near left, markers near their places. The noise
+    is taken from the residual unless given. [D] 3.2.1 step 1 (Ayusawa et al. 2011).
+
+    Parameters
+    ----------
+    trials : recordings in the model's ground
+    progress : called with the number of steps just done; all together `options.iterations`
+    path_lengths : lets muscles keep their ratio of fiber to path, as in `scale`
+
+    Raises
+    ------
+    BadData : no recording shares a marker with the model, or the markers' unit cannot be metres
+    BadModel : the model closes loops
+    UnknownName : an option names a marker or coordinate that does not exist
+    """
+    options = options or CalibrationOptions()
+    _check(options)
+    refuse_loops(model, "calibration")
+    recordings = (*trials, *((options.static,) if options.static is not None else ()))
+    if not recordings:
+        raise BadData("calibration needs at least one recording of markers")
+    names, weights = _tracked(model, recordings, options)
+    size = overall_size(model, names, [_columns(one, names) for one in recordings])
+    bare = skeleton(model)
+    sized = scale(bare, {body: np.full(3, size) for body in bare.body_names})
+    tracking = InverseKinematicsOptions(
+        marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True, posture_weight=options.posture_weight
+    )
+    chosen = spread_postures(sized, recordings, tracking, options.frames)
+    problem = _problem(model, bare, names, weights, recordings, [frames for frames, _ in chosen], options, size)
+    search = _search(problem, names, size, [angles for _, angles in chosen], options, progress)
+    if progress:
+        progress(max(0, options.iterations - search.steps))
+    return _calibration(model, problem, search, names, chosen, options, path_lengths)
+
+
+def root_mean_square(errors: Sequence[Array]) -> float:
+    """Of distances in several arrays, NaN left out."""
+    everything = np.concatenate([one.ravel() for one in errors]) if errors else np.zeros(0)
+    return float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")
+
+
+def _check(options: CalibrationOptions) -> None:
+    for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "static_sd", "iterations"):
+        if not getattr(options, name) > 0:
+            raise BadData(f"calibration: {name} is {getattr(options, name)}; expected a number above 0")
+    if options.noise is not None and not options.noise > 0.0:
+        raise BadData(f"calibration: noise is {options.noise}; expected metres above 0")
+
+
+def _columns(markers: Markers, names: Sequence[str]) -> Array:
+    """(frames, names, 3) of a recording, NaN for markers it does not have."""
+    index = {name: i for i, name in enumerate(markers.names)}
+    columns = np.full((len(markers), len(names), 3), np.nan)
+    for i, name in enumerate(names):
+        if name in index:
+            columns[:, i] = markers.values[:, index[name]]
+    return columns
+
+
+def _tracked(model: Model, recordings: Sequence[Markers], options: CalibrationOptions) -> tuple[tuple[str, ...], Array]:
+    """Markers that the model shares with any recording, and their weights."""
+    every = tuple(dict.fromkeys(name for one in recordings for name in one.names))
+    joined = Markers(np.zeros(0), every, np.zeros((0, len(every), 3)))
+    names, weights = tracked_markers(model, joined, InverseKinematicsOptions(marker_weights=options.marker_weights))
+    for name in options.fixed_markers:
+        index_of("marker", name, model.marker_names)
+    for number, one in enumerate(recordings):
+        if not set(names) & set(one.names):
+            raise BadData(
+                f"recording {number + 1} of {len(recordings)} shares no marker with the model: the model has "
+                f"{listing(one.names[0] if one.names else '', model.marker_names)}; the recording has "
+                f"{listing(names[0], one.names)}"
+            )
+        if not np.isfinite(_columns(one, names)).all(axis=2).any():
+            raise BadData(f"recording {number + 1} of {len(recordings)} shows none of the model's markers in any frame")
+    return names, weights
+
+
+def _problem(
+    model: Model,
+    bare: Model,
+    names: tuple[str, ...],
+    weights: Array,
+    recordings: Sequence[Markers],
+    frames: Sequence[Ints],
+    options: CalibrationOptions,
+    size: float,
+) -> SharedProblem:
+    lengths = lengths_of(model, options.symmetric)
+    tree = compile_tree(bare)
+    sets = []
+    for number, (one, rows) in enumerate(zip(recordings, frames, strict=True)):
+        known = np.zeros(len(tree.defaults))
+        targets = coordinate_targets(tree, one.time[rows], InverseKinematicsOptions())
+        if options.static is not None and number == len(recordings) - 1:
+            for name, value in _static_pose(model, options).items():
+                j = index_of("coordinate", name, model.coordinate_names)
+                known[j], targets[:, j] = options.static_sd**-2, value
+        sets.append(FrameSet(np.ascontiguousarray(_columns(one, names)[rows]), targets, known))
+    return SharedProblem(
+        model=bare,
+        lengths=lengths,
+        stretch=stretch_of(bare, lengths, names),
+        markers=marker_arrays(tree, names, weights, InverseKinematicsOptions()),
+        sets=tuple(sets),
+        prior=_prior(lengths, 3 * len(names), options, size),
+        posture=tree.defaults,
+        posture_weight=options.posture_weight,
+    )
+
+
+def _static_pose(model: Model, options: CalibrationOptions) -> Mapping[str, float]:
+    if options.static_pose is not None:
+        return options.static_pose
+    driven = model.dependent_coordinates
+    return {
+        one.name: one.default
+        for one in model.coordinates
+        if one.name.startswith(STANDING) and one.name not in driven and not one.locked
+    }
+
+
+def _prior(lengths: Sequence[Length], shifts: int, options: CalibrationOptions, size: float) -> Prior:
+    """Rows of the prior over lengths, shifts and the overall size."""
+    n = len(lengths)
+    main = {one.segment: i for i, one in enumerate(lengths) if one.along}
+    rows, right = [], []
+
+    def add(entries: Mapping[int, float], value: float, sd: float) -> None:
+        row = np.zeros(n + shifts + 1)
+        for i, factor in entries.items():
+            row[i] += factor / sd
+        rows.append(row)
+        right.append(value / sd)
+
+    add({n + shifts: 1.0}, size, 0.5)
+    for i, one in enumerate(lengths):
+        if one.along:
+            add({i: 1.0, n + shifts: -1.0}, 0.0, options.length_sd)
+        else:
+            add({i: 1.0, main[one.segment]: -1.0}, 0.0, options.shape_sd)
+    for i, j in mirrored_lengths(lengths):
+        add({i: 1.0, j: -1.0}, 0.0, options.side_sd)
+    for i in range(shifts):
+        add({n + i: 1.0}, 0.0, options.marker_sd)
+    return Prior(np.array(rows), np.array(right))
+
+
+def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Array, Array]:
+    """Which unknowns are lengths or the size, and which are shifts of markers that may move."""
+    n, total = len(problem.lengths), problem.prior.rows.shape[1]
+    lengths, shifts = np.zeros(total, np.bool_), np.zeros(total, np.bool_)
+    lengths[:n] = lengths[-1] = True
+    for m, name in enumerate(names):
+        held = problem.model.marker(name).fixed or name in options.fixed_markers
+        shifts[n + 3 * m : n + 3 * m + 3] = not held
+    return lengths, shifts
+
+
+def _noise(problem: SharedProblem, found: Minimum, free: Array, variance: float) -> tuple[float, bool]:
+    """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
+    squares, seen = 0.0, 0
+    for errors in found.reduced.errors:
+        squares += float(np.nansum(problem.markers.weight * errors**2))
+        seen += 3 * int(np.isfinite(errors).sum())
+    rows = problem.prior.rows[:, free]
+    H = found.reduced.H[np.ix_(free, free)]
+    used = float(np.trace(np.linalg.solve(H + variance * rows.T @ rows, H)))
+    left = seen - found.reduced.angles_free - used
+    if left < 0.2 * seen:
+        return NOISE_UNKNOWN, False
+    return max(float(np.sqrt(squares / left)), NOISE_LEAST), True
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    found: Minimum
+    start: Point
+    noise: float
+    told: bool
+    costs: tuple[float, ...]
+    steps: int
+    free: Array
+
+
+def _search(
+    problem: SharedProblem,
+    names: Sequence[str],
+    size: float,
+    angles: Sequence[Array],
+    options: CalibrationOptions,
+    progress: Callable[[int], None] | None,
+) -> _Search:
+    """Minimum of the problem, the noise told by its residual until both agree."""
+    lengths, shifts = _may_move(problem, names, options)
+    free = lengths | shifts
+    x = np.zeros(problem.prior.rows.shape[1])
+    x[lengths] = size
+    steps = 0
+
+    def one_more() -> None:
+        nonlocal steps
+        steps += 1
+        if progress and steps <= options.iterations:
+            progress(1)
+
+    noise = options.noise or 0.01
+    start = point = settle(problem, x, angles, noise**2)
+    costs: list[float] = []
+    told = True
+    for last in (False, False, False, True):
+        left = max(1, options.iterations - steps)
+        if options.method == "joint":
+            tolerance = 1e-5 if last or options.noise else 1e-4
+            found = minimise(problem, point, noise**2, free, left, tolerance, one_more)
+        else:
+            found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
+        costs += found.costs
+        point = found.point
+        before = noise
+        if options.noise is None and not last:
+            noise, told = _noise(problem, found, free, noise**2)
+        if last or abs(noise - before) <= 0.02 * before:
+            break
+    return _Search(found, start, noise, told, tuple(costs), steps, free)
+
+
+def _alternate(
+    problem: SharedProblem,
+    point: Point,
+    variance: float,
+    lengths: Array,
+    shifts: Array,
+    most: int,
+    told: Callable[[], None],
+) -> Minimum:
+    """[D] 3.2.1: (b) angles and lengths, (c) marker positions at fixed angles, in turn, until neither moves."""
+    costs: list[float] = []
+    for _ in range(most):
+        found = minimise(problem, point, variance, lengths, 3)
+        x = place_at_fixed_angles(problem, found, variance, shifts)
+        point = settle(problem, x, found.point.angles, variance)
+        costs.append(point.cost(variance))
+        told()
+        if len(costs) > 1 and costs[-2] - costs[-1] <= 1e-5 * costs[-1]:
+            return Minimum(point, reduce(problem, point), True, tuple(costs))
+    return Minimum(point, reduce(problem, point), False, tuple(costs))
+
+
+def _calibration(
+    model: Model,
+    problem: SharedProblem,
+    search: _Search,
+    names: tuple[str, ...],
+    chosen: Sequence[tuple[Ints, Array]],
+    options: CalibrationOptions,
+    path_lengths: Callable[[Model], ArrayLike] | None,
+) -> Calibration:
+    x, n = search.found.point.x, len(problem.lengths)
+    factors = factors_of(problem.lengths, x[:n])
+    locations = dict(zip(names, problem.placed(x), strict=True))
+    result = scale(model, factors, options.mass, path_lengths=path_lengths)
+    placed = tuple(replace(one, location=locations.get(one.name, one.location)) for one in result.markers)
+    sd, prior_sd = _deviations(problem, search)
+    lengths = tuple(
+        FoundLength(one, float(x[i]), float(sd[i]), float(prior_sd[i])) for i, one in enumerate(problem.lengths)
+    )
+    unstretched = np.zeros_like(x)
+    unstretched[:n] = 1.0
+    given = settle(problem, unstretched, [angles for _, angles in chosen], search.noise**2)
+    before, after = reduce(problem, given).errors, search.found.reduced.errors
+    shifts = x[n:-1].reshape(-1, 3)
+    markers = tuple(
+        FoundMarker(
+            name, model.marker(name).body, locations[name], shifts[m], sd[n + 3 * m : n + 3 * m + 3],
+            root_mean_square([one[:, m] for one in before]), root_mean_square([one[:, m] for one in after]),
+        )
+        for m, name in enumerate(names)
+    )  # fmt: skip
+    return Calibration(
+        model=result.with_markers(placed),
+        options=options,
+        factors=factors,
+        lengths=lengths,
+        markers=markers,
+        size=float(x[-1]),
+        noise=search.noise,
+        frames=tuple(frames for frames, _ in chosen),
+        angles=search.found.point.angles,
+        before=before,
+        after=after,
+        marker_names=names,
+        converged=search.found.converged,
+        costs=search.costs,
+        notes=_notes(search, lengths, markers, options),
+    )
+
+
+def _deviations(problem: SharedProblem, search: _Search) -> tuple[Array, Array]:
+    """(unknowns,) standard deviations with and without the recordings; 0 for what may not move."""
+    sd, prior_sd = np.zeros(len(search.free)), np.zeros(len(search.free))
+    rows, free = problem.prior.rows[:, search.free], search.free
+    variance = search.noise**2
+    H = search.found.reduced.H[np.ix_(free, free)]
+    sd[free] = np.sqrt(variance * np.diag(np.linalg.inv(H + variance * rows.T @ rows)))
+    prior_sd[free] = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    return sd, prior_sd
+
+
+def _notes(
+    search: _Search,
+    lengths: Sequence[FoundLength],
+    markers: Sequence[FoundMarker],
+    options: CalibrationOptions,
+) -> tuple[str, ...]:
+    notes = []
+    count = sum(len(one) for one in search.found.point.angles)
+    if count < FEW_FRAMES:
+        notes.append(f"only {count} frames: lengths and marker positions come mostly from the given model")
+    if not search.told:
+        notes.append(f"so few frames do not tell the noise: taken as {1e3 * search.noise:g} mm")
+    if not search.found.converged:
+        notes.append(f"not converged after {search.steps} steps: allow more iterations")
+    if search.found.point.settled < 1.0:
+        notes.append(f"the angles of {100.0 * (1.0 - search.found.point.settled):.0f} % of the frames did not converge")
+    hidden = [one.length.name for one in lengths if not one.shown]
+    if hidden:
+        notes.append(f"the recordings do not show {', '.join(hidden)}: they follow the overall size and their segment")
+    far = [one.name for one in markers if float(np.linalg.norm(one.shift)) > 3.0 * options.marker_sd]
+    if far:
+        notes.append(f"markers far from their places on the model: {', '.join(far)}: were they swapped?")
+    return tuple(notes)
 
 
 def place_markers(model: Model, motion: Motion, markers: Markers, bodies: Mapping[str, str]) -> tuple[Marker, ...]:

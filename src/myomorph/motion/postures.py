@@ -1,0 +1,142 @@
+"""Which frames tell most of a body, and how large it is before anything else is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.lengths import segments_that_stretch
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+CANDIDATES = 1000
+"""At most so many frames of all recordings are looked at."""
+
+SHORTEST = 0.05
+"""Markers nearer to each other than this say nothing of a body's size [m]."""
+
+UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
+
+
+def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]) -> float:
+    """Size of a recorded body relative to the model: weighted median of the distances within segments.
+
+    Distances between markers of one segment do not change with posture. Each counts by its square on the
+    model; where no segment has two markers, all distances to the markers' middle take their place.
+
+    Parameters
+    ----------
+    recordings : (frames, names, 3) each [m], NaN where unseen
+
+    Raises
+    ------
+    BadData : the recorded body cannot have this size
+    """
+    tree = compile_tree(model)
+    pose = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    marked = [model.marker(name) for name in names]
+    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
+    own = pose.points(bodies, np.array([marker.location for marker in marked]).reshape(-1, 3))[0]
+    segment = {body: k for k, group in enumerate(segments_that_stretch(model)) for body in group}
+    ratios, weights = [], []
+    for i, one in enumerate(marked):
+        for j in range(i):
+            distance = float(np.linalg.norm(own[i] - own[j]))
+            if segment[one.body] != segment[marked[j].body] or distance < SHORTEST:
+                continue
+            seen = np.concatenate([np.linalg.norm(part[:, i] - part[:, j], axis=1) for part in recordings])
+            if np.isfinite(seen).any():
+                ratios.append(float(np.nanmedian(seen)) / distance)
+                weights.append(distance**2)
+    if not ratios:
+        ratios, weights = [_spread(recordings, own)], [1.0]
+    order = np.argsort(ratios)
+    reached = np.cumsum(np.array(weights)[order])
+    size = float(np.array(ratios)[order][np.searchsorted(reached, 0.5 * reached[-1])])
+    if not 0.2 < size < 5.0:
+        guess = next((unit for factor, unit in UNITS if 0.2 < size / factor < 5.0), "")
+        raise BadData(
+            f"the recorded markers lie {size:.3g} times as far apart as those of model '{model.name}'; "
+            + (f"are the numbers {guess}? Positions are expected in metres" if guess else "do they belong together?")
+        )
+    return size
+
+
+def _spread(recordings: Sequence[Array], own: Array) -> float:
+    """Extent of all markers relative to the model's, 1 where there is none."""
+    expected = float(np.linalg.norm(own - own.mean(axis=0)))
+    full = [part[np.isfinite(part).all(axis=(1, 2))] for part in recordings]
+    seen = np.concatenate(full)
+    if not len(seen) or expected < SHORTEST:
+        return 1.0
+    return float(np.median(np.linalg.norm(seen - seen.mean(axis=1, keepdims=True), axis=(1, 2)))) / expected
+
+
+def spread_postures(
+    model: Model, trials: Sequence[Markers], options: InverseKinematicsOptions, frames: int
+) -> tuple[tuple[Ints, Array], ...]:
+    """Frames of all recordings whose postures differ most, and the coordinates in them.
+
+    A posture is where the model's markers lie seen from its first body, after inverse kinematics. The
+    first frame is the one nearest to the mean posture; then follows, again and again, the frame farthest
+    from all those chosen. Frames that fit three times worse than usual or show fewer than half the markers
+    are not chosen, and of long recordings only `CANDIDATES` frames, evenly spaced, are looked at.
+
+    Returns
+    -------
+    for each recording its chosen frames, ascending, and (frames, coordinates) of them
+    """
+    total = sum(len(trial) for trial in trials)
+    stride = max(1, -(-total // max(CANDIDATES, 2 * frames)))
+    tree = compile_tree(model)
+    looked, coordinates, places, misfit, shown = [], [], [], [], []
+    for number, trial in enumerate(trials):
+        every = np.arange(0, len(trial), stride)
+        fit = inverse_kinematics(model, Markers(trial.time[every], trial.names, trial.values[every]), options)
+        values = fit.motion.values
+        seen = np.isfinite(values).all(axis=1)
+        looked += [(number, int(frame)) for frame in every[seen]]
+        coordinates.append(values[seen])
+        places.append(_seen_from_base(model, values[seen]))
+        misfit.append(fit.rms[seen])
+        shown.append(np.isfinite(fit.errors[seen]).sum(axis=1))
+    table, error, count = np.concatenate(places), np.concatenate(misfit), np.concatenate(shown)
+    good = (error <= 3.0 * np.median(error)) & (count >= 0.5 * count.max())
+    chosen = _farthest(table, np.flatnonzero(good), frames)
+    q = np.concatenate(coordinates)
+    taken = []
+    for number in range(len(trials)):
+        rows = [k for k in sorted(chosen) if looked[k][0] == number]
+        taken.append((np.array([looked[k][1] for k in rows], np.int64), q[rows].reshape(-1, len(tree.defaults))))
+    return tuple(taken)
+
+
+def _seen_from_base(model: Model, values: Array) -> Array:
+    """(frames, 3 markers) places of the model's markers in the frame of its first body [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, values)
+    bodies = np.array([tree.body_index[marker.body] for marker in model.markers], np.int64)
+    places = poses.points(bodies, np.array([marker.location for marker in model.markers]))
+    local = np.einsum("fji,fmj->fmi", poses.rotations[:, 1], places - poses.origins[:, 1, None])
+    return local.reshape(len(values), -1)
+
+
+def _farthest(table: Array, usable: Ints, count: int) -> list[int]:
+    """Rows chosen one after another, each as far as can be from those before it."""
+    if len(usable) <= count:
+        return [int(row) for row in usable]
+    points = table[usable]
+    first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+    chosen = [first]
+    nearest = ((points - points[first]) ** 2).sum(axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+    return [int(usable[k]) for k in chosen]

@@ -1,0 +1,260 @@
+"""Least squares over all frames at once: lengths and marker positions shared, angles eliminated frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.spatial import Array
+from myomorph.motion.lengths import Length, factors_of
+from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, settle_frames, with_travel
+from myomorph.rigid.frames import over_frames
+from myomorph.rigid.tree import TreeArrays, compile_tree
+
+SLOTS = 16
+"""Partial sums over frames: memory does not grow with frames, and the order of summation is always the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """Frames of one recording.
+
+    Attributes
+    ----------
+    observed : (frames, markers, 3) [m], NaN where unseen
+    targets : (frames, coordinates) values of coordinate tasks, and of coordinates that do not move
+    known : (coordinates,) 1 / SD^2 of the coordinates known to be at their target [1/rad^2 or 1/m^2]
+    """
+
+    observed: Array
+    targets: Array
+    known: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is held likely of the shared unknowns x before any marker is seen: |rows x - right|^2."""
+
+    rows: Array
+    right: Array
+
+    def cost(self, x: Array) -> float:
+        """Squares in units of standard deviations."""
+        return float(np.sum((self.rows @ x - self.right) ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class SharedProblem:
+    """The problem of all frames.
+
+    Its unknowns x are the factors of the lengths, three shifts [m] for each marker and the overall size,
+    which moves nothing but the prior.
+
+    Attributes
+    ----------
+    model : skeleton, as given
+    markers : what is tracked; locations are those of the given model
+    """
+
+    model: Model
+    lengths: tuple[Length, ...]
+    stretch: Stretch
+    markers: MarkerArrays
+    sets: tuple[FrameSet, ...]
+    prior: Prior
+    posture: Array
+    posture_weight: float
+
+    def stretched(self, x: Array) -> Model:
+        """The skeleton with its lengths."""
+        return scale(self.model, factors_of(self.lengths, x[: len(self.lengths)]))
+
+    def placed(self, x: Array) -> Array:
+        """(markers, 3) positions on the stretched bodies [m]."""
+        n = len(self.lengths)
+        factors = np.append(x[:n], 1.0)[self.stretch.column[self.markers.body]]
+        return self.stretch.location * factors + x[n:-1].reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The problem at some x, every frame at its best angles.
+
+    Attributes
+    ----------
+    angles : for each set (frames, coordinates)
+    data, prior : costs [m^2] and [in standard deviations]
+    settled : share of frames whose angles converged
+    """
+
+    x: Array
+    tree: TreeArrays
+    markers: tuple[MarkerArrays, ...]
+    angles: tuple[Array, ...]
+    data: float
+    prior: float
+    settled: float
+
+    def cost(self, variance: float) -> float:
+        """Sum of weighted squares of marker distances and of the prior at this noise [m^2]."""
+        return self.data + variance * self.prior
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`).
+
+    Attributes
+    ----------
+    errors : for each set (frames, markers) distances [m], NaN where unseen
+    angles_free : angles that are not at a bound, over all frames
+    """
+
+    H: Array
+    g: Array
+    fixed_H: Array
+    fixed_g: Array
+    errors: tuple[Array, ...]
+    angles_free: int
+
+
+def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50) -> Point:
+    """Inverse kinematics of all frames on the model that x makes."""
+    tree = compile_tree(problem.stretched(x)).arrays
+    locations = problem.placed(x)
+    arrays, found, data, settled, frames = [], [], 0.0, 0, 0
+    for one, start in zip(problem.sets, angles, strict=True):
+        seen = np.where(np.isfinite(one.observed).all(axis=2), problem.markers.weight, 0.0).sum(axis=1)
+        # The kernels count markers as a mean, and tasks beside it.
+        task = one.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
+        K = problem.markers._replace(location=locations, task_weight=task)
+        c, cost, converged = start.copy(), np.empty(len(start)), np.empty(len(start), np.bool_)
+
+        def part(first: int, last: int, K=K, one=one, c=c, cost=cost, converged=converged) -> None:  # type: ignore[no-untyped-def]
+            span = slice(first, last)
+            settle_frames(
+                tree, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight, 1e-7, most,
+                c[span], cost[span], converged[span],
+            )  # fmt: skip
+
+        over_frames(part, len(c), chunk=16)
+        arrays.append(K)
+        found.append(c)
+        data += float(cost.sum())
+        settled += int(converged.sum())
+        frames += len(c)
+    return Point(x, tree, tuple(arrays), tuple(found), data, problem.prior.cost(x), settled / max(frames, 1))
+
+
+def reduce(problem: SharedProblem, at: Point) -> Reduced:
+    """Normal equations of the shared unknowns at a point; the overall size comes last and is empty."""
+    shared = len(at.x) - 1
+    stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
+    size = len(problem.markers.free)
+    fixed_H, fixed_g = np.zeros((shared, shared)), np.zeros(shared)
+    taken_H, taken_g = np.zeros((shared, shared)), np.zeros(shared)
+    errors, angles_free = [], 0
+    for one, K, c in zip(problem.sets, at.markers, at.angles, strict=True):
+        distances = np.empty(one.observed.shape[:2])
+        block = max(1, -(-len(c) // SLOTS))
+        slots = -(-len(c) // block) if len(c) else 0
+        H, g = np.zeros((slots, shared, shared)), np.zeros((slots, shared))
+        E, e, free = np.zeros_like(H), np.zeros_like(g), np.zeros(slots, np.int64)
+
+        def part(first: int, last: int, K=K, one=one, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances) -> None:  # type: ignore[no-untyped-def]  # noqa: E501
+            slot = first // block
+            for start in range(first, last, FRAMES_AT_ONCE):
+                span = slice(start, min(start + FRAMES_AT_ONCE, last))
+                gone = np.empty((size * (span.stop - span.start), shared + 1))
+                frame_blocks(
+                    at.tree, K, stretch, one.observed[span], one.targets[span], problem.posture,
+                    problem.posture_weight, c[span], H[slot], g[slot], gone, distances[span],
+                )  # fmt: skip
+                E[slot] += gone[:, :-1].T @ gone[:, :-1]
+                e[slot] += gone[:, :-1].T @ gone[:, -1]
+                free[slot] += int(gone.any(axis=1).sum())
+
+        over_frames(part, len(c), chunk=block)
+        fixed_H += H.sum(axis=0)
+        fixed_g += g.sum(axis=0)
+        taken_H += E.sum(axis=0)
+        taken_g += e.sum(axis=0)
+        angles_free += int(free.sum())
+        errors.append(distances)
+    fixed_H = np.tril(fixed_H) + np.tril(fixed_H, -1).T
+    pad = ((0, 1), (0, 1))
+    return Reduced(
+        np.pad(fixed_H - taken_H, pad), np.pad(fixed_g - taken_g, (0, 1)), np.pad(fixed_H, pad),
+        np.pad(fixed_g, (0, 1)), tuple(errors), angles_free,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the search ended: the point, its normal equations, whether it settled, and the cost of every step."""
+
+    point: Point
+    reduced: Reduced
+    converged: bool
+    costs: tuple[float, ...]
+
+
+def minimise(
+    problem: SharedProblem,
+    start: Point,
+    variance: float,
+    free: Array,
+    iterations: int,
+    tolerance: float = 1e-5,
+    told: Callable[[], None] | None = None,
+) -> Minimum:
+    """Levenberg-Marquardt steps of the shared unknowns, every frame settled again after each.
+
+    Parameters
+    ----------
+    free : (unknowns,) which of them may move
+    tolerance : largest last change of a factor, and of a marker position in metres
+    told : called once a step
+    """
+    rows, right = problem.prior.rows[:, free], problem.prior.right
+    point, damping, costs = start, 1e-6, [start.cost(variance)]
+    lengths = len(problem.lengths)
+    point = replace(point, prior=problem.prior.cost(point.x))
+    for _ in range(iterations):
+        reduced = reduce(problem, point)
+        H = reduced.H[np.ix_(free, free)] + variance * rows.T @ rows
+        g = reduced.g[free] + variance * rows.T @ (problem.prior.rows @ point.x - right)
+        accepted = False
+        while not accepted and damping < 1e6:
+            step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+            x = point.x.copy()
+            x[free] += step
+            if x[:lengths].min(initial=1.0) > 0.1 and np.abs(step).max(initial=0.0) < 1.0:
+                trial = settle(problem, x, point.angles, variance)
+                accepted = trial.cost(variance) <= point.cost(variance) * (1.0 + 1e-12)
+            damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
+        if told:
+            told()
+        if not accepted:
+            return Minimum(point, reduced, False, tuple(costs))
+        gained = 1.0 - trial.cost(variance) / max(point.cost(variance), 1e-300)
+        point = trial
+        costs.append(point.cost(variance))
+        if np.abs(step).max(initial=0.0) <= tolerance or gained < 1e-9:
+            return Minimum(point, reduce(problem, point), True, tuple(costs))
+    return Minimum(point, reduce(problem, point), False, tuple(costs))
+
+
+def place_at_fixed_angles(problem: SharedProblem, at: Minimum, variance: float, free: Array) -> Array:
+    """[D] 3.2.1 (c): the unknowns, the free ones of which fit best while all angles stay."""
+    rows = problem.prior.rows[:, free]
+    H = at.reduced.fixed_H[np.ix_(free, free)] + variance * rows.T @ rows
+    g = at.reduced.fixed_g[free] + variance * rows.T @ (problem.prior.rows @ at.point.x - problem.prior.right)
+    x = at.point.x.copy()
+    x[free] -= np.linalg.solve(H, g)
+    return x

@@ -1,0 +1,328 @@
+"""How markers move when bodies stretch, and what all frames together say of lengths and marker positions.
+
+For fixed angles the place of a marker is linear in the factors of the bodies between it and the ground and
+in its position on its body:
+
+    x = sum over the chain of R (factor * offset) + R_b (factor * location + shift),
+
+so that the derivatives below are exact. The angles of a frame appear in no other frame: they are eliminated
+frame by frame (Schur complement), and what is left is a problem of the shared unknowns alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from myomorph.model.functions import PiecewisePolynomial
+from myomorph.model.model import GROUND, Axis, Model
+from myomorph.model.scale import scale
+from myomorph.model.spatial import Array
+from myomorph.motion.least_squares import hold, solve_frame
+from myomorph.motion.lengths import Length
+from myomorph.motion.marker_cost import new_work, seen_weight
+from myomorph.rigid.coordinates import Ints, evaluate
+from myomorph.rigid.kinematics import body_poses, gather_dependents
+from myomorph.rigid.tree import ROTATION, compile_tree
+from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
+
+FRAMES_AT_ONCE = 64
+"""Frames whose eliminated angles are held in memory together."""
+
+
+class Stretch(NamedTuple):
+    """How the tree's constants depend on the factors of the bodies.
+
+    Attributes
+    ----------
+    pre, post : (axes, 3, 6), (bodies, 3, 6) derivatives of `pre_p` and `post_p` in the factors of the
+        parent (x, y, z) and of the body itself
+    travel : (axes, 3) relative growth of a sliding axis's motion with the factors of the parent
+    column : (bodies, 3) the length that stretches a body along an axis, -1 for none
+    location : (markers, 3) positions of the markers on the model before it is stretched [m]
+    """
+
+    pre: Array
+    post: Array
+    travel: Array
+    column: Ints
+    location: Array
+
+
+def skeleton(model: Model) -> Model:
+    """The model without what does not move markers: muscles, surfaces, actuators and drawings."""
+    bodies = tuple(replace(body, meshes=()) for body in model.bodies)
+    return replace(
+        model, bodies=bodies, muscles=(), wrap_objects=(), actuators=(), frames=(), ground_meshes=(), kept=(),
+        passive_torques=(),
+    )  # fmt: skip
+
+
+def stretch_of(model: Model, lengths: Sequence[Length], markers: Sequence[str]) -> Stretch:
+    """The derivatives of a model's constants: linear functions of the factors, so differences are exact."""
+    bare = skeleton(model)
+    tree = compile_tree(bare)
+    arrays = tree.arrays
+    depth = np.zeros(len(arrays.parent), np.int64)
+    for b in range(1, len(depth)):
+        depth[b] = depth[arrays.parent[b]] + 1
+    pre, post = np.zeros((len(arrays.axis_kind), 3, 6)), np.zeros((len(depth), 3, 6))
+    of_axis = arrays.axis_body
+    # Parent and child are never both of even depth, so all joints can be differenced at once.
+    for parity in (0, 1):
+        grown = [body for body, b in tree.body_index.items() if b > 0 and depth[b] % 2 == parity]
+        for i in range(3):
+            factors = {body: 1.0 + np.eye(3)[i] for body in grown}
+            other = compile_tree(scale(bare, factors)).arrays
+            at_pre = i + 3 * (depth[of_axis] % 2 == parity)
+            at_post = i + 3 * (depth % 2 == parity)
+            pre[np.arange(len(of_axis)), :, at_pre] = other.pre_p - arrays.pre_p
+            post[np.arange(len(depth)), :, at_post] = other.post_p - arrays.post_p
+    column = np.full((len(depth), 3), -1, np.int64)
+    for number, length in enumerate(lengths):
+        for body, axis in length.stretched:
+            column[tree.body_index[body], axis] = number
+    location = np.array([model.marker(name).location for name in markers]).reshape(-1, 3)
+    return Stretch(pre, post, np.zeros((len(of_axis), 3)), column, location)
+
+
+def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
+    """The same with the growth of sliding axes at the factors (lengths,) reached.
+
+    A motion that an angle drives grows by sum |u_i| s_i, one that a coupler drives by |u * s| (the rules of
+    `scale`); a sliding axis of its own does not.
+    """
+    tree = compile_tree(model)
+    travel = np.zeros_like(stretch.travel)
+    padded = np.append(values, 1.0)
+    moving = [axis for joint in _in_tree_order(model) for axis in joint if axis.function.arity]
+    for k, axis in enumerate(moving):
+        if axis.kind != "translation":
+            continue
+        size = padded[stretch.column[tree.arrays.parent[tree.arrays.axis_body[k]]]]
+        if not _slides_freely(axis):
+            travel[k] = np.abs(axis.vector) / float(np.abs(axis.vector) @ size)
+        elif axis.coordinates[0] in model.dependent_coordinates:
+            travel[k] = axis.vector**2 * size / float((axis.vector * size) @ (axis.vector * size))
+    return stretch._replace(travel=travel)
+
+
+def _in_tree_order(model: Model) -> list[tuple[Axis, ...]]:
+    joints = {joint.child: joint.axes for joint in model.joints}
+    return [joints[body] for body in model.body_names if body != GROUND]
+
+
+def _slides_freely(axis: Axis) -> bool:
+    function = axis.function
+    if not isinstance(function, PiecewisePolynomial) or len(function.breaks) != 1:
+        return False
+    return function.coefficients.shape[1] == 2 and function.coefficients[0, 1] == 1.0
+
+
+@njit(cache=True, nogil=True)
+def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, most, c, cost, converged):
+    """Inverse kinematics of frames, each from where it stands.
+
+    Parameters
+    ----------
+    observed, targets : (frames, markers, 3) [m], NaN where unseen; (frames, coordinates)
+    posture, posture_weight, tolerance, most : as `solve_frames`
+    c : (frames, coordinates) starts, replaced by what is found
+    cost, converged : (frames,) filled: the cost times the weight of the markers seen, and whether it settled
+    """
+    work = new_work(T, c.shape[1])
+    for frame in range(observed.shape[0]):
+        hold(K, targets[frame], c[frame])
+        converged[frame], _, value = solve_frame(
+            T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c[frame], work
+        )
+        cost[frame] = value * seen_weight(K, observed[frame])
+
+
+@njit(cache=True, nogil=True)
+def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
+    """Places of the markers in one frame, and their derivatives.
+
+    Parameters
+    ----------
+    c : (coordinates,), dependent ones consistent
+    R, p, w, o, dphi : scratch, as `body_poses`
+    grown : (bodies, 3, lengths) scratch: derivatives of the bodies' origins
+    places : (markers, 3) filled [m]
+    by_length : (3 markers, lengths) filled [m]
+    by_coordinate : (3 markers, coordinates) filled; those of independent coordinates include their followers
+    """
+    body_poses(T, c, R, p, w, o, dphi)
+    lengths = grown.shape[2]
+    grown[0] = 0.0
+    for b in range(1, T.parent.shape[0]):
+        h = T.parent[b]
+        r = matrix(R, h)
+        for i in range(3):
+            for j in range(lengths):
+                grown[b, i, j] = grown[h, i, j]
+        for k in range(T.axis_start[b], T.axis_start[b + 1]):
+            add_offset(S.column, S.pre[k], h, b, r, grown[b])
+            r = product(r, matrix(T.pre_R, k))
+            i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
+            q = evaluate(T.functions, T.axis_function[k], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)[0]
+            if T.axis_kind[k] == ROTATION:
+                r = product(r, about(vector(T.axis_vector, k), q))
+            else:
+                for t in range(3):
+                    column = S.column[h, t]
+                    if column >= 0:
+                        for i in range(3):
+                            grown[b, i, column] += w[k, i] * q * S.travel[k, t]
+        add_offset(S.column, S.post[b], h, b, r, grown[b])
+    by_coordinate[:] = 0.0
+    for m in range(K.body.shape[0]):
+        b = K.body[m]
+        x = along(vector(p, b), 1.0, turned(matrix(R, b), vector(K.location, m)))
+        for i in range(3):
+            places[m, i] = x[i]
+            for j in range(lengths):
+                by_length[3 * m + i, j] = grown[b, i, j]
+            for t in range(3):
+                if S.column[b, t] >= 0:
+                    by_length[3 * m + i, S.column[b, t]] += R[b, i, t] * S.location[m, t]
+        h = b
+        while h > 0:
+            for k in range(T.axis_start[h], T.axis_start[h + 1]):
+                u = vector(w, k)
+                moved = cross(u, minus(x, vector(o, k))) if T.axis_kind[k] == ROTATION else u
+                for t in range(2):
+                    j = T.axis_coordinate[k, t]
+                    if j >= 0:
+                        for i in range(3):
+                            by_coordinate[3 * m + i, j] += dphi[k, t] * moved[i]
+            h = T.parent[h]
+    gather_dependents(T, c, by_coordinate)
+
+
+@njit(cache=True, nogil=True)
+def add_offset(column, slopes, h, b, r, grown):
+    """Add what an offset between a parent h and its child b, turned by r, gains with their factors."""
+    for t in range(6):
+        at = column[h, t] if t < 3 else column[b, t - 3]
+        if at >= 0:
+            moved = turned(r, (slopes[0, t], slopes[1, t], slopes[2, t]))
+            for i in range(3):
+                grown[i, at] += moved[i]
+
+
+@njit(cache=True, nogil=True)
+def frame_blocks(T, K, S, observed, targets, posture, posture_weight, c, H, g, eliminated, errors):
+    """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take away.
+
+    With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T e, where
+    [E e] = L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts for each marker.
+
+    Parameters
+    ----------
+    c : (frames, coordinates) angles, at the minimum of each frame
+    H, g : (shared, shared), (shared,) added to: J_s^T W J_s (lower triangle) and J_s^T W r
+    eliminated : (frames * variables, shared + 1) filled with [E e]; rows of coordinates at a bound are zero
+    errors : (frames, markers) filled: distance of each marker [m], NaN where unseen
+    """
+    bodies, axes, n = T.parent.shape[0], T.axis_kind.shape[0], c.shape[1]
+    markers, F, lengths = K.body.shape[0], K.free, H.shape[0] - 3 * K.body.shape[0]
+    shared, rows, size = H.shape[0], 3 * K.body.shape[0], F.shape[0]
+    R, p, dphi = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 2))
+    w, o, grown = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((bodies, 3, lengths))
+    places, by_length, by_coordinate = np.empty((markers, 3)), np.empty((rows, lengths)), np.empty((rows, n))
+    A, Jq, misfit = np.empty((size, size)), np.empty((rows, size)), np.empty(rows)
+    for frame in range(c.shape[0]):
+        y, at = observed[frame], c[frame]
+        marker_slopes(T, K, S, at, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
+        total = seen_weight(K, y)
+        E = eliminated[frame * size : (frame + 1) * size]
+        E[:] = 0.0
+        A[:] = 0.0
+        for m in range(markers):
+            seen = K.weight[m] > 0.0 and np.isfinite(y[m, 0] + y[m, 1] + y[m, 2])
+            square = 0.0
+            root = np.sqrt(K.weight[m]) if seen else 0.0
+            for i in range(3):
+                e = places[m, i] - y[m, i]
+                square += e * e
+                misfit[3 * m + i] = root * e if seen else 0.0
+            errors[frame, m] = np.sqrt(square)
+            for i in range(3 * m, 3 * m + 3):
+                for a in range(size):
+                    Jq[i, a] = root * by_coordinate[i, F[a]]
+                for a in range(lengths):
+                    by_length[i, a] *= root
+            if not seen:
+                continue
+            d, b = lengths + 3 * m, K.body[m]
+            for i in range(3):
+                row = 3 * m + i
+                for a in range(lengths):
+                    slope = by_length[row, a]
+                    g[a] += slope * misfit[row]
+                    for k in range(a + 1):
+                        H[a, k] += slope * by_length[row, k]
+                    for t in range(3):
+                        H[d + t, a] += slope * root * R[b, i, t]
+                for t in range(3):
+                    g[d + t] += root * R[b, i, t] * misfit[row]
+                H[d + i, d + i] += K.weight[m]
+                for a in range(size):
+                    slope = Jq[row, a]
+                    if slope == 0.0:
+                        continue
+                    for k in range(a + 1):
+                        A[a, k] += slope * Jq[row, k]
+                    for k in range(lengths):
+                        E[a, k] += slope * by_length[row, k]
+                    for t in range(3):
+                        E[a, d + t] += slope * root * R[b, i, t]
+                    E[a, shared] += slope * misfit[row]
+        curvature, moved = 0.0, 0
+        for a in range(size):
+            A[a, a] += total * K.task_weight[F[a]]
+            E[a, shared] += total * K.task_weight[F[a]] * (at[F[a]] - targets[frame, F[a]])
+            if A[a, a] > 0.0:
+                curvature += A[a, a]
+                moved += 1
+        stiffness = posture_weight * (curvature / moved if moved else 1.0)
+        for a in range(size):
+            A[a, a] += stiffness
+            E[a, shared] += stiffness * (at[F[a]] - posture[F[a]])
+            slack = 1e-9 * (1.0 + abs(at[F[a]]))
+            if at[F[a]] <= K.lower[a] + slack or at[F[a]] >= K.upper[a] - slack:
+                for k in range(size):
+                    A[max(a, k), min(a, k)] = 0.0
+                A[a, a] = 1.0
+                E[a] = 0.0
+        for a in range(size):
+            for k in range(a + 1):
+                for j in range(k):
+                    A[a, k] -= A[a, j] * A[k, j]
+                A[a, k] = A[a, k] / A[k, k] if k < a else np.sqrt(max(A[a, a], 1e-300))
+            for k in range(a):
+                factor = A[a, k]
+                if factor != 0.0:
+                    for j in range(shared + 1):
+                        E[a, j] -= factor * E[k, j]
+            for j in range(shared + 1):
+                E[a, j] /= A[a, a]
+
+
+@njit(cache=True, nogil=True)
+def slopes_of_frame(T, K, S, c):
+    """Places (markers, 3) of one frame and their derivatives: (3 markers, lengths), (3 markers, coordinates)."""
+    bodies, axes, markers = T.parent.shape[0], T.axis_kind.shape[0], K.body.shape[0]
+    lengths = S.column.max() + 1
+    places, by_length = np.empty((markers, 3)), np.empty((3 * markers, lengths))
+    by_coordinate = np.empty((3 * markers, c.shape[0]))
+    marker_slopes(
+        T, K, S, c, np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 3)), np.empty((axes, 3)),
+        np.empty((axes, 2)), np.empty((bodies, 3, lengths)), places, by_length, by_coordinate,
+    )  # fmt: skip
+    return places, by_length, by_coordinate
