@@ -1,0 +1,228 @@
+"""Coordinates and derivatives while frames arrive: one filter for motion and forces, its delay known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    coordinate_targets,
+    marker_arrays,
+    refuse_loops,
+    tracked_markers,
+)
+from myomorph.motion.least_squares import solve_frames
+from myomorph.motion.starts import chunk_starts
+from myomorph.rigid.tree import compile_tree
+
+REACH = 4.0
+"""Half width of the filter's window in standard deviations of its bell."""
+
+LOST = 3.0
+"""A frame whose marker error is that many times the usual one starts again from several headings."""
+
+
+@dataclass(frozen=True)
+class OnlineFilter:
+    """A low-pass that gives value, velocity and acceleration of samples in a moving window.
+
+    The window's weights are a bell g(t) = exp(-t^2 / 2 s^2) and its derivatives, s = sqrt(ln 2) / (2 pi cutoff),
+    which halves the power at the cutoff, corrected so that parabolas are differentiated exactly. Phase is linear:
+    everything comes `delay` late and otherwise unshifted, the forces like the motion.
+
+    Attributes
+    ----------
+    rate : frames per second [Hz]
+    cutoff : frequency of half the power [Hz]
+
+    Raises
+    ------
+    BadData : a rate or cutoff that is not positive, or a cutoff above an eighth of the rate
+    """
+
+    rate: float
+    cutoff: float = 6.0
+
+    def __post_init__(self) -> None:
+        if not (self.rate > 0.0 and np.isfinite(self.rate)):
+            raise BadData(f"rate {self.rate} Hz: expected a positive number of frames per second")
+        if not 0.0 < self.cutoff <= self.rate / 8.0:
+            raise BadData(
+                f"cutoff {self.cutoff:g} Hz at {self.rate:g} frames per second: expected at most an eighth of the "
+                f"rate, {self.rate / 8.0:g} Hz"
+            )
+
+    @property
+    def bell(self) -> float:
+        """Standard deviation s of the window [s]."""
+        return float(np.sqrt(np.log(2.0)) / (2.0 * np.pi * self.cutoff))
+
+    @property
+    def half(self) -> int:
+        """Frames on each side of the one in the middle."""
+        return int(np.ceil(REACH * self.bell * self.rate))
+
+    @property
+    def delay(self) -> float:
+        """How late a result comes [s]."""
+        return self.half / self.rate
+
+    @property
+    def frames_per_sample(self) -> float:
+        """Frames that make one independent sample of filtered white noise: its autocorrelation's sum."""
+        return max(2.0 * float(np.sqrt(np.pi)) * self.bell * self.rate, 1.0)
+
+    @property
+    def weights(self) -> Array:
+        """(3, 2 half + 1) of value, velocity and acceleration in the window's middle, oldest sample first."""
+        t = np.arange(-self.half, self.half + 1) / self.rate
+        g = np.exp(-0.5 * (t / self.bell) ** 2)
+        g /= g.sum()
+        first = t * g
+        second = (t**2 - g @ t**2) * g
+        return np.stack([g, first / (first @ t), 2.0 * second / (second @ t**2)])
+
+    def motion(self, motion: Motion) -> Motion:
+        """A recorded motion through the filter, with derivatives: the frames that have a whole window.
+
+        Raises
+        ------
+        BadData : fewer frames than a window, or frames that are not evenly spaced
+        """
+        value, velocity, acceleration = (self._whole(motion.values, one) for one in self.weights)
+        self._even(motion.time)
+        return Motion(self._middle(motion.time), motion.names, value, velocity, acceleration)
+
+    def values(self, samples: Array) -> Array:
+        """(frames - 2 half, ...) samples of the same clock through the filter, as forces go."""
+        return self._whole(samples, self.weights[0])
+
+    def _whole(self, samples: Array, weights: Array) -> Array:
+        if len(samples) < len(weights):
+            raise BadData(f"the filter needs {len(weights)} frames, but there are {len(samples)}")
+        windows = sliding_window_view(np.asarray(samples, dtype=np.float64), len(weights), axis=0)
+        filtered: Array = windows @ weights
+        return filtered
+
+    def _middle(self, time: Array) -> Array:
+        return time[self.half : len(time) - self.half]
+
+    def _even(self, time: Array) -> None:
+        steps = np.diff(time)
+        if len(steps) and np.abs(steps * self.rate - 1.0).max() > 0.1:
+            raise BadData(f"frames are not evenly spaced at {self.rate:g} Hz: resample the recording first")
+
+
+class MovingWindow:
+    """The last samples of a stream, and what the filter makes of them.
+
+    Parameters
+    ----------
+    width : of a sample
+    """
+
+    def __init__(self, filter: OnlineFilter, width: int):
+        self._weights = filter.weights
+        length = self._weights.shape[1]
+        self._rows = np.full((2 * length, width), np.nan)
+        self._times = np.full(2 * length, np.nan)
+        self._length, self._count = length, 0
+
+    def push(self, time: float, row: Array) -> None:
+        """Add the newest sample [s], NaN where it is missing."""
+        at = self._count % self._length
+        # Every sample stands twice, so that the window is always one piece.
+        for place in (at, at + self._length):
+            self._rows[place], self._times[place] = row, time
+        self._count += 1
+
+    @property
+    def full(self) -> bool:
+        """Whether a whole window has arrived."""
+        return self._count >= self._length
+
+    @property
+    def time(self) -> float:
+        """Time of the sample in the middle [s]."""
+        return float(self._times[self._count % self._length + self._length // 2])
+
+    @property
+    def filtered(self) -> Array:
+        """(3, width) value, velocity and acceleration in the middle; NaN where a sample is missing."""
+        start = self._count % self._length
+        result: Array = self._weights @ self._rows[start : start + self._length]
+        return result
+
+
+class OnlineKinematics:
+    """Inverse kinematics of one frame after the other, each from where the last two lead.
+
+    Parameters
+    ----------
+    names : of the markers that will arrive, in their order
+
+    Raises
+    ------
+    BadData : model and stream share no marker
+    BadModel : the model closes loops
+    """
+
+    def __init__(self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None):
+        refuse_loops(model, "inverse kinematics")
+        self._options = options or InverseKinematicsOptions()
+        self._tree = compile_tree(model)
+        empty = Markers(np.zeros(1), tuple(names), np.full((1, len(names), 3), np.nan))
+        self.marker_names, weights = tracked_markers(model, empty, self._options)
+        self._columns = [list(names).index(name) for name in self.marker_names]
+        self._arrays = marker_arrays(self._tree, self.marker_names, weights, self._options)
+        self._before: list[Array] = []
+        self._usual = 0.0
+
+    def solve(self, time: float, positions: Array) -> tuple[Array, float]:
+        """Coordinates of one frame, and its root mean square marker error [m]; NaN where no marker is seen.
+
+        Parameters
+        ----------
+        positions : (markers, 3) [m], NaN where unseen
+        """
+        observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
+        if not np.isfinite(observed).all(axis=2).any():
+            self._before = []
+            return np.full(len(self._tree.defaults), np.nan), float("nan")
+        targets = coordinate_targets(self._tree, np.array([time]), self._options)
+        values, error = self._settle(observed, targets, self._start(observed, targets))
+        if self._before and error > LOST * self._usual:
+            other, less = self._settle(observed, targets, self._search(observed, targets))
+            if less < 0.99 * error:
+                values, error = other, less
+                self._before = []
+        self._usual = error if self._usual == 0.0 else 0.95 * self._usual + 0.05 * error
+        self._before = [*self._before[-1:], values]
+        return values, error
+
+    def _start(self, observed: Array, targets: Array) -> Array:
+        if len(self._before) == 2:
+            return 2.0 * self._before[1] - self._before[0]
+        return self._before[0] if self._before else self._search(observed, targets)
+
+    def _search(self, observed: Array, targets: Array) -> Array:
+        options = self._options
+        return chunk_starts(self._tree, self._arrays, observed, targets, options.posture_weight, options.iterations)[0]
+
+    def _settle(self, observed: Array, targets: Array, start: Array) -> tuple[Array, float]:
+        options = self._options
+        values, errors = np.empty((1, len(start))), np.empty((1, len(self.marker_names)))
+        converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
+        solve_frames(
+            self._tree.arrays, self._arrays, observed, targets, self._tree.defaults, options.posture_weight,
+            options.tolerance, options.iterations, start, values, errors, converged, iterations,
+        )  # fmt: skip
+        return values[0], float(np.sqrt(np.nanmean(errors**2)))
