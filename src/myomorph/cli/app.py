@@ -26,6 +26,11 @@ COMMANDS = {
     "run": Command(
         "study", "Run a study file: subjects, models, trials and steps.", "myomorph run study.toml --out results"
     ),
+    "run-tool": Command(
+        "tools",
+        "Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool.",
+        "myomorph run-tool scale_setup.xml",
+    ),
     "info": Command(
         "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
     ),
@@ -70,7 +75,7 @@ def _app() -> App:
     )
     for name, command in COMMANDS.items():
         app.command(
-            f"myomorph.cli.{command.module}:{name}_command",
+            f"myomorph.cli.{command.module}:{name.replace('-', '_')}_command",
             name=name,
             help=command.told,
             help_epilogue=f"Example: `{command.example}`",

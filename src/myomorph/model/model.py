@@ -239,6 +239,11 @@ class PassiveTorque:
     torque: Function
     damping: Function
 
+    def total(self, values: Array, rates: Array) -> Array:
+        """(frames,) torque at values (frames,) and rates (frames,) of the coordinate [N m or N]."""
+        total: Array = self.torque(values) - self.damping(values) * rates
+        return total
+
 
 @dataclass(frozen=True, eq=False)
 class Kept:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model, index_of
@@ -17,6 +17,9 @@ from myomorph.study import inputs
 from myomorph.study.results import file_source, value_source
 from myomorph.study.settings import Differentiation, with_settings
 from myomorph.study.steps import Take
+
+if TYPE_CHECKING:
+    from myomorph.io.tasks import IkTasks
 
 Settings = Mapping[str, Mapping[str, Any]]
 """What each step was told, by step and setting."""
@@ -176,16 +179,31 @@ def kinematics_options(files: FileTake, given: Mapping[str, Any], model: Model) 
 
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
+    return with_tasks(options, tasks, model, str(files.tasks))
+
+
+def with_tasks(
+    options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
+) -> InverseKinematicsOptions:
+    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1.
+
+    Raises
+    ------
+    BadData
+        where the set gives no marker of the model a weight
+    """
     known = set(model.marker_names)
     weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
-    if not any(weights.values()):
-        raise BadData(f"{files.tasks}: gives no marker of model '{model.name}' a weight")
-    aims = {
-        aim.coordinate: CoordinateTask(aim.weight, aim.value if aim.source == "value" else None)
-        for aim in tasks.coordinates
-        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names
-    }
-    return replace(options, marker_weights=weights, only_weighted=True, coordinate_tasks=aims)
+    if tasks.marker_weights and not any(weights.values()):
+        raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
+    aims = {}
+    for aim in tasks.coordinates:
+        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names:
+            default = model.coordinate(aim.coordinate).default
+            value = {"value": aim.value, "default": default, "table": None}[aim.source]
+            aims[aim.coordinate] = CoordinateTask(aim.weight, value)
+    only = bool(tasks.marker_weights)
+    return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
 
 
 def derivative_options(settings: Settings) -> Differentiation:

@@ -196,7 +196,7 @@ def tension_problem(
     tau = _torques_of(tree, motion, torques)
     for one in model.passive_torques:
         j = model.coordinate_names.index(one.coordinate)
-        tau[:, j] -= one.torque(coordinates[:, j]) - one.damping(coordinates[:, j]) * rates[:, j]
+        tau[:, j] -= one.total(coordinates[:, j], rates[:, j])
     return TensionProblem(tree, helpers, options, coordinates, rates, tau), names
 
 

@@ -1,0 +1,65 @@
+"""The files that a tool writes: all of them or none, and never one that it read."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from myomorph.model.errors import BadFile
+
+Writers = Mapping[Path, Callable[[Path], object]]
+"""What writes each file under the name that it is given."""
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """What running a setup file came to.
+
+    Attributes
+    ----------
+    told : what was found, one line each
+    written : the files
+    warnings : what looked wrong but did not stop the work, one line each
+    """
+
+    tool: str
+    told: tuple[str, ...]
+    written: tuple[Path, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:
+    """Raise `BadFile` where an output is an input, a folder, or named twice."""
+    read = {path.resolve() for path in inputs if path is not None}
+    seen: set[Path] = set()
+    for path in outputs:
+        place = path.resolve()
+        if place in read:
+            raise BadFile(path, "is both read and written by this setup", "give the output another name")
+        if place in seen:
+            raise BadFile(path, "is the name of two results", "give one of them another name")
+        if path.is_dir():
+            raise BadFile(path, "is a folder, but a result wants its name")
+        seen.add(place)
+
+
+def write_outputs(writers: Writers) -> tuple[Path, ...]:
+    """Write files, whole and all together; folders that they need are made."""
+    temporary: dict[Path, Path] = {}
+    try:
+        for target, write in writers.items():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
+            os.close(handle)
+            temporary[target] = Path(name)
+            write(Path(name))
+        for target, path in temporary.items():
+            os.chmod(path, 0o644)
+            os.replace(path, target)
+    finally:
+        for path in temporary.values():
+            path.unlink(missing_ok=True)
+    return tuple(temporary)
