@@ -19,10 +19,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 
 from myomorph.identify.point_sums import PointSums
 from myomorph.identify.points import MassPoints
+from myomorph.identify.weights import checked_weights
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 
@@ -132,8 +133,7 @@ def prior_variances(points: MassPoints, options: MassPointOptions | None = None)
     if options.prior == "paper":
         return np.full(len(points.points), 1.0 / options.W_rho)
     W, reference = points.weights, np.maximum(points.reference, 1e-6 * points.reference.mean())
-    squared = W.copy()
-    squared.data = W.data**2
+    squared = _squares(W)
     mass = W.T @ reference
     present = mass > 0.0
     spread = squared.T @ reference
@@ -207,6 +207,7 @@ class _Problem:
             raise BadData("A or b holds a number that is not finite")
         if not len(reference) or not np.isfinite(reference).all() or (reference < 0.0).any() or not reference.any():
             raise BadData("expected at least one mass point, with reference masses that are finite and not negative")
+        checked_weights(points.weights, points.points, points.links)
         floor = np.full(len(reference), options.floor * reference.mean())
         if mass is not None and not (np.isfinite(mass) and mass > floor.sum()):
             raise BadData(f"the body's mass is {mass:g} kg: expected more than {floor.sum():.3g} kg")
@@ -214,9 +215,8 @@ class _Problem:
         target = b - A @ points.parameters(reference).ravel()
         rows, target = _fewer_rows(np.sqrt(options.W_phi) * A, np.sqrt(options.W_phi) * target)
         soft = np.ones(len(rows))
-        C = np.einsum("rli,lij->rlj", rows.reshape(-1, links, 10), points.places @ sums.shift, optimize=True).reshape(
-            len(rows), -1
-        )
+        C = np.einsum("rli,lij->rlj", rows.reshape(len(rows), links, 10), points.places @ sums.shift, optimize=True)
+        C = C.reshape(len(rows), 10 * links)
         if mass is not None:
             row = np.zeros((links, 10))
             row[:, 0] = 1.0
@@ -308,7 +308,7 @@ class _Problem:
         """The fit at multipliers y, with the residuals of the conditions of the optimum."""
         s = self.sums.pull(self.C.T @ y)
         free, change = self._masses(s)
-        masses = np.maximum(self.reference + change, self.floor)
+        masses = np.where(free, np.maximum(self.reference + change, self.floor), self.floor)
         left = self.target - self._wrench(masses - self.reference)
         # What the measurement itself asks for at these masses; the multiplier of the total stays.
         asked = self.freedom * self.sums.pull(self.C.T @ np.where(self.soft > 0.0, left, y))
@@ -320,8 +320,6 @@ class _Problem:
             abs(float(masses.sum()) - self.mass) / self.mass if self.mass is not None else 0.0,
             float(np.sqrt(self.freedom.max()) * np.linalg.norm(self.soft * (left - y))) / mean,
         )
-        squared = self.points.weights.copy()
-        squared.data = squared.data**2
         parameters = self.points.parameters(masses)
         misses = [self.b - self.A @ phi.ravel() for phi in (parameters, self.points.parameters(self.reference))]
         return MassPointFit(
@@ -329,13 +327,17 @@ class _Problem:
             parameters=parameters,
             misfit=float(misses[0] @ misses[0]),
             misfit_before=float(misses[1] @ misses[1]),
-            link_sd=np.sqrt(squared.T @ self.freedom),
+            link_sd=np.sqrt(_squares(self.points.weights).T @ self.freedom),
             optimality=optimality,
             on_bound=int((~free).sum()),
             iterations=iterations,
             converged=max(optimality.distance, optimality.total, optimality.positivity) <= self.options.tolerance,
             options=self.options,
         )
+
+
+def _squares(W: sparse.csr_array) -> sparse.csr_array:
+    return sparse.csr_array((W.data**2, W.indices, W.indptr), shape=W.shape)
 
 
 def _fewer_rows(A: Array, b: Array) -> tuple[Array, Array]:

@@ -38,6 +38,9 @@ class PointSums:
     def of(points: MassPoints) -> PointSums:
         """The sums over these points."""
         mean, W = points.points.mean(axis=0), points.weights
+        if not W.has_canonical_format:
+            W = W.copy()
+            W.sum_duplicates()
         return PointSums(
             points.points - mean,
             np.array(W.indptr, np.int64),
@@ -69,8 +72,8 @@ class PointSums:
         return parts.sum(axis=0).ravel()
 
     def pairs(self, factors: Array) -> Array:
-        """(pairs of links, 35) sums that make G diag(factors) G^T; `matrix` puts them in place."""
-        parts = np.zeros((-(-len(self.x) // self._chunk), self.links * (self.links + 1) // 2, PRODUCTS))
+        """(pairs of links, 36) sums that make G diag(factors) G^T; `matrix` puts them in place."""
+        parts = np.zeros((-(-len(self.x) // self._chunk), self.links * (self.links + 1) // 2, PRODUCTS + 1))
 
         def part(start: int, stop: int) -> None:
             out = parts[start // self._chunk]

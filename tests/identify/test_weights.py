@@ -1,0 +1,156 @@
+import functools
+
+import numpy as np
+import pytest
+from made_bodies import filled, random_links
+from scipy import sparse
+
+from myomorph.identify.points import Links
+from myomorph.identify.weights import (
+    bone_weights,
+    checked_weights,
+    cog_weights,
+    given_weights,
+    nearest_weights,
+)
+from myomorph.model.errors import BadData, UnknownName
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    return filled(0.05), random_links(6)
+
+
+def distances(points, links):
+    return np.linalg.norm(points[:, None] - links.centers, axis=2)
+
+
+def test_w_d_is_equation_3_14(cloud):
+    points, links = cloud
+    inverse = distances(points, links) ** -4.0
+    expected = inverse / inverse.sum(axis=1, keepdims=True)
+    assert np.allclose(cog_weights(points, links, smallest=0.0).toarray(), expected, rtol=1e-12, atol=0.0)
+
+
+def test_small_shares_are_dropped_and_the_rest_made_whole(cloud):
+    points, links = cloud
+    whole, cut = (cog_weights(points, links, smallest=s).toarray() for s in (0.0, 1e-2))
+    assert cut[whole < 1e-2].max() == 0.0
+    assert np.allclose(cut.sum(axis=1), 1.0, atol=1e-14)
+    kept = np.where(whole >= 1e-2, whole, 0.0)
+    assert np.allclose(cut, kept / kept.sum(axis=1, keepdims=True), atol=1e-14)
+
+
+def test_the_default_cut_hardly_moves_the_mass_of_a_link(cloud):
+    points, links = cloud
+    whole, cut = (cog_weights(points, links, **given).sum(axis=0) for given in ({"smallest": 0.0}, {}))
+    assert np.abs(cut / whole - 1.0).max() < 1e-3
+
+
+@pytest.mark.parametrize("exponent", [2.0, 3.0, 7.5])
+def test_any_exponent(cloud, exponent):
+    points, links = cloud
+    inverse = distances(points, links) ** -exponent
+    weights = cog_weights(points, links, exponent=exponent, smallest=0.0).toarray()
+    assert np.allclose(weights, inverse / inverse.sum(axis=1, keepdims=True), rtol=1e-10)
+
+
+def test_w_n_is_equation_3_15_and_the_limit_of_w_d(cloud):
+    points, links = cloud
+    weights = nearest_weights(points, links)
+    assert weights.nnz == len(points)
+    assert np.array_equal(weights.indices, distances(points, links).argmin(axis=1))
+    assert np.allclose(weights.toarray(), cog_weights(points, links, exponent=2e4, smallest=0.5).toarray())
+
+
+def test_w_b_is_by_the_distance_to_the_nearest_piece_of_bone():
+    links = Links(
+        ("long", "short"),
+        np.stack([np.eye(3)] * 2),
+        np.zeros((2, 3)),
+        np.zeros((2, 3)),
+        np.array([[[0.0, 0, 0], [0, 1, 0]], [[0, 1, 0], [0, 2, 0]], [[3, 0, 0], [3, 0, 0]]]),
+        np.array([0, 0, 1]),
+    )
+    points = np.array([[1.0, 0.5, 0.0], [1.0, 1.7, 0.0], [1.0, 3.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    to_long = np.array([1.0, 1.0, np.sqrt(2.0), 2.0, 1e-12])
+    to_short = np.linalg.norm(points - [3.0, 0.0, 0.0], axis=1)
+    share = to_short**4 / (to_long**4 + to_short**4)
+    assert np.allclose(bone_weights(points, links, smallest=0.0).toarray()[:, 0], share, atol=1e-14)
+
+
+def test_a_long_segment_keeps_its_ends_by_bone_but_not_by_center():
+    """A thigh of 0.4 m between a pelvis and a shank, each with its center 0.1 m beyond the joint."""
+    thigh = np.array([[0.0, 0.4, 0.0], [0.0, 0.0, 0.0]])
+    bones = np.array([[[0.0, 0.6, 0.0], thigh[0]], thigh, [thigh[1], [0.0, -0.2, 0.0]]])
+    links = Links(
+        ("pelvis", "thigh", "shank"), np.stack([np.eye(3)] * 3), bones[:, 0], bones.mean(axis=1), bones, np.arange(3)
+    )
+    random = np.random.default_rng(0)
+    flesh = random.uniform([-0.07, 0.0, -0.07], [0.07, 0.4, 0.07], (4000, 3))
+    by_center, by_bone = (w(flesh, links).sum(axis=0)[1] / len(flesh) for w in (cog_weights, bone_weights))
+    assert by_center < 0.75
+    assert by_bone > by_center + 0.1
+
+
+@pytest.mark.parametrize("weigh", [cog_weights, nearest_weights, bone_weights])
+def test_phantoms_can_be_left_out(cloud, weigh):
+    points, links = cloud
+    taking = np.array([True, False, True, True, False, True])
+    weights = weigh(points, links, taking=taking)
+    assert not weights.toarray()[:, ~taking].any()
+    assert np.allclose(weights.sum(axis=1), 1.0, atol=1e-14)
+
+
+def test_weights_do_not_change_when_points_and_links_move_together(cloud):
+    points, links = cloud
+    R, p = links.rotations[0], np.array([4.0, -2.0, 1.0])
+    moved = Links(
+        links.names, R @ links.rotations, links.origins @ R.T + p, links.centers @ R.T + p, links.bones @ R.T + p,
+        links.bone_links,
+    )  # fmt: skip
+    for weigh in (cog_weights, bone_weights):
+        assert np.allclose(weigh(points @ R.T + p, moved).toarray(), weigh(points, links).toarray(), atol=1e-11)
+
+
+def test_given_weights_go_to_the_links_that_their_columns_name(cloud):
+    points, links = cloud
+    table = np.random.default_rng(0).uniform(size=(len(points), 4))
+    weights = given_weights(table, ["link2", "link0", "link2", "link5"])(points, links).toarray()
+    share = table / table.sum(axis=1, keepdims=True)
+    assert np.allclose(weights[:, 2], share[:, 0] + share[:, 2])
+    assert np.allclose(weights[:, 0], share[:, 1])
+    assert not weights[:, [1, 3, 4]].any()
+    with pytest.raises(UnknownName, match="unknown link 'femur'"):
+        given_weights(table, ["link2", "femur", "link2", "link5"])(points, links)
+    with pytest.raises(BadData, match="have no weight in any link"):
+        given_weights(0.0 * table, ["link2", "link0", "link2", "link5"])(points, links)
+
+
+def test_a_map_of_the_users_own_is_checked(cloud):
+    points, links = cloud
+    uniform = np.full((len(points), 6), 1.0 / 6.0)
+    assert np.allclose(checked_weights(uniform, points, links).toarray(), uniform)
+    negative, short = uniform.copy(), uniform.copy()
+    negative[7, :2] += [-1.0, 1.0]
+    short[3] *= 0.9
+    for wrong, words in ((negative, "negative or not finite"), (short, "point 3 sum to 0.9"), (uniform.T, "shape")):
+        with pytest.raises(BadData, match=words):
+            checked_weights(sparse.csr_array(wrong), points, links)
+
+
+def test_bad_input_is_named(cloud):
+    points, links = cloud
+    bare = Links(links.names, links.rotations, links.origins, links.centers)
+    for weigh, words in (
+        (functools.partial(cog_weights, exponent=-1.0), "exponent"),
+        (functools.partial(cog_weights, taking=np.zeros(6, bool)), "leave at least one in"),
+        (functools.partial(nearest_weights, taking=[True]), "6 links"),
+    ):
+        with pytest.raises(BadData, match=words):
+            weigh(points, links)
+    with pytest.raises(BadData, match="'link0' has no bone"):
+        bone_weights(points, bare)
+    with pytest.raises(BadData, match="not finite"):
+        cog_weights(np.full((3, 3), np.nan), links)
+    assert cog_weights(np.zeros((0, 3)), links).shape == (0, 6)
