@@ -113,11 +113,12 @@ def marker_cost(K, observed, target, c, R, p):
 
 @in_place
 def mean_curvature(K, D):
-    """Mean Gauss-Newton diagonal over the variables that markers move."""
+    """Mean Gauss-Newton diagonal of the marker cost over the variables that markers move."""
     total, moved = 0.0, 0
     for j in K.free:
-        if D[j] > 0.0:
-            total += D[j]
+        own = D[j] - K.task_weight[j]
+        if own > 0.0:
+            total += own
             moved += 1
     return total / moved if moved > 0 else 1.0
 
