@@ -16,6 +16,9 @@ from myomorph.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, settl
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import TreeArrays, compile_tree
 
+LEAST_GAIN = 1e-7
+"""A step that lowers the cost by a smaller share is the last."""
+
 SLOTS = 16
 """Partial sums over frames: memory does not grow with frames, and the order of summation is always the same."""
 
@@ -229,9 +232,12 @@ def minimise(
         reduced = reduce(problem, point)
         H = reduced.H[np.ix_(free, free)] + variance * rows.T @ rows
         g = reduced.g[free] + variance * rows.T @ (problem.prior.rows @ point.x - right)
-        accepted = False
-        while not accepted and damping < 1e6:
+        accepted, small = False, False
+        # Frames settle to a tolerance of their own, so that the cost of the last small step is noise.
+        while not accepted and not small and damping < 1e6:
             step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+            small = damping <= 1e-6 and bool(np.abs(step).max(initial=0.0) <= tolerance)
+            promised = -float(2.0 * g @ step + step @ H @ step) / max(point.cost(variance), 1e-300)
             x = point.x.copy()
             x[free] += step
             if x[:lengths].min(initial=1.0) > 0.1 and np.abs(step).max(initial=0.0) < 1.0:
@@ -241,11 +247,11 @@ def minimise(
         if told:
             told()
         if not accepted:
-            return Minimum(point, reduced, False, tuple(costs))
+            return Minimum(point, reduced, small, tuple(costs))
         gained = 1.0 - trial.cost(variance) / max(point.cost(variance), 1e-300)
         point = trial
         costs.append(point.cost(variance))
-        if np.abs(step).max(initial=0.0) <= tolerance or gained < 1e-9:
+        if np.abs(step).max(initial=0.0) <= tolerance or gained < LEAST_GAIN:
             return Minimum(point, reduce(problem, point), True, tuple(costs))
     return Minimum(point, reduce(problem, point), False, tuple(costs))
 
