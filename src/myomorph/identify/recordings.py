@@ -1,0 +1,294 @@
+"""Which frames of a recording tell about the body: whole forces, no contact that no plate measures, no filter edge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from scipy.ndimage import binary_dilation, uniform_filter1d
+
+from myomorph.identify.base import Recording
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.regressor import base_wrench, regressor_blocks
+from myomorph.rigid.tree import compile_tree
+
+NO_MOTION = "no motion: markers unseen"
+OUTSIDE = "outside the time of the forces"
+NO_FORCE = "a force is missing"
+EDGE = "edge of the filter"
+UNMEASURED = "a contact that no plate measures, as one leg off the plates"
+
+WINDOW = 0.2
+"""Time over which force must be missing to count as a contact beside the plates [s]."""
+
+MISSING_WEIGHT = 0.15
+"""Share of the body's weight that must be missing."""
+
+UNLOADED = 20.0
+"""Force under which a center of pressure may be unknown [N]."""
+
+FLIGHT = 0.05
+"""Share of the body's weight under which nothing touches."""
+
+AGREED = 0.03
+"""Share of the body's weight by which plates and stated mass may differ without a word."""
+
+STILL = 0.1
+"""Largest turn of any body against the base over which a motion counts as standing still [rad]."""
+
+
+@dataclass(frozen=True)
+class RecordingOptions:
+    """How motion and forces are brought together.
+
+    Attributes
+    ----------
+    cutoff : low-pass filter of coordinates and forces alike [Hz]; none by default, as in OpenSim
+    least_time : that must be usable, all recordings together [s]
+    """
+
+    cutoff: float | None = None
+    least_time: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Usable:
+    """A recording on one clock, with the frames that can be used and what became of the others.
+
+    Attributes
+    ----------
+    recording : motion with derivatives, wrenches at its times, and which frames to use
+    left_out : reason to number of frames, each frame under its first reason
+    frames : that were given
+    flight : frames of those used in which nothing touches, so that the wrench is truly zero
+    weighs : mass that the forces say, where the motion is the model's [kg]
+    notes : what looks wrong, one line each
+    """
+
+    recording: Recording
+    left_out: Mapping[str, int]
+    frames: int
+    flight: int
+    weighs: float
+    name: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+
+def usable(
+    model: Model,
+    motion: Motion,
+    wrenches: Wrenches,
+    *,
+    mass: float | None = None,
+    time: tuple[float, float] | None = None,
+    name: str = "the recording",
+    options: RecordingOptions | None = None,
+) -> Usable:
+    """Motion and forces through the same filter on one clock, and the frames that can be used.
+
+    A contact beside the plates shows in the vertical force that the motion needs, by the model's masses
+    brought to `mass`, less the one measured: where its mean over `WINDOW` passes `MISSING_WEIGHT` of
+    the body's weight, and half that window around, the frames are left out.
+
+    Parameters
+    ----------
+    motion : coordinates as recorded; derivatives are taken here
+    wrenches : as recorded, on their own clock; NaN where missing
+    mass : of the subject [kg]; the model's by default
+    time : start and end of what is to be used, cut after filtering [s]
+    name : of the recording, for what is said about it
+
+    Raises
+    ------
+    BadData : no common time, no force at all, or plates tared with the load on them
+    """
+    options = options or RecordingOptions()
+    mass = model.mass if mass is None else mass
+    whole = differentiate(motion, options.cutoff)
+    if time is not None:
+        whole = cut(whole, *time)
+    frames = len(whole)
+    within = (whole.time >= wrenches.time[0] - 1e-9) & (whole.time <= wrenches.time[-1] + 1e-9)
+    if within.sum() < 2:
+        raise BadData(
+            f"{name}: motion ({whole.time[0]:g} to {whole.time[-1]:g} s) and forces ({wrenches.time[0]:g} to "
+            f"{wrenches.time[-1]:g} s) have no time in common"
+        )
+    common = cut(whole, float(whole.time[within][0]), float(whole.time[within][-1]))
+    lacking = _lacking(wrenches)
+    if lacking.all():
+        raise BadData(f"{name}: the forces hold no finite value: give the file that the plates wrote")
+    at = resample_wrenches(_filled(wrenches, lacking), common.time, options.cutoff)
+
+    margin = 0.0 if options.cutoff is None else 0.5 / options.cutoff
+    needed = _needed(model, common) * (mass / model.mass)
+    measured = _up(model, base_wrench(model, common, at))
+    weight = mass * float(np.linalg.norm(model.gravity))
+    marks = {
+        NO_MOTION: ~np.isfinite(needed),
+        NO_FORCE: _near(common.time, wrenches.time[lacking], margin),
+        EDGE: _near(common.time, _ends(motion, wrenches), margin) if margin else np.zeros(len(common), bool),
+    }
+    so_far = ~np.any(list(marks.values()), axis=0)
+    if not so_far.any():
+        left_out = _counted({OUTSIDE: frames - len(common)}, marks)
+        raise BadData(f"{name}: none of the {frames} frames can be used: {_listed(left_out)}")
+    _refuse_tared(name, needed[so_far], measured[so_far], weight)
+    known = ~(marks[NO_MOTION] | marks[NO_FORCE])
+    marks[UNMEASURED] = _unmeasured(common.time, needed - measured, known, weight)
+    use = ~np.any(list(marks.values()), axis=0)
+    flight = use & (np.abs(measured) < FLIGHT * weight)
+    weighs = mass * measured[use].mean() / needed[use].mean() if use.any() else float("nan")
+    return Usable(
+        Recording(common, at, use),
+        MappingProxyType(_counted({OUTSIDE: frames - len(common)}, marks)),
+        frames,
+        int(flight.sum()),
+        float(weighs),
+        name,
+        _weight_note(name, weighs, mass),
+    )
+
+
+def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:
+    """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
+    options = options or RecordingOptions()
+    seconds = sum(float(one.recording.use.sum()) * _step(one.recording.motion.time) for one in recordings)
+    if seconds < options.least_time:
+        counts: dict[str, int] = {}
+        for one in recordings:
+            for reason, count in one.left_out.items():
+                counts[reason] = counts.get(reason, 0) + count
+        total = sum(one.frames for one in recordings)
+        raise BadData(
+            f"{seconds:.2g} s of motion can be used, fewer than {options.least_time:g}: of {total} frames "
+            f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"
+        )
+    turn = max(_largest_turn(model, one.recording) for one in recordings)
+    if turn < STILL:
+        raise BadData(
+            f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees against the "
+            f"'{model.body_names[0]}' in {seconds:.2g} s; masses show only while limbs and trunk move"
+        )
+
+
+def _needed(model: Model, motion: Motion) -> Array:
+    """(frames,) vertical force that the motion needs with the model's own masses [N]."""
+    parameters = inertial_parameters(model).ravel()
+    wrench = np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
+    return _up(model, wrench)
+
+
+def _up(model: Model, wrench: Array) -> Array:
+    size = float(np.linalg.norm(model.gravity))
+    if size == 0.0:
+        raise BadData(f"model '{model.name}' has no gravity, so forces cannot tell its weight")
+    up: Array = -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
+    return up
+
+
+def _lacking(wrenches: Wrenches) -> np.ndarray:
+    """(samples,) whether a force, a torque, or the place of a force that counts is missing."""
+    known = np.isfinite(wrenches.forces).all(axis=2) & np.isfinite(wrenches.torques).all(axis=2)
+    unplaced = ~np.isfinite(wrenches.points).all(axis=2)
+    loaded = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2) > UNLOADED
+    lacking: np.ndarray = (~known | (loaded & unplaced)).any(axis=1)
+    return lacking
+
+
+def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
+    """Missing samples held at the next known one, so that a filter can pass over them."""
+    if not lacking.any():
+        return wrenches
+    known, samples = np.flatnonzero(~lacking), np.arange(len(lacking))
+    index = known[np.searchsorted(known, samples).clip(max=len(known) - 1)]
+    return replace(
+        wrenches, forces=wrenches.forces[index], points=wrenches.points[index], torques=wrenches.torques[index]
+    )
+
+
+def _near(time: Array, places: Array, margin: float) -> np.ndarray:
+    """(frames,) whether any of the ascending places [s] lies within the margin and half a frame."""
+    if len(places) == 0:
+        return np.zeros(len(time), bool)
+    after = np.searchsorted(places, time).clip(max=len(places) - 1)
+    nearest = np.minimum(np.abs(places[after] - time), np.abs(places[(after - 1).clip(min=0)] - time))
+    near: np.ndarray = nearest <= margin + 0.5 * _step(time)
+    return near
+
+
+def _ends(motion: Motion, wrenches: Wrenches) -> Array:
+    """Times at which motion or forces begin or end, gaps included, ascending [s]."""
+    seen = np.concatenate([[False], np.isfinite(motion.values).all(axis=1), [False]])
+    first, after = np.flatnonzero(~seen[:-1] & seen[1:]), np.flatnonzero(seen[:-1] & ~seen[1:])
+    return np.sort(np.concatenate([motion.time[first], motion.time[after - 1], wrenches.time[[0, -1]]]))
+
+
+def _step(time: Array) -> float:
+    return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+
+
+def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> None:
+    """The signs of a plate set to zero under the load: most of the weight lacks, always the same."""
+    lacking = needed - measured
+    if lacking.mean() < 0.5 * weight or lacking.std() > MISSING_WEIGHT * weight:
+        return
+    raise BadData(
+        f"{name}: the plates measure {measured.mean():.0f} N on average where the body needs {needed.mean():.0f}: "
+        "they were set to zero (tared) with the load on them, or nothing stands on them; record again with empty "
+        "plates at the start, or add the missing weight to the forces"
+    )
+
+
+def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -> np.ndarray:
+    """(frames,) whether so much force lacks for so long that something beside the plates must carry the body."""
+    frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
+    share = np.where(known, lacking / weight, 0.0)
+    counted = uniform_filter1d(known.astype(np.float64), frames)
+    mean = uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
+    found: np.ndarray = binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
+    return found
+
+
+def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[str, int]:
+    """Frames by reason, each under the first that it has; reasons without frames are not told."""
+    counts = dict(first)
+    taken = np.zeros(len(next(iter(marks.values()))), bool)
+    for reason, marked in marks.items():
+        counts[reason] = int((marked & ~taken).sum())
+        taken |= marked
+    return {reason: count for reason, count in counts.items() if count}
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} ({reason})" for reason, count in counts.items())
+
+
+def _weight_note(name: str, weighs: float, mass: float) -> tuple[str, ...]:
+    if not abs(weighs / mass - 1.0) > AGREED:
+        return ()
+    return (
+        f"{name}: the forces say {weighs:.1f} kg where the subject is said to weigh {mass:.1f}: a plate's zero or gain "
+        "is off, a load is carried, or the mass is another",
+    )
+
+
+def _largest_turn(model: Model, recording: Recording) -> float:
+    """Largest angle by which any body turns against the base, from its first usable pose [rad]."""
+    tree = compile_tree(model)
+    values = tree.coordinates_of(recording.motion)[recording.use]
+    if not len(values):
+        return 0.0
+    rotations = forward_kinematics(tree, values[:: max(1, len(values) // 200)]).rotations[:, 1:]
+    against = np.einsum("fji,fbjk->fbik", rotations[:, 0], rotations)
+    cosine = 0.5 * (np.einsum("bik,fbik->fb", against[0], against) - 1.0)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
