@@ -6,55 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from trees import random_tree
 
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import SineProduct, constant, polynomial, simm_spline
 from myomorph.model.model import Axis, Coupler
-from myomorph.model.series import Motion, Wrenches
+from myomorph.model.series import Wrenches
 from myomorph.rigid.coordinates import compile_functions, evaluate
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.kinematics import center_of_mass, couple_frames, forward_kinematics, gather_dependents
 from myomorph.rigid.tree import compile_tree
-
-
-def functional_tree(seed):
-    """A random tree whose joints are splines, polynomials and sine products of shared coordinates."""
-    rng = np.random.default_rng(seed)
-    model = random_tree(seed)
-    joints = list(model.joints)
-    for i in (2, 5, 8):
-        spline = simm_spline(np.linspace(-2, 2, 7), rng.normal(size=7))
-        extra = (
-            Axis("translation", np.eye(3)[0], spline, (f"c{i}",)),
-            Axis("translation", np.eye(3)[1], constant(0.1)),
-            Axis("rotation", np.eye(3)[2], polynomial(rng.normal(size=4)), (f"c{i}",), rng.normal(size=3)),
-            Axis(
-                "translation", np.eye(3)[2], SineProduct(0.3, np.array([1.0, 2.0]), rng.normal(size=2)), (f"c{i}", "c1")
-            ),
-            Axis("rotation", np.array([0.6, 0.0, 0.8]), constant(0.4), (), rng.normal(size=3)),
-        )
-        joints[i] = replace(joints[i], axes=joints[i].axes + extra)
-    couplers = (
-        Coupler("first", "c6", simm_spline(np.linspace(-2, 2, 5), rng.normal(size=5)), ("c3",)),
-        Coupler("second", "c9", SineProduct(1.2, np.ones(2), np.array([0.3, 0.1])), ("c6", "c4")),
-    )
-    return replace(model, joints=tuple(joints), couplers=couplers)
-
-
-def swinging(model, frames, step, seed=0):
-    """A smooth motion with exact derivatives of the independent coordinates."""
-    rng = np.random.default_rng(seed)
-    n = len(model.coordinates)
-    amplitude, rate, phase = rng.uniform(0.2, 0.8, n), rng.uniform(1, 4, n), rng.uniform(0, 6, n)
-    t = np.arange(frames)[:, None] * step
-    return Motion(
-        t[:, 0],
-        model.coordinate_names,
-        amplitude * np.sin(rate * t + phase),
-        amplitude * rate * np.cos(rate * t + phase),
-        -amplitude * rate**2 * np.sin(rate * t + phase),
-    )
+from trees import functional_tree, random_tree, swinging
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -42,8 +42,12 @@ def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
 
 
 def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
-    """Rank, and the largest over the smallest singular value, of R with columns scaled to length 1."""
+    """Rank, and the largest over the smallest singular value, of R with columns scaled to length 1.
+
+    The condition number is infinite where rounding cannot tell it from that.
+    """
     length = np.linalg.norm(R, axis=0)
     values = np.linalg.svd(R / np.where(length > 0.0, length, 1.0), compute_uv=False)
     rank = int(np.sum(values > tolerance * values[0])) if values[0] > 0.0 else 0
-    return rank, float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")
+    singular = values[-1] <= len(R) * np.finfo(float).eps * values[0]
+    return rank, float("inf") if singular else float(values[0] / values[-1])

@@ -116,7 +116,7 @@ def numerical_null_space(
     rows = base_regressor(model, states).reshape(-1, size)[:, looked_at]
     length = np.linalg.norm(rows, axis=0)
     # A column that is nothing but rounding (the inertia of a body that never turns) must not be scaled up.
-    silent = length < tolerance * (length / SCALE[looked_at % 10]).max() * SCALE[looked_at % 10]
+    silent = length <= tolerance * (length / SCALE[looked_at % 10]).max() * SCALE[looked_at % 10]
     length[silent] = np.inf
     R, order = qr(rows / length, mode="r", pivoting=True, overwrite_a=True)
     diagonal = np.abs(np.diag(R))
