@@ -49,7 +49,7 @@ class PseudoInertiaOptions:
     metric: Literal["pullback", "euclidean"] = "pullback"
     mass_sd: float = 0.15
     margin: float = 1e-3
-    tolerance: float = 1e-9
+    tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
         if self.metric not in ("pullback", "euclidean"):
@@ -118,33 +118,18 @@ def solve_pseudo_inertia(
     BadData : shapes that do not belong together, numbers that are not finite, a reference that no body can have
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
-    n, links = problem.A.shape[1], len(problem.moved)
-    H = sparse.csc_matrix(np.triu(problem.A.T @ problem.A + problem.prior))
-    rows, right, cones = [], [], []
-    if mass is not None:
-        rows.append(sparse.csr_array(problem.total[None]))
-        right.append(np.array([problem.lacking]))
-        cones.append(clarabel.ZeroConeT(1))
-    if ellipsoids is not None:
-        inside, limit = _inside(problem, np.asarray(ellipsoids, float), np.asarray(reference, float))
-        rows.append(sparse.csr_array(-inside))
-        right.append(limit)
-        cones.append(clarabel.NonnegativeConeT(len(limit)))
-    rows.append(sparse.csr_array(-sparse.eye_array(n)))
-    right.append(np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links))
-    cones += [clarabel.PSDTriangleConeT(4)] * links
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
-    solver = clarabel.DefaultSolver(
-        H, -problem.A.T @ problem.b, sparse.csc_matrix(sparse.vstack(rows)), np.concatenate(right), cones, settings
-    )
-    found = solver.solve()
-    status = str(found.status)
+    limits = _limits(problem, mass, ellipsoids)
+    free = _least_squares(problem, mass)
+    if _keeps(problem, free, ellipsoids):
+        return problem.fit(free, status="closed form", converged=True, residual=0.0, iterations=0)
+    for residuals in (False, True):
+        found = _solve(problem, limits, residuals)
+        if str(found.status) == "Solved":
+            break
     return problem.fit(
-        np.array(found.x),
-        status=status,
-        converged=status == "Solved",
+        np.array(found.x)[: problem.A.shape[1]],
+        status=str(found.status),
+        converged=str(found.status) == "Solved",
         residual=max(found.r_prim, found.r_dual),
         iterations=found.iterations,
     )
@@ -160,14 +145,7 @@ def solve_ridge(
 ) -> PseudoInertiaFit:
     """The same problem without the inequalities: least squares that may give parameters no body can have."""
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
-    H, right = problem.A.T @ problem.A + problem.prior, problem.A.T @ problem.b
-    if mass is not None:
-        n = len(right)
-        H = np.block([[H, problem.total[:, None]], [problem.total[None], np.zeros((1, 1))]])
-        x = linalg.solve(H, np.append(right, problem.lacking), assume_a="sym")[:n]
-    else:
-        x = linalg.solve(H, right, assume_a="pos")
-    return problem.fit(x, status="closed form", converged=True, residual=0.0, iterations=0)
+    return problem.fit(_least_squares(problem, mass), status="closed form", converged=True, residual=0.0, iterations=0)
 
 
 def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
@@ -276,6 +254,88 @@ class _Changes:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """right - rows x in the cones, x the changes."""
+
+    rows: sparse.csr_array
+    right: Array
+    cones: list
+
+
+def _limits(problem: _Changes, mass: float | None, ellipsoids: Array | None) -> _Limits:
+    """The total mass, the ellipsoids and the inequalities of the pseudo-inertias, in this order."""
+    rows, right, cones = [], [], []
+    if mass is not None:
+        rows.append(sparse.csr_array(problem.total[None]))
+        right.append(np.array([problem.lacking]))
+        cones.append(clarabel.ZeroConeT(1))
+    if ellipsoids is not None:
+        inside, limit = _inside(problem, np.asarray(ellipsoids, float))
+        rows.append(sparse.csr_array(-inside))
+        right.append(limit)
+        cones.append(clarabel.NonnegativeConeT(len(limit)))
+    links = len(problem.moved)
+    rows.append(sparse.csr_array(-sparse.eye_array(10 * links)))
+    right.append(np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links))
+    cones += [clarabel.PSDTriangleConeT(4)] * links
+    return _Limits(sparse.csr_array(sparse.vstack(rows)), np.concatenate(right), cones)
+
+
+def _solve(problem: _Changes, limits: _Limits, residuals: bool) -> clarabel.DefaultSolution:
+    """The conic program by Clarabel.
+
+    With `residuals` the rows' misses are variables of their own, which squares no condition number but
+    takes ten times longer: for measurements that no body near the reference can meet.
+    """
+    n = problem.A.shape[1]
+    if residuals:
+        A, b = problem.A, problem.b
+        if len(A) > n:
+            Q, A = np.linalg.qr(A)
+            b = Q.T @ b
+        rows = len(A)
+        misses = sparse.hstack([sparse.csr_array(A), -sparse.eye_array(rows)])
+        limits = _Limits(
+            sparse.vstack([misses, sparse.hstack([limits.rows, sparse.csr_array((len(limits.right), rows))])]),
+            np.concatenate([b, limits.right]),
+            [clarabel.ZeroConeT(rows), *limits.cones],
+        )
+        H, linear = sparse.block_diag([problem.prior, sparse.eye_array(rows)]), np.zeros(n + rows)
+    else:
+        full = problem.A.T @ problem.A + problem.prior
+        scale = 1.0 / np.diagonal(full).mean()
+        H, linear = sparse.csc_array(scale * full), -scale * (problem.A.T @ problem.b)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
+    return clarabel.DefaultSolver(
+        sparse.csc_matrix(sparse.triu(H)), linear, sparse.csc_matrix(limits.rows), limits.right, limits.cones, settings
+    ).solve()
+
+
+def _least_squares(problem: _Changes, mass: float | None) -> Array:
+    """(10 moved links,) changes without the inequalities, by QR of the stacked rows."""
+    root = linalg.cholesky(problem.prior)
+    rows, target = np.vstack([problem.A, root]), np.append(problem.b, np.zeros(len(root)))
+    Q, R = np.linalg.qr(rows)
+    x: Array = linalg.solve_triangular(R, Q.T @ target)
+    if mass is not None:
+        # The least change of the total in the metric of the problem: (R^T R)^-1 total.
+        toward = linalg.solve_triangular(R, linalg.solve_triangular(R, problem.total, trans="T"))
+        x = x + toward * ((problem.lacking - problem.total @ x) / (problem.total @ toward))
+    return x
+
+
+def _keeps(problem: _Changes, x: Array, ellipsoids: Array | None) -> bool:
+    """Whether changes keep every inequality, so that they are the optimum with it too."""
+    least = 1.0 + np.linalg.eigvalsh(_symmetric(x.reshape(-1, 10)))[:, 0]
+    if ellipsoids is None:
+        return bool((least >= problem.options.margin).all())
+    inside, limit = _inside(problem, np.asarray(ellipsoids, float))
+    return bool((least >= problem.options.margin).all() and (inside @ x + limit >= 0.0).all())
+
+
 def _symmetric(entries: Array) -> Array:
     """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
     matrices = np.zeros((*entries.shape[:-1], 4, 4))
@@ -305,8 +365,9 @@ def _prior(reference: Array, P: Array, basis: Array, options: PseudoInertiaOptio
     return linalg.block_diag(*(one.T @ one for one in weighted))
 
 
-def _inside(problem: _Changes, ellipsoids: Array, reference: Array) -> tuple[Array, Array]:
+def _inside(problem: _Changes, ellipsoids: Array) -> tuple[Array, Array]:
     """Rows of tr(P Q) = limit + row . changes, scaled by the mass."""
+    reference = problem.reference
     if ellipsoids.shape != (len(reference), 4, 4):
         raise BadData(f"expected ellipsoids ({len(reference)}, 4, 4), but got {ellipsoids.shape}")
     P, width = pseudo_inertias(reference), 10 * len(problem.moved)
