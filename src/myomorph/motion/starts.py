@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from myomorph.model.spatial import Array
@@ -20,6 +22,10 @@ HEADINGS_TRIED = 4
 """Headings of the whole body, the best by themselves, from which the whole pose is solved."""
 
 
+AT_BOUND = 1e-9
+"""A coordinate that is nearer to its bound lies at it [rad]."""
+
+
 def chunk_starts(
     tree: Tree, markers: MarkerArrays, observed: Array, targets: Array, posture_weight: float, iterations: int
 ) -> Array:
@@ -27,6 +33,7 @@ def chunk_starts(
 
     The first frame, and a frame whose cost jumps, is solved again from several headings of the whole
     body, and the best pose is kept, so that a bad first frame or a long gap does not spoil what follows.
+    A joint that then lies at a bound is tried from inside its range: angles of a ball joint have two branches.
 
     Parameters
     ----------
@@ -60,10 +67,42 @@ def chunk_starts(
                 if best < 0.999 * cost:
                     other[turning] -= 2.0 * np.pi * np.round((other - tree.defaults)[turning] / (2.0 * np.pi))
                     cost, pose = best, other
+                for joint in _at_bounds(tree, markers, pose):
+                    others = [settle(markers, frame, start) for start in _within(tree, joint, pose)]
+                    best, other = min(others, key=_cost)
+                    if best < 0.999 * cost:
+                        cost, pose = best, other
             usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
         if frame % CHUNK == 0:
             starts[frame // CHUNK] = pose
     return starts
+
+
+def _at_bounds(tree: Tree, markers: MarkerArrays, pose: Array) -> list[list[int]]:
+    """The free rotations of every joint of two or three of which one lies at its bound: it may be on a wrong branch."""
+    place = {int(j): i for i, j in enumerate(markers.free)}
+    found = []
+    for joint in tree.model.joints:
+        own = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
+        own = [j for j in own if j in place and tree.model.coordinates[j].motion == "rotational"]
+        if not 2 <= len(own) <= 3:
+            continue
+        low, high = (np.array([bound[place[j]] for j in own]) for bound in (markers.lower, markers.upper))
+        stuck = (pose[own] <= low + AT_BOUND) | (pose[own] >= high - AT_BOUND)
+        if np.isfinite(high - low).all() and stuck.any():
+            found.append(own)
+    return found
+
+
+def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
+    """The pose with a joint's coordinates at a quarter or three quarters of their ranges, in every combination."""
+    ranges = np.array([tree.model.coordinates[j].range for j in joint])
+    poses = []
+    for shares in product((0.25, 0.75), repeat=len(joint)):
+        other = pose.copy()
+        other[joint] = ranges[:, 0] + np.array(shares) * np.ptp(ranges, axis=1)
+        poses.append(other)
+    return poses
 
 
 def _cost(solved: tuple[float, Array]) -> float:
