@@ -1,0 +1,362 @@
+"""The whole identification: forces, motion and the shape of a body in, a model of that body out, [D] 3.2.1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from scipy import sparse
+
+from myomorph.identify.base import BaseFit, BaseOptions, fit_base
+from myomorph.identify.base_parameters import base_parameters, held_in
+from myomorph.identify.consistency import Consistency, Inside, consistency
+from myomorph.identify.held_out import Parts, held_out_rms, parts_of
+from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.identify.points import MassPoints, point_moments
+from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
+from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.rigid.regressor import base_wrench, regressor_blocks
+
+GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
+STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""Relative standard deviations of a link's mass that are tried where none is given."""
+
+FEW_POINTS = 150
+"""Points a link that stand for all of them while strengths are tried."""
+
+SHOWN = 0.5
+"""Share of a parameter's prior variance that the data must take away to count as shown by them."""
+
+
+@dataclass(frozen=True)
+class IdentificationOptions:
+    """What identification may be told.
+
+    Attributes
+    ----------
+    method : "points" for masses of points, "pseudo-inertia" for possible parameters without points
+    mass_sd : relative standard deviation of a link's mass before anything is measured, which says how
+        much the data may change the shape's masses; by default what predicts unseen parts of the recordings best
+    compare : also solve by the other method and the other weight maps, for the tables
+    """
+
+    method: Literal["points", "pseudo-inertia"] = "points"
+    mass_sd: float | None = None
+    compare: bool = True
+
+    def __post_init__(self) -> None:
+        if self.mass_sd is not None and not self.mass_sd > 0.0:
+            raise BadData(f"mass_sd is {self.mass_sd:g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """A model of one body, and how far to trust it.
+
+    Attributes
+    ----------
+    model : with the identified inertial parameters
+    chosen : name among `parameters` of those that the model has
+    parameters : (bodies, 10) by name: each way of identifying, the shape alone, the generic model at its mass
+    residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment [N m]
+        and force [N]
+    held_out : (2,) the same of the chosen way in parts of the recordings that it was not fitted to
+    tried : relative standard deviation of the prior -> held-out misfit (2,)
+    mass_sd : the one that was used
+    noise : (2,) misfit that a moment and a force are taken to have without any fault of the masses [N m], [N]
+    base : the base parameters, with what the data say of each
+    points : the mass points of the chosen way
+    shares : (bodies, 10) share of what was not known before that the data told, of each parameter, 0..1;
+        what is below `SHOWN` comes from the shape of the body
+    consistency : of every link, for each way
+    recordings : what was used of each, and why not more
+    notes : what looks wrong, one line each
+    """
+
+    model: Model
+    chosen: str
+    parameters: Mapping[str, Array]
+    residuals: Mapping[str, Array]
+    held_out: Array
+    tried: Mapping[float, Array]
+    mass_sd: float
+    noise: Array
+    base: BaseFit
+    points: MassPoints
+    shares: Array
+    consistency: Mapping[str, Consistency]
+    recordings: tuple[Usable, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def from_shape(self) -> Mapping[str, tuple[str, ...]]:
+        """Body -> its parameters that the data do not show, so that they come from the shape of the body."""
+        return MappingProxyType(
+            {
+                name: tuple(PARAMETERS[j] for j in np.flatnonzero(row < SHOWN))
+                for name, row in zip(self.model.body_names, self.shares, strict=True)
+                if (row < SHOWN).any()
+            }
+        )
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """Reason -> frames of all recordings left out for it."""
+        counts: dict[str, int] = {}
+        for one in self.recordings:
+            for reason, count in one.left_out.items():
+                counts[reason] = counts.get(reason, 0) + count
+        return MappingProxyType(counts)
+
+
+def identify(
+    model: Model,
+    recordings: Sequence[Usable],
+    points: Mapping[str, MassPoints],
+    *,
+    mass: float | None = None,
+    inside: Inside | None = None,
+    options: IdentificationOptions | None = None,
+    advance: Callable[[int], None] = lambda done: None,
+) -> Identification:
+    """Inertial parameters of every link that explain the measured forces and that a body can have.
+
+    Noise of moments and forces is the misfit of the scaled model, since faults of kinematics, which are as
+    large as what masses change, do not shrink with more frames. How far the data may move the masses away from
+    the shape (`mass_sd`) is chosen by parts of the recordings that the fit did not see.
+
+    Parameters
+    ----------
+    model : scaled to the body; its inertial parameters are the generic ones
+    recordings : of `recordings.usable`
+    points : mass points of the body by the name of their weight map, the one to use first
+    mass : of the whole body, kept exactly [kg]; the model's by default
+    inside : tells whether points are inside the skin, in the pose of the mass points
+    advance : called with the number of ways solved, as they are
+
+    Raises
+    ------
+    BadData : nothing can be used, or nothing moves
+    """
+    options = options or IdentificationOptions()
+    mass = model.mass if mass is None else mass
+    if not points:
+        raise BadData("identification needs mass points: give those of at least one weight map")
+    check_excited(model, tuple(recordings), RecordingOptions())
+    used = [one.recording for one in recordings]
+    generic = with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
+    base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
+    parts = parts_of(generic, used, base)
+    noise = parts.rms(inertial_parameters(generic))
+    first = next(iter(points))
+    tried = _tried(parts, noise, points[first], mass, options)
+    best = min(tried, key=lambda sd: float(np.square(tried[sd] / noise).sum()))
+    A, b = parts.rows(noise)
+    found: dict[str, Array] = {}
+    for name, one in points.items():
+        if options.compare or (name == first and options.method == "points"):
+            found[f"identified, {name}"] = solve_mass_points(
+                one, A, b, mass=mass, options=MassPointOptions(mass_sd=best)
+            ).parameters
+            advance(1)
+    shape = points[first].parameters(points[first].reference)
+    if options.compare or options.method == "pseudo-inertia":
+        found[CONIC] = solve_pseudo_inertia(
+            A, b, possible_reference(shape), mass=mass, options=PseudoInertiaOptions(mass_sd=best)
+        ).parameters
+        advance(1)
+    chosen = f"identified, {first}" if options.method == "points" else CONIC
+    found = {chosen: found[chosen], **found, SHAPE: shape, GENERIC: inertial_parameters(generic)}
+    floor = tried[best] if len(tried[best]) else noise
+    fit = fit_base(
+        generic, used, base, BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
+    )
+    return Identification(
+        model=with_inertial_parameters(model, found[chosen]),
+        chosen=chosen,
+        parameters=MappingProxyType({name: frozen_array(one) for name, one in found.items()}),
+        residuals=MappingProxyType({name: parts.rms(one) for name, one in found.items()}),
+        held_out=tried[best],
+        tried=MappingProxyType(tried),
+        mass_sd=best,
+        noise=noise,
+        base=fit,
+        points=points[first],
+        shares=shares_of_data(_thinned(points[first]), A, mass, best),
+        consistency=MappingProxyType(
+            {name: _checked(model, one, points[first], inside) for name, one in found.items()}
+        ),
+        recordings=tuple(recordings),
+        notes=tuple(note for one in recordings for note in one.notes),
+    )
+
+
+def _tried(
+    parts: Parts, noise: Array, points: MassPoints, mass: float, options: IdentificationOptions
+) -> dict[float, Array]:
+    """Held-out misfit by strength of the prior, with few points that stand for all."""
+    few = _thinned(points)
+    shape = possible_reference(few.parameters(few.reference))
+
+    def fit_with(sd: float) -> Callable[[Sequence[int]], Array]:
+        def fit(others: Sequence[int]) -> Array:
+            A, b = parts.rows(noise, others)
+            if options.method == "points":
+                return solve_mass_points(few, A, b, mass=mass, options=MassPointOptions(mass_sd=sd)).parameters
+            return solve_pseudo_inertia(A, b, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=sd)).parameters
+
+        return fit
+
+    strengths = STRENGTHS if options.mass_sd is None else (options.mass_sd,)
+    return {sd: held_out_rms(parts, fit_with(sd)) for sd in strengths}
+
+
+def _thinned(points: MassPoints, most: int = FEW_POINTS) -> MassPoints:
+    """Fewer points with the same mass in every link, spread evenly over the given ones."""
+    links = len(points.links.names)
+    step = max(1, len(points.points) // (most * links))
+    if step == 1:
+        return points
+    owner = np.asarray(points.weights.argmax(axis=1)).ravel()
+    kept = []
+    for link in range(links):
+        own = np.flatnonzero(owner == link)
+        if len(own):
+            kept.append(own[np.linspace(0, len(own) - 1, min(len(own), most)).astype(int)])
+    index = np.sort(np.concatenate(kept))
+    mass = np.bincount(owner, points.reference, links)
+    left = np.bincount(owner[index], points.reference[index], links)
+    reference = points.reference[index] * (mass / np.maximum(left, 1e-300))[owner[index]]
+    weights = sparse.csr_array(points.weights[index])
+    return replace(points, points=points.points[index], reference=reference, weights=weights)
+
+
+def shares_of_data(points: MassPoints, A: Array, mass: float, mass_sd: float) -> Array:
+    """(links, 10) share of each parameter's variance before the measurement that the measurement takes away.
+
+    Masses of points are taken as normal with the variances of the mass-point problem, with their sum known;
+    1 - var(phi_j | data) / var(phi_j), 0 where a link has no mass.
+    """
+    links = len(points.links.names)
+    variances = prior_variances(points, MassPointOptions(mass_sd=mass_sd))
+    moments = point_moments(points.points)
+    # Columns of `spread` are parameters of unit masses times the points' standard deviations.
+    spread = np.empty((links, 10, len(moments)))
+    for i in range(links):
+        shares = np.asarray(points.weights[:, [i]].todense()).ravel()
+        spread[i] = (points.places[i] @ moments.T) * (shares * np.sqrt(variances))
+    columns = spread.reshape(10 * links, -1)
+    covariance = columns @ columns.T
+    known = np.vstack([np.zeros(10 * links)])
+    known[0, ::10] = 1.0 / (1e-6 * mass)
+    prior = _conditioned(covariance, known)
+    posterior = _conditioned(prior, A)
+    before, after = np.diag(prior), np.diag(posterior)
+    result: Array = 1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 1e-12 * np.diag(covariance))
+    return np.clip(result, 0.0, 1.0).reshape(links, 10)
+
+
+def _conditioned(covariance: Array, rows: Array) -> Array:
+    """Covariance after measuring `rows` x with unit noise."""
+    crossed = rows @ covariance
+    return covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)
+
+
+def _checked(model: Model, parameters: Array, points: MassPoints, inside: Inside | None) -> Consistency:
+    return consistency(model.body_names, parameters, links=points.links, inside=inside, points=points)
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    measured : (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
+    predicted : (frames, 6) by name
+    weight : of the body [N]
+    """
+
+    time: Array
+    measured: Array
+    predicted: Mapping[str, Array]
+    weight: float
+
+    @property
+    def errors(self) -> Mapping[str, Array]:
+        """(frames, 6) predicted less measured, by name."""
+        return {name: one - self.measured for name, one in self.predicted.items()}
+
+    def rms(self, name: str) -> Array:
+        """(2,) root mean square of the moment's and the force's error vectors [N m], [N].
+
+        Raises
+        ------
+        UnknownName : no model of that name was compared
+        """
+        if name not in self.predicted:
+            raise UnknownName("model", name, tuple(self.predicted), "the cross-validation")
+        error = self.errors[name]
+        error = error[np.isfinite(error).all(axis=1)]
+        halves = (error[:, :3], error[:, 3:])
+        return np.array([np.sqrt(np.mean(np.square(half).sum(axis=1))) for half in halves])
+
+    def table(self) -> Mapping[str, Mapping[str, Array]]:
+        """By name: mean of the absolute error, RMS and peak of the six components, and RMS as percent of body weight.
+
+        The percentage of a moment is of body weight times 1 m.
+        """
+        found = {}
+        for name, error in self.errors.items():
+            rms = np.sqrt(np.nanmean(np.square(error), axis=0))
+            found[name] = {
+                "mean": np.nanmean(np.abs(error), axis=0),
+                "rms": rms,
+                "peak": np.nanmax(np.abs(error), axis=0),
+                "percent": 100.0 * rms / self.weight,
+            }
+        return found
+
+
+def cross_validate(
+    models: Mapping[str, Model], motion: Motion, wrenches: Wrenches, use: np.ndarray | None = None
+) -> CrossValidation:
+    """Measured and predicted base wrench of models that share their bodies and joints.
+
+    Parameters
+    ----------
+    motion : with derivatives, through the same filter as the wrenches, on the same clock
+    use : (frames,) which frames count, as `Usable.recording.use`
+
+    Raises
+    ------
+    BadData : no model, or models with other bodies
+    """
+    if not models:
+        raise BadData("cross-validation needs at least one model")
+    one = next(iter(models.values()))
+    for name, other in models.items():
+        if other.body_names != one.body_names:
+            raise BadData(f"model '{name}' has other bodies than the rest: cross-validate models of one skeleton")
+    measured = base_wrench(one, motion, wrenches)
+    if use is not None:
+        measured[~np.asarray(use)] = np.nan
+    parameters = np.stack([inertial_parameters(other).ravel() for other in models.values()], axis=1)
+    blocks = [np.array(block.rows @ parameters) for block in regressor_blocks(one, motion)]
+    predicted = np.concatenate(blocks)
+    weight = one.mass * float(np.linalg.norm(one.gravity))
+    return CrossValidation(
+        motion.time,
+        frozen_array(measured),
+        MappingProxyType({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
+        weight,
+    )
