@@ -159,9 +159,18 @@ def deformed(parameters: Array, options: SubjectOptions, random: np.random.Gener
     k = 1.0 + options.mass * random.uniform(-1.0, 1.0)
     size = np.sqrt(np.trace(spread) / mass / 2.0)
     center = center + options.center * size * random.uniform(-1.0, 1.0, 3)
-    mass, second = k * mass, k * (A @ spread @ A.T + mass * np.outer(center, center))
-    about = np.trace(second) * np.eye(3) - second
-    return np.array([mass, *(mass * center), *np.diag(about), about[1, 2], about[2, 0], about[0, 1]])
+    J[3, 3], J[:3, 3], J[3, :3] = k * mass, k * mass * center, k * mass * center
+    J[:3, :3] = k * (A @ spread @ A.T + mass * np.outer(center, center))
+    return parameters_of(J)
+
+
+def parameters_of(J: Array) -> Array:
+    """Parameters (..., 10) of pseudo-inertias (..., 4, 4)."""
+    second = J[..., :3, :3]
+    about = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
+    parts = [J[..., 3, 3], J[..., 0, 3], J[..., 1, 3], J[..., 2, 3]]
+    parts += [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]
+    return np.stack(parts, axis=-1)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,97 @@
+"""The truth of a simulated subject in the frames of a model that was found, and what either predicts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.simulated_subject import parameters_of
+from myomorph.model.inertia import pseudo_inertias
+from myomorph.model.model import GROUND, Joint, Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+from myomorph.motion.lengths import segments_that_stretch
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.regressor import regressor_blocks
+from myomorph.rigid.tree import compile_tree
+
+
+def joint_distances(model: Model) -> dict[tuple[str, str], float]:
+    """Distances between the joint centers of each segment in the default pose, by their bodies' names [m].
+
+    A joint to the ground is no joint of the body, and massless bodies' joints are not counted.
+    """
+    tree = compile_tree(model)
+    pose = forward_kinematics(tree, tree.defaults[None])
+    parents = {joint.child: joint.parent for joint in model.joints}
+    free = {one.name for one in model.coordinates if not one.locked} - set(model.dependent_coordinates)
+    turning = {joint.child for joint in model.joints if free & set(joint.coordinates) and joint.parent != GROUND}
+    bodies = np.array([tree.body_index[joint.child] for joint in model.joints])
+    # MuJoCo's joints turn about their anchors, OpenSim's about their child frames' origins.
+    anchors = [_anchor(joint) for joint in model.joints]
+    places = pose.points(bodies, np.array(anchors))[0]
+    centers = {joint.child: place for joint, place in zip(model.joints, places, strict=True) if joint.child in turning}
+    found = {}
+    for bodies in segments_that_stretch(model):
+        joints = [one for one in centers if one == bodies[0] or (parents[one] in bodies and one not in bodies)]
+        for i, one in enumerate(joints):
+            for other in joints[:i]:
+                found[other, one] = float(np.linalg.norm(centers[one] - centers[other]))
+    return {pair: distance for pair, distance in found.items() if distance > 0.01}
+
+
+def _anchor(joint: Joint) -> Array:
+    if joint.parent_frame_name or not joint.axes:
+        return joint.child_frame.translation
+    return joint.axes[-1].origin
+
+
+def frames_between(person: Model, true: Motion, model: Model, motion: Motion) -> tuple[Array, Array]:
+    """Pose (bodies, 3, 3), (bodies, 3) of the person's body frames in the model's, as a recording shows them.
+
+    Where a joint's zero lies, and where a body's frame lies between its joints, is convention: no
+    recording tells it, and markers and masses are compared without it.
+    """
+    at = np.isin(np.round(true.time, 6), np.round(motion.time, 6))
+    poses = [
+        forward_kinematics(tree, tree.coordinates_of(one))
+        for tree, one in ((compile_tree(person), at_frames(true, at)), (compile_tree(model), motion))
+    ]
+    seen = np.isfinite(poses[1].origins).all(axis=(1, 2))
+    back = np.swapaxes(poses[1].rotations[seen, 1:], -1, -2)
+    turns = (back @ poses[0].rotations[seen, 1:]).mean(axis=0)
+    U, _, V = np.linalg.svd(turns)
+    shifts = (back @ (poses[0].origins[seen, 1:] - poses[1].origins[seen, 1:])[..., None])[..., 0]
+    return U @ V, shifts.mean(axis=0)
+
+
+def at_frames(motion: Motion, at: np.ndarray) -> Motion:
+    """Some frames of a motion."""
+    return Motion(motion.time[at], motion.names, motion.values[at])
+
+
+def moved(parameters: Array, rotations: Array, origins: Array) -> Array:
+    """Parameters (bodies, 10) in other frames of the bodies, J -> T J T^T."""
+    T = np.tile(np.eye(4), (len(parameters), 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = rotations, origins
+    return parameters_of(T @ pseudo_inertias(parameters) @ np.swapaxes(T, -1, -2))
+
+
+def predicted(model: Model, motion: Motion, center: Array, parameters: Array) -> Array:
+    """(frames, 6) wrench about a point of the ground that parameters (bodies, 10) need."""
+    phi = np.asarray(parameters).ravel()
+    return np.concatenate([block.rows @ phi for block in regressor_blocks(model, motion, center)])
+
+
+def own_wrench(model: Model, motion: Motion, center: Array, frames: int = 500) -> Array:
+    """(frames, 6) the same by inverse dynamics, in evenly chosen frames, NaN elsewhere."""
+    tree = compile_tree(model)
+    joint = next(one for one in model.joints if one.parent == GROUND)
+    columns = [model.coordinate_names.index(name) for name in joint.coordinates]
+    torques = inverse_dynamics(model, motion).values[:, columns]
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    result = np.full((len(motion), 6), np.nan)
+    for frame in np.linspace(0, len(motion) - 1, min(frames, len(motion)), dtype=int):
+        jacobian = poses.jacobian(frame, tree.body_index[joint.child], center)[:, columns]
+        result[frame] = np.linalg.solve(jacobian.T, torques[frame])
+    return result
