@@ -14,6 +14,9 @@ from myomorph.model.spatial import Array
 
 _NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 
+REACH = 60
+"""Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding."""
+
 
 def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
     """Interpolating natural spline of degree 3 or 5 through every column of `values`.
@@ -59,7 +62,12 @@ def lowpass(values: Array, rate: float, cutoff: float) -> Array:
     BadData
         with fewer than four frames, a cutoff that is not positive, or values that are not finite
     """
-    values = np.asarray(values, dtype=np.float64)
+    padded, pad = _lowpass_padded(np.asarray(values, dtype=np.float64), rate, cutoff)
+    return padded[pad : pad + len(values)]
+
+
+def _lowpass_padded(values: Array, rate: float, cutoff: float) -> tuple[Array, int]:
+    """Filtered values with their extensions at both ends, and the length of these."""
     frames = len(values)
     if not cutoff > 0.0:
         raise BadData(f"cutoff {cutoff} Hz: expected a positive frequency")
@@ -72,8 +80,7 @@ def lowpass(values: Array, rate: float, cutoff: float) -> Array:
     after = 2.0 * values[-1] - values[-2 : -2 - pad : -1]
     padded = np.concatenate([before, values, after])
     once = _one_pass(padded, rate, min(cutoff, 0.49 * rate))
-    twice = _one_pass(once[::-1], rate, min(cutoff, 0.49 * rate))[::-1]
-    return twice[pad : pad + frames]
+    return _one_pass(once[::-1], rate, min(cutoff, 0.49 * rate))[::-1], pad
 
 
 def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
@@ -101,8 +108,9 @@ def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
 def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     """The motion with velocities and accelerations, low-pass filtered first where a cutoff is given.
 
-    Natural quintic splines through every coordinate, as OpenSim's inverse dynamics. Each gap-free run
-    of frames is differentiated by itself; frames that are NaN stay NaN, and so do runs shorter than six.
+    Natural quintic splines through every coordinate, as OpenSim's inverse dynamics; of a filtered motion,
+    through the filter's extensions too, so that the ends of the spline lie outside the motion. Each gap-free
+    run of frames is differentiated by itself; frames that are NaN stay NaN, and so do runs shorter than six.
 
     Parameters
     ----------
@@ -120,24 +128,25 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
         raise BadData(f"derivatives need six frames in a row without gaps: the motion has {int(seen.sum())} in all")
     for run in runs:
         time, part = motion.time[run], motion.values[run]
-        if cutoff is not None:
-            part = _lowpass_on(time, part, cutoff)
-        spline = natural_spline(time, part)
-        values[run] = part
+        spline = natural_spline(time, part) if cutoff is None else _lowpass_spline(time, part, cutoff)
+        values[run] = part if cutoff is None else spline(time)
         velocities[run] = spline.derivative(1)(time)
         accelerations[run] = spline.derivative(2)(time)
     return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
 
 
-def _lowpass_on(time: Array, values: Array, cutoff: float) -> Array:
-    """`lowpass` of values at uneven times goes through a spline at even ones, as OpenSim's `Storage`."""
+def _lowpass_spline(time: Array, values: Array, cutoff: float) -> BSpline:
+    """Spline through filtered values; values at uneven times go through one at even times, as OpenSim's `Storage`."""
     step = np.diff(time)
-    if step.max() - step.min() < 1e-3 * step.mean():
-        return lowpass(values, 1.0 / step.mean(), cutoff)
-    even = np.linspace(time[0], time[-1], int(np.ceil((time[-1] - time[0]) / step.min())) + 1)
-    filtered = lowpass(natural_spline(time, values)(even), 1.0 / (even[1] - even[0]), cutoff)
-    back: Array = natural_spline(even, filtered)(time)
-    return back
+    if step.max() - step.min() >= 1e-3 * step.mean():
+        even = np.linspace(time[0], time[-1], int(np.ceil((time[-1] - time[0]) / step.min())) + 1)
+        time, values = even, natural_spline(time, values)(even)
+    mean = float(time[-1] - time[0]) / (len(time) - 1)
+    padded, pad = _lowpass_padded(values, 1.0 / mean, cutoff)
+    reach = min(pad, REACH)
+    outside = mean * np.arange(1, reach + 1)
+    wide = np.concatenate([time[0] - outside[::-1], time, time[-1] + outside])
+    return natural_spline(wide, padded[pad - reach : len(padded) - pad + reach])
 
 
 def _runs(flags: np.ndarray) -> list[slice]:
