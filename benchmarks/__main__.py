@@ -13,6 +13,8 @@ COMPARISONS = {
     "size": ("benchmarks.size", "36,000 frames of the 520-muscle model: time and memory"),
     "start": ("benchmarks.start", "import, first command with compilation, later commands"),
     "qp": ("benchmarks.qp", "our tension solver against maintained QP solvers"),
+    "identify": ("benchmarks.speed_identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
+    "masspoints": ("benchmarks.speed_masspoints", "the mass-point problem at full size, and general QP solvers"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 

@@ -128,9 +128,17 @@ def checked_weights(weights: sparse.spmatrix | ArrayLike, points: Array, links: 
     return checked
 
 
-def links_with_mass(model: Model, smallest: float = 1e-3) -> np.ndarray:
-    """(links,) whether a body is more than a phantom: its mass is at least `smallest` [kg]."""
-    return np.array([body.mass >= smallest for body in model.bodies])
+def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
+    """(links,) whether each body is more than a phantom, a frame that models give a little mass of no meaning.
+
+    A body is one where its mass is at least `density` [kg/m^3] times the cube of its radius of gyration (tissue has
+    about 1000), and a millionth of the model's: a metre for ten grams, as phantoms have, is not a body.
+    """
+    masses = np.array([body.mass for body in model.bodies])
+    inertia = np.array([np.trace(body.inertia) for body in model.bodies])
+    gyration = np.sqrt(np.divide(0.5 * inertia, masses, out=np.zeros_like(masses), where=masses > 0.0))
+    found: np.ndarray = (masses > 1e-6 * masses.sum()) & (masses >= density * gyration**3)
+    return found
 
 
 def _taking(links: Links, taking: ArrayLike | None) -> np.ndarray:
