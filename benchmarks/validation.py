@@ -6,7 +6,14 @@ import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from benchmarks import accuracy_kernels, accuracy_kinematics, accuracy_models, accuracy_muscles, accuracy_tension
+from benchmarks import (
+    accuracy_kernels,
+    accuracy_kinematics,
+    accuracy_models,
+    accuracy_muscles,
+    accuracy_scale,
+    accuracy_tension,
+)
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "validation.md"
@@ -31,6 +38,8 @@ def run() -> list[Row]:
         "muscles": lambda: accuracy_muscles.measure(folder),
         "tendons": accuracy_kernels.measure_tendons,
         "tension": lambda: accuracy_tension.measure(folder),
+        "scale": lambda: accuracy_scale.measure(folder),
+        "tools": lambda: accuracy_scale.measure_tools(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
