@@ -99,7 +99,7 @@ def test_the_total_of_wrenches() -> None:
     points = np.array([[2.0, 0.0, 0.0], [np.nan, np.nan, np.nan]])
     torques = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0]])
     np.testing.assert_allclose(total_wrench(forces, points, torques), [0.0, 0.5, 20.0, 0.0, 10.0, 0.0])
-    forces[1] = [0.0, 1.0, 0.0]
+    forces[1] = [0.0, 30.0, 0.0]
     assert np.isnan(total_wrench(forces, points, torques)[:3]).any()
     with pytest.raises(BadData, match="expected wrenches"):
         total_wrench(forces, points[:1], torques)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.identify.base_parameters import BaseParameters, base_parameters
-from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UNMEASURED, WINDOW
+from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UNLOADED, UNMEASURED, WINDOW
 from myomorph.identify.sequential import NOISE, Proposal, SequentialFit, SequentialState
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
@@ -138,6 +138,15 @@ class OnlineIdentification:
         if self._force.full:
             self._forces.append((self._force.time, self._force.filtered[0]))
 
+    def rehearse(self) -> None:
+        """Do everything once without effect, so that nothing is compiled when the first frame comes."""
+        still = Motion(np.zeros(1), (), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
+        rows = next(regressor_blocks(self.model, still)).rows[0]
+        scratch = SequentialFit.start(self.model, self.base, self.sigma)
+        scratch.update(rows, rows @ self._parameters)
+        scratch.state()
+        self.fit.propose()
+
     def finish(self) -> None:
         """Fold in what is still waiting and has its force."""
         self._settle()
@@ -211,7 +220,7 @@ class OnlineIdentification:
 def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
     """(..., 6) moment about the ground's origin [N m] and force [N] of wrenches (..., wrenches, 3).
 
-    An unloaded plate may have no point of application; a loaded one without makes the total NaN.
+    A plate with less than `UNLOADED` may have no point of application; a loaded one without makes the total NaN.
 
     Raises
     ------
@@ -220,6 +229,6 @@ def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
     forces, points, torques = (np.asarray(one, dtype=np.float64) for one in (forces, points, torques))
     if not forces.shape == points.shape == torques.shape or forces.shape[-1] != 3:
         raise BadData(f"expected wrenches (..., 3), but got {forces.shape}, {points.shape} and {torques.shape}")
-    idle = (forces == 0.0).all(axis=-1, keepdims=True)
-    moments = np.cross(np.where(idle, 0.0, points), forces) + torques
+    idle = np.linalg.norm(forces, axis=-1, keepdims=True) < UNLOADED
+    moments = np.cross(np.where(idle & np.isnan(points), 0.0, points), forces) + torques
     return np.concatenate([moments.sum(axis=-2), forces.sum(axis=-2)], axis=-1)

@@ -1,0 +1,396 @@
+"""`identify --live`: frames arrive, the body takes color, and the subject is told what to move next."""
+
+from __future__ import annotations
+
+import sys
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from myomorph.identify.base_parameters import held_in
+from myomorph.identify.online import OnlineIdentification, OnlineOptions, OnlineState
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model, index_of
+from myomorph.model.segments import Segment, segments_of
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.motion.measurements import default_markers
+from myomorph.motion.online import OnlineKinematics
+from myomorph.report.body_view import BodyView, half_blocks
+from myomorph.report.live_view import Clock, live_markdown, live_panel
+from myomorph.study.live_sources import LabStreams, Replay, Source
+
+INTERVAL = 0.2
+"""Time between two looks at the estimate [s]."""
+
+SHARE = 0.25
+"""Part of the time that looking may take."""
+
+IDLE = 0.004
+"""Pause where nothing has come [s]."""
+
+ROWS, COLUMNS = 30, 40
+"""Characters of the drawn body."""
+
+
+@dataclass(frozen=True)
+class LiveOptions:
+    """How a live session goes.
+
+    Attributes
+    ----------
+    speed : of a recording that is played, times real time; 0 as fast as it goes
+    web : port of a web page that shows the body, None for none
+    lsl_markers, lsl_forces : names of the streams of the Lab Streaming Layer, "" for a recording
+    """
+
+    speed: float = 1.0
+    web: int | None = None
+    lsl_markers: str = ""
+    lsl_forces: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveResult:
+    """What a live session ends with.
+
+    Attributes
+    ----------
+    identification : the estimate with everything that was folded in
+    state : of it at the end
+    motion : coordinates as they came, before the filter
+    wrenches : total external force as it came, on the base body, before the filter
+    frames, seconds : that came, and how long it took [s]
+    busy : time spent on frames, without displays and waiting [s]
+    marker_rms : root mean square marker error of all frames, nan without markers [m]
+    """
+
+    identification: OnlineIdentification
+    state: OnlineState
+    motion: Motion
+    wrenches: Wrenches
+    frames: int
+    seconds: float
+    busy: float
+    marker_rms: float = float("nan")
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frames that can be taken in a second, displays apart."""
+        return self.frames / max(self.busy, 1e-9)
+
+    def summary(self) -> str:
+        """One line for the end."""
+        fit = self.state.fit
+        weakest = fit.least
+        told = f"{self.frames} frames in {self.seconds:.1f} s, {fit.frames} used"
+        told += "".join(f"; {count} left out: {reason}" for reason, count in self.state.left_out.items())
+        told += f"; markers {1000 * self.marker_rms:.1f} mm" if np.isfinite(self.marker_rms) else ""
+        told += f"; identified {100 * fit.progress:.0f} %, least '{weakest}' {100 * fit.link_levels[weakest]:.0f} %"
+        return told + f"; kept up with {self.frames_per_second:.0f} frames a second"
+
+
+class Display(Protocol):
+    """Something that shows a session."""
+
+    def pose(self, coordinates: Array, markers: Array | None) -> None:
+        """A new frame."""
+
+    def show(self, state: OnlineState, at: Clock) -> None:
+        """A new look at the estimate."""
+
+    def close(self) -> None:
+        """The session is over."""
+
+
+@dataclass(frozen=True)
+class LiveRecording:
+    """What is played: markers or coordinates, and forces, see `run_live`."""
+
+    motion: Markers | Motion
+    wrenches: Wrenches
+
+
+def run_live(
+    model: Model,
+    recording: LiveRecording | None = None,
+    *,
+    mass: float | None = None,
+    live: LiveOptions | None = None,
+    online: OnlineOptions | None = None,
+    surfaces: Mapping[str, Surface] | None = None,
+    terminal: bool = True,
+) -> LiveResult:
+    """Identify while frames arrive, and show it.
+
+    Parameters
+    ----------
+    model : scaled to the subject
+    recording : to play; None for streams
+    mass : of the subject [kg]
+    surfaces : meshes for the pictures
+    terminal : draw on the terminal, where there is one
+
+    Raises
+    ------
+    BadData : neither a recording nor streams, or nothing usable came
+    MyomorphError : an optional package is missing
+    """
+    live = live or LiveOptions()
+    source = source_of(recording, live)
+    displays: list[Display] = []
+    segments = _segments(model)
+    try:
+        if live.web is not None:
+            displays.append(WebDisplay(model, segments, surfaces, live.web))
+        if terminal and sys.stderr.isatty():
+            displays.append(TerminalDisplay(model, segments, surfaces))
+        return follow(model, source, mass=mass, online=online, displays=displays)
+    finally:
+        for display in displays:
+            display.close()
+
+
+def source_of(recording: LiveRecording | None, live: LiveOptions) -> Source:
+    """What the frames come from.
+
+    Raises
+    ------
+    BadData : neither a recording nor both streams are named
+    """
+    if live.lsl_markers and live.lsl_forces:
+        return LabStreams(live.lsl_markers, live.lsl_forces)
+    if live.lsl_markers or live.lsl_forces:
+        raise BadData("streams need both --lsl-markers NAME and --lsl-forces NAME")
+    if recording is None:
+        raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
+    return Replay(recording.motion, recording.wrenches, live.speed)
+
+
+@dataclass
+class _Kept:
+    """Everything that came, for the result."""
+
+    time: list[float] = field(default_factory=list)
+    coordinates: list[Array] = field(default_factory=list)
+    squares: list[float] = field(default_factory=list)
+    force_time: list[Array] = field(default_factory=list)
+    forces: list[Array] = field(default_factory=list)
+
+
+def follow(
+    model: Model,
+    source: Source,
+    *,
+    mass: float | None = None,
+    online: OnlineOptions | None = None,
+    displays: Sequence[Display] = (),
+    now: Callable[[], float] = clock.monotonic,
+) -> LiveResult:
+    """Take frames from a source until it is done.
+
+    Raises
+    ------
+    BadData : no frame came, or none could be used
+    """
+    from threadpoolctl import threadpool_limits
+
+    # One frame's matrices are small: waking further threads for them costs more than they save.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _follow(model, source, mass, online, displays, now)
+
+
+def _follow(
+    model: Model,
+    source: Source,
+    mass: float | None,
+    online: OnlineOptions | None,
+    displays: Sequence[Display],
+    now: Callable[[], float],
+) -> LiveResult:
+    held = held_in(model, [source.played]) if isinstance(source, Replay) and isinstance(source.played, Motion) else None
+    identification = OnlineIdentification(model, source.rate, source.force_rate, mass, online, held)
+    kinematics = OnlineKinematics(model, source.names) if source.markers else None
+    identification.rehearse()
+    if kinematics is not None:
+        _rehearse(model, source)
+    columns = [] if kinematics else _columns(model, source.names)
+    kept, defaults = _Kept(), np.array([coordinate.default for coordinate in model.coordinates])
+    began = looked = now()
+    busy, pause = 0.0, INTERVAL
+    while not source.done:
+        arrived = source.take()
+        start = now()
+        for time, wrench in zip(arrived.force_time, arrived.forces, strict=True):
+            identification.push_force(float(time), wrench)
+        kept.force_time.append(arrived.force_time)
+        kept.forces.append(arrived.forces)
+        shown: Array | None = None
+        for time, row in zip(arrived.motion_time, arrived.motion, strict=True):
+            if kinematics is not None:
+                coordinates, error = kinematics.solve(float(time), row)
+                kept.squares.append(error)
+                shown = row
+            else:
+                coordinates = defaults.copy()
+                coordinates[columns] = row
+            kept.time.append(float(time))
+            kept.coordinates.append(coordinates)
+            identification.push_motion(float(time), coordinates)
+        busy += now() - start
+        if not len(arrived.motion_time):
+            clock.sleep(IDLE)
+            continue
+        if displays and np.isfinite(coordinates).all():
+            for display in displays:
+                display.pose(coordinates, shown)
+        if displays and now() - looked >= pause:
+            start = now()
+            at = _clock(source, kept, start - began)
+            state = identification.state()
+            for display in displays:
+                display.show(state, at)
+            looked = now()
+            # A look that takes long is taken less often, so that frames are never held up by it.
+            pause = max(INTERVAL, (looked - start) / SHARE)
+    if not kept.time:
+        raise BadData("no frame came")
+    identification.finish()
+    state = identification.state()
+    for display in displays:
+        display.show(state, _clock(source, kept, 0.0))
+    if not state.fit.frames:
+        told = ", ".join(f"{count} {reason}" for reason, count in state.left_out.items())
+        raise BadData(f"none of the {len(kept.time)} frames that came can be used: {told or 'too few for the filter'}")
+    errors = np.array(kept.squares)
+    errors = errors[np.isfinite(errors)]
+    return LiveResult(
+        identification=identification,
+        state=state,
+        motion=Motion(np.array(kept.time), model.coordinate_names, np.array(kept.coordinates)),
+        wrenches=_on_base(model, np.concatenate(kept.force_time), np.concatenate(kept.forces)),
+        frames=len(kept.time),
+        seconds=now() - began,
+        busy=busy,
+        marker_rms=float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan"),
+    )
+
+
+def _rehearse(model: Model, source: Source) -> None:
+    """Solve the default pose once, so that nothing is compiled when the first frame comes."""
+    kinematics = OnlineKinematics(model, source.names)
+    positions = np.full((len(source.names), 3), np.nan)
+    places = default_markers(model, kinematics.marker_names)
+    positions[[source.names.index(name) for name in kinematics.marker_names]] = places
+    kinematics.solve(0.0, positions)
+
+
+def _clock(source: Source, kept: _Kept, elapsed: float) -> Clock:
+    at = kept.time[-1] - kept.time[0]
+    return Clock(at, source.duration, max(elapsed - at / source.speed, 0.0) if source.speed else 0.0)
+
+
+def _columns(model: Model, names: Sequence[str]) -> list[int]:
+    return [index_of("coordinate", name, model.coordinate_names) for name in names]
+
+
+def _on_base(model: Model, time: Array, totals: Array) -> Wrenches:
+    zero = np.zeros((len(time), 1, 3))
+    base = model.body_names[0]
+    return Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3])
+
+
+def _segments(model: Model) -> Mapping[str, Segment]:
+    """Segments of a human model; of another, every body is its own part of the list."""
+    try:
+        return segments_of(model)
+    except BadData:
+        return MappingProxyType({name: Segment(name) for name in model.body_names})
+
+
+class TerminalDisplay:
+    """Draws on the terminal through `rich`."""
+
+    def __init__(self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None):
+        from rich.console import Console
+        from rich.live import Live
+
+        self._model, self._segments = model, segments
+        self._view = BodyView(model, surfaces)
+        self._console = Console(stderr=True)
+        self._live = Live(console=self._console, auto_refresh=False, transient=False)
+        self._live.start()
+
+    def pose(self, coordinates: Array, markers: Array | None) -> None:
+        """Nothing: the terminal is drawn with the next look."""
+
+    def show(self, state: OnlineState, at: Clock) -> None:
+        """Draw the body and the numbers."""
+        rows = min(ROWS, self._console.size.height - 4)
+        body = None
+        if rows >= 10 and self._console.size.width >= COLUMNS + 60:
+            body = half_blocks(self._view.pixels(state.pose, state.levels, COLUMNS, 2 * rows))
+        panel = live_panel(state, self._model.body_names, self._segments, at, body)
+        self._live.update(panel, refresh=True)
+
+    def close(self) -> None:
+        """Leave the last picture standing."""
+        self._live.stop()
+
+
+class WebDisplay:
+    """Draws in a web page."""
+
+    def __init__(
+        self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None, port: int
+    ):
+        from myomorph.report.viewer import WebViewer
+
+        self._model, self._segments = model, segments
+        self._viewer = WebViewer(model, surfaces, port)
+        self._drawn = 0.0
+        sys.stderr.write(f"the body is at http://localhost:{self._viewer.port}\n")
+
+    def pose(self, coordinates: Array, markers: Array | None) -> None:
+        """Move the body, at most thirty times a second."""
+        if clock.monotonic() - self._drawn > 1.0 / 30.0:
+            self._viewer.pose(coordinates, markers)
+            self._drawn = clock.monotonic()
+
+    def show(self, state: OnlineState, at: Clock) -> None:
+        """Color the body and tell the numbers."""
+        text = live_markdown(state, self._model.body_names, self._segments, at)
+        self._viewer.levels(state.levels, state.fit.progress, text)
+
+    def close(self) -> None:
+        """Take the page down."""
+        self._viewer.close()
+
+
+def open_recording(model: Model, motion: Path, loads: Path, time: tuple[float, float] | None = None) -> LiveRecording:
+    """Files to play: markers (.trc, .c3d) or coordinates (.mot, .sto), and an external loads file.
+
+    Raises
+    ------
+    MyomorphError : a file cannot be read, or does not fit the model
+    """
+    from myomorph.motion.sync import cut
+    from myomorph.study import inputs
+
+    if motion.suffix.lower() in inputs.MARKER_FILES:
+        trial = inputs.fitted_to(model, inputs.open_trial(motion))
+        assert trial.markers is not None
+        series: Markers | Motion = trial.markers
+        posed = Motion(series.time[:1], (), np.zeros((1, 0)))
+        wrenches = inputs.open_loads(loads, model, posed)
+    else:
+        series = inputs.open_motion(motion, model)
+        wrenches = inputs.open_loads(loads, model, series)
+    span = inputs.cut_to(time, series, motion)
+    return LiveRecording(series if span is None else cut(series, *span), wrenches)

@@ -1,0 +1,316 @@
+"""Where live frames come from: a recording played again, or streams of the Lab Streaming Layer."""
+
+from __future__ import annotations
+
+import re
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from myomorph.identify.online import total_wrench
+from myomorph.model.errors import BadData, MyomorphError, UnknownName
+from myomorph.model.model import GROUND
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+
+CHUNK = 0.05
+"""Time that a recording played as fast as it goes gives at once [s]."""
+
+WAIT = 10.0
+"""How long a stream is waited for [s]."""
+
+SILENCE = 5.0
+"""A stream that sends nothing for so long has ended [s]."""
+
+_AXIS = re.compile(r"^(.*?)[ _.:-]?([xyz])$", re.IGNORECASE)
+_FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)
+_UNITS: Mapping[str, float] = {
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
+    "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
+    "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Arrived:
+    """What came since the last look.
+
+    Attributes
+    ----------
+    motion_time, motion : (frames,) [s] and (frames, coordinates) or (frames, markers, 3) [m]
+    force_time, forces : (samples,) [s] and (samples, 6) total wrench about the ground's origin [N m], [N]
+    """
+
+    motion_time: Array
+    motion: Array
+    force_time: Array
+    forces: Array
+
+
+class Source(Protocol):
+    """Frames of markers or coordinates, and forces.
+
+    Attributes
+    ----------
+    names : of markers or coordinates
+    markers : whether they are markers
+    rate, force_rate : [Hz]
+    duration : of the whole, None where nobody knows [s]
+    speed : times real time at which it is played; 0 where that says nothing
+    """
+
+    names: tuple[str, ...]
+    markers: bool
+    rate: float
+    force_rate: float
+    duration: float | None
+    speed: float
+
+    def take(self) -> Arrived:
+        """Everything that came since the last call."""
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing more will come."""
+
+
+class Replay:
+    """A recording at the speed at which it was made, or another.
+
+    Parameters
+    ----------
+    motion : markers, or coordinates
+    wrenches : all external forces, in ground, on any clock
+    speed : times real time; 0 as fast as it goes
+    now : a clock [s]
+
+    Raises
+    ------
+    BadData : a negative speed, a recording without a rate, or no common time
+    """
+
+    def __init__(
+        self,
+        motion: Markers | Motion,
+        wrenches: Wrenches,
+        speed: float = 1.0,
+        now: Callable[[], float] = clock.monotonic,
+    ):
+        if not (speed >= 0.0 and np.isfinite(speed)):
+            raise BadData(f"speed {speed:g}: expected 1 for real time, more for faster, 0 for as fast as it goes")
+        if len(motion) < 2 or len(wrenches) < 2:
+            raise BadData(f"{len(motion)} frames and {len(wrenches)} samples of force cannot be played: two are needed")
+        self.names, self.markers = motion.names, isinstance(motion, Markers)
+        self.rate = motion.rate
+        self.force_rate = float(1.0 / np.median(np.diff(wrenches.time)))
+        self.played, self._motion, self._time = motion, motion.values, motion.time
+        self._force_time = wrenches.time
+        outside = [i for i, body in enumerate(wrenches.bodies) if body != GROUND]
+        self._forces = total_wrench(*(one[:, outside] for one in (wrenches.forces, wrenches.points, wrenches.torques)))
+        first, last = float(motion.time[0]), float(motion.time[-1])
+        if wrenches.time[0] > last or wrenches.time[-1] < first:
+            raise BadData(
+                f"motion ({first:g} to {last:g} s) and forces ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s) have "
+                "no time in common"
+            )
+        self.duration: float | None = last - first
+        self.speed, self._now = speed, now
+        self._began: float | None = None
+        self._frame = 0
+        # Forces begin a little earlier, so that their filter is filled when the motion's is.
+        self._sample = int(np.searchsorted(wrenches.time, first - 1.0))
+
+    @property
+    def done(self) -> bool:
+        """Whether all frames have been taken."""
+        return self._frame >= len(self._time)
+
+    def take(self) -> Arrived:
+        """Everything whose time has come."""
+        if self.speed == 0.0:
+            until = float(self._time[min(self._frame, len(self._time) - 1)]) + CHUNK
+        else:
+            if self._began is None:
+                self._began = self._now()
+            until = float(self._time[0]) + self.speed * (self._now() - self._began)
+        frames = slice(self._frame, int(np.searchsorted(self._time, until, side="right")))
+        samples = slice(self._sample, int(np.searchsorted(self._force_time, until, side="right")))
+        self._frame, self._sample = max(frames.stop, self._frame), max(samples.stop, self._sample)
+        if self.done:
+            samples = slice(samples.start, len(self._force_time))
+        return Arrived(self._time[frames], self._motion[frames], self._force_time[samples], self._forces[samples])
+
+
+class LabStreams:
+    """Markers and forces that other programs send over the Lab Streaming Layer.
+
+    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . : -` or a
+    space before the axis), in the unit that the channels name (m where none), NaN while hidden. The forces'
+    stream has either nine channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of
+    application [m]), NAME_Tx Ty Tz (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz
+    (moment about the laboratory's origin [N m]). Both are in the model's ground axes.
+
+    Parameters
+    ----------
+    markers, forces : names of the streams
+    wait : for the streams to appear [s]
+    turn : (3, 3) rows are the ground's axes in the laboratory; None where they are the same
+    library : `pylsl`, or something that behaves like it
+
+    Raises
+    ------
+    MyomorphError : `pylsl` is not installed
+    BadData : no such stream, or channels that cannot be told apart
+    """
+
+    markers = True
+    duration: float | None = None
+    speed = 0.0
+
+    def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
+        lsl = library or _pylsl()
+        self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
+        self._markers, info = _inlet(lsl, markers, "markers", wait)
+        labels, units = _channels(info)
+        self.names, self._columns, self._scale = marker_channels(labels, units)
+        self.rate = _rate(info, markers)
+        self._forces, info = _inlet(lsl, forces, "forces", wait)
+        self.force_rate = _rate(info, forces)
+        self._layout = force_channels(*_channels(info))
+        self._last = clock.monotonic()
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing has come for a while."""
+        return clock.monotonic() - self._last > SILENCE
+
+    def take(self) -> Arrived:
+        """Everything that came since the last call."""
+        force_time, samples = _pulled(self._forces)
+        time, rows = _pulled(self._markers)
+        if len(time):
+            self._last = clock.monotonic()
+        positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
+        wrenches = self._layout(samples) if len(samples) else np.zeros((0, 6))
+        if self._turn is not None:
+            positions = positions @ self._turn.T
+            wrenches = np.concatenate([wrenches[:, :3] @ self._turn.T, wrenches[:, 3:] @ self._turn.T], axis=1)
+        return Arrived(time, positions, force_time, wrenches)
+
+
+def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], np.ndarray, float]:
+    """Names of markers, (markers, 3) their channels, and the factor to metres.
+
+    Raises
+    ------
+    BadData : a marker without all three axes, no marker at all, or an unknown unit
+    """
+    found: dict[str, dict[str, int]] = {}
+    for i, label in enumerate(labels):
+        match = _AXIS.match(label)
+        if match and match[1]:
+            found.setdefault(match[1], {})[match[2].lower()] = i
+    if not found:
+        raise BadData(
+            f"the markers' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_x, NAME_y, "
+            "NAME_z for every marker"
+        )
+    for name, axes in found.items():
+        if set(axes) != set("xyz"):
+            raise BadData(f"marker '{name}' of the stream has only {', '.join(sorted(axes))}: expected x, y and z")
+    used = {units[i].strip().lower() for axes in found.values() for i in axes.values()}
+    if len(used) != 1 or not used <= set(_UNITS):
+        raise BadData(f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm")
+    columns = np.array([[axes[axis] for axis in "xyz"] for axes in found.values()])
+    return tuple(found), columns, _UNITS[used.pop()]
+
+
+def force_channels(labels: Sequence[str], units: Sequence[str]) -> Callable[[Array], Array]:
+    """Function from samples (samples, channels) to total wrenches (samples, 6) about the ground's origin.
+
+    Raises
+    ------
+    BadData : a plate with neither F, P, T nor F, M in all three axes, or points in an unknown unit
+    """
+    found: dict[str, dict[str, int]] = {}
+    for i, label in enumerate(labels):
+        match = _FORCE.match(label)
+        if match:
+            found.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
+    wanted = {"fpt": {a + b for a in "fpt" for b in "xyz"}, "fm": {a + b for a in "fm" for b in "xyz"}}
+    plates: list[tuple[str, np.ndarray, float]] = []
+    for name, channels in found.items():
+        kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
+        if not kind:
+            raise BadData(
+                f"plate '{name}' of the forces' stream has {', '.join(sorted(channels))}: expected Fx..Fz, Px..Pz, "
+                "Tx..Tz, or Fx..Fz, Mx..Mz"
+            )
+        unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
+        if unit not in _UNITS:
+            raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
+        plates.append((kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit]))
+    if not plates:
+        raise BadData(
+            f"the forces' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_Fx ... NAME_Tz"
+        )
+
+    def total(samples: Array) -> Array:
+        result = np.zeros((len(samples), 6))
+        for kind, columns, scale in plates:
+            parts = samples[:, columns]
+            if kind == "fm":
+                result += np.concatenate([parts[:, 1], parts[:, 0]], axis=1)
+            else:
+                result += total_wrench(parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2])
+        return result
+
+    return total
+
+
+def _pylsl() -> Any:
+    try:
+        import pylsl
+    except (ImportError, RuntimeError) as error:
+        raise MyomorphError(
+            f"streams of the Lab Streaming Layer need the package 'pylsl' ({error}): pip install 'myomorph[live]'"
+        ) from None
+    return pylsl
+
+
+def _inlet(lsl: Any, name: str, what: str, wait: float) -> tuple[Any, Any]:
+    """The stream of that name and its description."""
+    found = lsl.resolve_byprop("name", name, timeout=wait)
+    if not found:
+        others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
+        raise UnknownName(f"stream of {what}", name, others, "the network")
+    flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
+    inlet = lsl.StreamInlet(found[0], processing_flags=flags)
+    return inlet, inlet.info(wait)
+
+
+def _channels(info: Any) -> tuple[list[str], list[str]]:
+    """Labels and units of a stream's channels, as its description holds them."""
+    labels, units = [], []
+    channel = info.desc().child("channels").child("channel")
+    for _ in range(info.channel_count()):
+        labels.append(channel.child_value("label"))
+        units.append(channel.child_value("unit"))
+        channel = channel.next_sibling("channel")
+    return labels, units
+
+
+def _rate(info: Any, name: str) -> float:
+    rate = float(info.nominal_srate())
+    if rate <= 0.0:
+        raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
+    return rate
+
+
+def _pulled(inlet: Any) -> tuple[Array, Array]:
+    samples, times = inlet.pull_chunk(timeout=0.0, max_samples=4096)
+    rows = np.array(samples, dtype=np.float64)
+    return frozen_array(np.array(times, dtype=np.float64)), rows
