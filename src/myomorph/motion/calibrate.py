@@ -62,11 +62,13 @@ class CalibrationOptions:
     shape_sd : how much a segment's stretch across differs from that along
     side_sd : how much the right differs from the left
     marker_sd : how far a marker lies from its place on the given model [m]
-    noise : of a marker about its place on a rigid body, along one axis [m]; by default told by the fit
+    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]
+    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin;
+        None lets the fit tell it, which trusts the recordings more
     static_sd : of the coordinates that are known in the static trial [rad]
     iterations : at most so many steps
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
-    fixed_markers : markers that stay where the model has them (besides those the model calls fixed)
+    fixed_markers : markers that stay where the model has them
     static : a recording of standing still
     static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model stands
     posture_weight : as in `InverseKinematicsOptions`
@@ -79,8 +81,9 @@ class CalibrationOptions:
     length_sd: float = 0.05
     shape_sd: float = 0.05
     side_sd: float = 0.02
-    marker_sd: float = 0.02
-    noise: float | None = None
+    marker_sd: float = 0.05
+    fixed_sd: float = 0.01
+    noise: float | None = 0.005
     static_sd: float = 0.1
     iterations: int = 60
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -247,7 +250,7 @@ def root_mean_square(errors: Sequence[Array]) -> float:
 
 
 def _check(options: CalibrationOptions) -> None:
-    for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "static_sd", "iterations"):
+    for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "fixed_sd", "static_sd", "iterations"):
         if not getattr(options, name) > 0:
             raise BadData(f"calibration: {name} is {getattr(options, name)}; expected a number above 0")
     if options.noise is not None and not options.noise > 0.0:
@@ -310,7 +313,7 @@ def _problem(
         stretch=stretch_of(bare, lengths, names),
         markers=marker_arrays(tree, names, weights, InverseKinematicsOptions()),
         sets=tuple(sets),
-        prior=_prior(lengths, 3 * len(names), options, size),
+        prior=_prior(lengths, [model.marker(name).fixed for name in names], options, size),
         posture=tree.defaults,
         posture_weight=options.posture_weight,
     )
@@ -327,9 +330,9 @@ def _static_pose(model: Model, options: CalibrationOptions) -> Mapping[str, floa
     }
 
 
-def _prior(lengths: Sequence[Length], shifts: int, options: CalibrationOptions, size: float) -> Prior:
+def _prior(lengths: Sequence[Length], fixed: Sequence[bool], options: CalibrationOptions, size: float) -> Prior:
     """Rows of the prior over lengths, shifts and the overall size."""
-    n = len(lengths)
+    n, shifts = len(lengths), 3 * len(fixed)
     main = {one.segment: i for i, one in enumerate(lengths) if one.along}
     rows, right = [], []
 
@@ -349,7 +352,7 @@ def _prior(lengths: Sequence[Length], shifts: int, options: CalibrationOptions, 
     for i, j in mirrored_lengths(lengths):
         add({i: 1.0, j: -1.0}, 0.0, options.side_sd)
     for i in range(shifts):
-        add({n + i: 1.0}, 0.0, options.marker_sd)
+        add({n + i: 1.0}, 0.0, options.fixed_sd if fixed[i // 3] else options.marker_sd)
     return Prior(np.array(rows), np.array(right))
 
 
@@ -359,8 +362,7 @@ def _may_move(problem: SharedProblem, names: Sequence[str], options: Calibration
     lengths, shifts = np.zeros(total, np.bool_), np.zeros(total, np.bool_)
     lengths[:n] = lengths[-1] = True
     for m, name in enumerate(names):
-        held = problem.model.marker(name).fixed or name in options.fixed_markers
-        shifts[n + 3 * m : n + 3 * m + 3] = not held
+        shifts[n + 3 * m : n + 3 * m + 3] = name not in options.fixed_markers
     return lengths, shifts
 
 

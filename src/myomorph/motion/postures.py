@@ -19,6 +19,9 @@ from myomorph.rigid.tree import compile_tree
 CANDIDATES = 1000
 """At most so many frames of all recordings are looked at."""
 
+SAME_POSTURE = 0.01
+"""Frames whose markers lie nearer to each other than this, root mean square, show the same posture [m]."""
+
 SHORTEST = 0.05
 """Markers nearer to each other than this say nothing of a body's size [m]."""
 
@@ -86,7 +89,8 @@ def spread_postures(
 
     A posture is where the model's markers lie seen from its first body, after inverse kinematics. The
     first frame is the one nearest to the mean posture; then follows, again and again, the frame farthest
-    from all those chosen. Frames that fit three times worse than usual or show fewer than half the markers
+    from all those chosen, until none is left that differs by `SAME_POSTURE`: a second frame of a posture
+    shows the same skin and the same errors of the model, so it must not count as evidence. Frames that fit three times worse than usual or show fewer than half the markers
     are not chosen, and of long recordings only `CANDIDATES` frames, evenly spaced, are looked at.
 
     Returns
@@ -130,13 +134,12 @@ def _seen_from_base(model: Model, values: Array) -> Array:
 
 def _farthest(table: Array, usable: Ints, count: int) -> list[int]:
     """Rows chosen one after another, each as far as can be from those before it."""
-    if len(usable) <= count:
-        return [int(row) for row in usable]
     points = table[usable]
+    least = SAME_POSTURE**2 * table.shape[1] / 3.0
     first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     chosen = [first]
     nearest = ((points - points[first]) ** 2).sum(axis=1)
-    while len(chosen) < count:
+    while len(chosen) < count and nearest.max() > least:
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
     return [int(usable[k]) for k in chosen]
