@@ -14,7 +14,8 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.image import Bytes, level_color
 from myomorph.report.raster import Canvas, View
-from myomorph.report.scene import Scene, make_scene
+from myomorph.report.scene import Scene, Solid, make_scene
+from myomorph.report.shapes import capsule
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -47,6 +48,14 @@ class BodyView:
         ahead = np.cos(angle) * self.scene.forward + np.sin(angle) * self.scene.right
         # The viewer stands ahead: the subject's right is on the picture's left.
         self._axes = np.stack([np.cross(self.scene.up, ahead), self.scene.up, ahead])
+
+    @property
+    def rounds(self) -> tuple[Solid, ...]:
+        """The limbs as surfaces, for bodies that have no mesh."""
+        return tuple(
+            Solid(body, capsule(start, end, float(radius)))
+            for (body, start, end), radius in zip(self._limbs, self._radii[:, 0], strict=True)
+        )
 
     def poses(self, coordinates: Array) -> tuple[Array, Array]:
         """Rotations (bodies + 1, 3, 3) and origins (bodies + 1, 3) in a pose (coordinates,), the ground first."""

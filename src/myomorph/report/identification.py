@@ -18,6 +18,7 @@ from myomorph.report.identification_tables import (
     length_sheet,
     link_sheet,
     mass_sheet,
+    misfit_sheet,
     segment_share,
     segments_given,
     spine_sheet,
@@ -207,7 +208,13 @@ def base_section(given: IdentificationInput) -> Section | None:
         cells = tuple(
             f"{number(float(one))} {_unit(name)}" for name, one in zip(COMPONENTS, base.residual, strict=True)
         )
-        grids.insert(0, Grid(COMPONENTS, (cells,), "Misfit of the base wrench on the motions used, root mean square"))
+        grids.insert(0, Grid(COMPONENTS, (cells,), "Misfit of the base parameters, root mean square"))
+    misfit = misfit_sheet(given)
+    if misfit.rows:
+        grids.insert(0, _grid(misfit, "Misfit of the base wrench in the frames used, root mean square of its vectors"))
+    if given.from_shape:
+        rows = tuple((link, ", ".join(names)) for link, names in given.from_shape.items())
+        grids.append(Grid(("Link", "Parameters"), rows, "Parameters that come from the shape of the body", True))
     for title, names in (
         ("Not shown by this motion", given.not_shown),
         ("Shown by no motion of this model", given.never_shown),

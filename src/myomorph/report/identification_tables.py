@@ -168,13 +168,22 @@ def link_sheet(given: IdentificationInput) -> Sheet:
                 None if check is None else check.least_eigenvalue,
                 None if check is None else "yes" if check.possible else "no",
                 None if check is None else check.reason,
+                ", ".join(given.from_shape.get(body, ())),
             )
         )
     head = (
         "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",
-        "possible", "reason",
+        "possible", "reason", "parameters from the shape",
     )  # fmt: skip
     return Sheet(head, tuple(rows))
+
+
+def misfit_sheet(given: IdentificationInput) -> Sheet:
+    """Root mean square misfit of moment and force by every method, in the frames used and in those held out."""
+    rows: list[tuple[Cell, ...]] = [(name, float(one[0]), float(one[1])) for name, one in given.misfit.items()]
+    if given.held_out is not None:
+        rows.append((f"{given.chosen}, on parts held out", float(given.held_out[0]), float(given.held_out[1])))
+    return Sheet(("method", "moment [N m]", "force [N]"), tuple(rows))
 
 
 @dataclass(frozen=True)
@@ -285,6 +294,7 @@ def identification_tables(given: IdentificationInput) -> dict[str, Sheet]:
         "spine.csv": spine_sheet(given) if given.parameters else None,
         "segments.csv": segment_sheet(given) if given.parameters else None,
         "links.csv": link_sheet(given),
+        "misfit.csv": misfit_sheet(given),
         "base_parameters.csv": base_sheet(given),
         "cross_validation.csv": validation_sheet(given),
         "lengths.csv": length_sheet(given),

@@ -157,6 +157,9 @@ class IdentificationInput:
     share : (bodies,) how much of what is known of each link comes from the data rather than from the
         shape, 0..1; NaN where unknown; () for none at all
     base : the base parameters
+    from_shape : link to those of its ten parameters that come from the shape, because the data do not show them
+    misfit : of each method in the frames used: root mean square of moment [N m] and force [N], (2,)
+    held_out : (2,) the same of the chosen method in parts that it was not fitted to
     never_shown, not_shown : parameters that no motion can show, and that this motion did not, in words
     checks : physical consistency of each link
     left_out : reason to the number of frames left out for it
@@ -175,6 +178,9 @@ class IdentificationInput:
     chosen: str = ""
     share: Array = field(default_factory=lambda: np.zeros(0))
     base: IdentifiedBase | None = None
+    from_shape: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    misfit: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
+    held_out: Array | None = None
     never_shown: tuple[str, ...] = ()
     not_shown: tuple[str, ...] = ()
     checks: tuple[LinkCheck, ...] = ()

@@ -97,6 +97,18 @@ def stick(start: Array, end: Array, radius: float) -> Surface:
     return Surface(local @ axes + start + along / 2, _ball().faces)
 
 
+def capsule(start: Array, end: Array, radius: float) -> Surface:
+    """A round limb from one point to another, `radius` thick at and beyond both."""
+    along = np.asarray(end, dtype=np.float64) - start
+    length = max(float(np.linalg.norm(along)), 1e-9)
+    z = along / length
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    ball = _ball().vertices
+    local = radius * ball + np.where(ball[:, 2:] > 0.0, length, 0.0) * np.array([0.0, 0.0, 1.0])
+    return Surface(local @ np.stack([x, np.cross(z, x), z]) + start, _ball().faces)
+
+
 def sticks(model: Model) -> dict[str, list[Surface]]:
     """For every body, spindles between the centers of its joints, in the body's frame.
 
