@@ -27,9 +27,9 @@ from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""Relative standard deviations of a link's mass that are tried where none is given."""
+"""Relative standard deviations of a link's mass to choose from where none is given."""
 
-FEW_POINTS = 150
+FEW_POINTS = 60
 """Points a link that stand for all of them while strengths are tried."""
 
 SHOWN = 0.5
@@ -215,8 +215,22 @@ def _tried(
 
         return fit
 
-    strengths = STRENGTHS if options.mass_sd is None else (options.mass_sd,)
-    return {sd: held_out_rms(parts, fit_with(sd)) for sd in strengths}
+    if options.mass_sd is not None:
+        return {options.mass_sd: held_out_rms(parts, fit_with(options.mass_sd))}
+    tried: dict[float, Array] = {}
+
+    def worse(i: int) -> float:
+        sd = STRENGTHS[i]
+        if sd not in tried:
+            tried[sd] = held_out_rms(parts, fit_with(sd))
+        return float(np.square(tried[sd] / noise).sum())
+
+    # The misfit falls, then rises with the strength: walk down from the middle.
+    at = len(STRENGTHS) // 2 - 1
+    step = 1 if worse(at + 1) < worse(at) else -1
+    while 0 <= at + step < len(STRENGTHS) and worse(at + step) < worse(at):
+        at += step
+    return dict(sorted(tried.items()))
 
 
 def _thinned(points: MassPoints, most: int = FEW_POINTS) -> MassPoints:
