@@ -40,8 +40,7 @@ class MassPointOptions:
     mass_sd : relative standard deviation of a link's mass, for (A, b) in units of noise
     W_phi, W_rho : weights of eq. 3.10; W_rho acts with prior "paper" only
     floor : least mass of a point, eps_j, as a share of the mean reference mass
-    tolerance : greatest distance of a mass from the optimum, relative to the mean reference mass, and of
-        their sum from the total, for a fit to count as converged
+    tolerance : greatest residual of the conditions of the optimum (`Optimality`) of a fit that counts as converged
     iterations : most Newton steps
     """
 
@@ -65,18 +64,21 @@ class MassPointOptions:
 
 @dataclass(frozen=True)
 class Optimality:
-    """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold; masses relative to the mean reference.
+    """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold, of masses rho and misses y.
 
     Attributes
     ----------
-    stationarity : greatest |rho_j - rho_ref_j - v_j (W^T A^T (b - A W rho) + multiplier)_j| of free points
-    complementarity : greatest wish of a point on its bound to leave it, by the same formula; 0 if none
-    positivity : greatest bound minus mass; 0 if no mass is below its bound
+    balance : greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise]; the duality gap is half its square
+    stationarity : greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points, over the mean
+        reference mass
+    complementarity : the same where a point on its bound would rather leave it, 0 if none would
+    positivity : greatest bound minus mass, over the mean; 0 if no mass is below its bound
     total : |sum rho - mass| / mass, 0 without a given mass
-    distance : bound on the distance of any mass from the optimum of the same total, sqrt(v_j) |b - A W rho - y|
-        with the multipliers y: the duality gap is half that norm squared, and the problem is strongly convex
+    distance : no mass is farther than this from the optimum of the same total, over the mean: the problem is
+        strongly convex, so sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm of the imbalance
     """
 
+    balance: float
     stationarity: float
     complementarity: float
     positivity: float
@@ -85,8 +87,8 @@ class Optimality:
 
     @property
     def worst(self) -> float:
-        """The greatest residual of the four conditions; `distance` bounds what it means for the masses."""
-        return max(self.stationarity, self.complementarity, self.positivity, self.total)
+        """The greatest residual of the five conditions; `distance` bounds what it means for the masses."""
+        return max(self.balance, self.stationarity, self.complementarity, self.positivity, self.total)
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,16 +311,15 @@ class _Problem:
         s = self.sums.pull(self.C.T @ y)
         free, change = self._masses(s)
         masses = np.where(free, np.maximum(self.reference + change, self.floor), self.floor)
-        left = self.target - self._wrench(masses - self.reference)
-        # What the measurement itself asks for at these masses; the multiplier of the total stays.
-        asked = self.freedom * self.sums.pull(self.C.T @ np.where(self.soft > 0.0, left, y))
-        gap, mean = asked - (masses - self.reference), float(self.reference.mean())
+        imbalance = self.soft * (self.target - self._wrench(masses - self.reference) - y)
+        gap, mean = self.freedom * s - (masses - self.reference), float(self.reference.mean())
         optimality = Optimality(
-            float(np.abs(gap[free]).max(initial=0.0)) / mean,
-            float(gap[~free].max(initial=0.0)) / mean,
-            float((self.floor - masses).max()) / mean if (masses < self.floor).any() else 0.0,
-            abs(float(masses.sum()) - self.mass) / self.mass if self.mass is not None else 0.0,
-            float(np.sqrt(self.freedom.max()) * np.linalg.norm(self.soft * (left - y))) / mean,
+            balance=float(np.abs(imbalance).max(initial=0.0)),
+            stationarity=float(np.abs(gap[free]).max(initial=0.0)) / mean,
+            complementarity=float(gap[~free].max(initial=0.0)) / mean,
+            positivity=max(float((self.floor - masses).max()), 0.0) / mean,
+            total=abs(float(masses.sum()) - self.mass) / self.mass if self.mass is not None else 0.0,
+            distance=float(np.sqrt(self.freedom.max()) * np.linalg.norm(imbalance)) / mean,
         )
         parameters = self.points.parameters(masses)
         misses = [self.b - self.A @ phi.ravel() for phi in (parameters, self.points.parameters(self.reference))]
@@ -331,7 +332,7 @@ class _Problem:
             optimality=optimality,
             on_bound=int((~free).sum()),
             iterations=iterations,
-            converged=max(optimality.distance, optimality.total, optimality.positivity) <= self.options.tolerance,
+            converged=optimality.worst <= self.options.tolerance,
             options=self.options,
         )
 
