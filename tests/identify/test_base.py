@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -297,9 +298,50 @@ def test_a_tare_is_found_and_told_apart(arm):
     assert fit.tare.significant
     np.testing.assert_array_less(np.abs(fit.tare.constant - offset), 5.0 * fit.tare.sd)
     with_tare = fit_base(arm, given, options=BaseOptions(tare=True))
-    # Six noises in a row of 71: compare in standard deviations.
     assert np.mean(np.abs(with_tare.estimate - with_tare.base.of(truth)) < 3.0 * with_tare.sd) > 0.95
     assert not fit_base(arm, [recorded(arm, simulated(arm, 1000), truth, noise=0.5)]).tare.significant
+
+
+def test_a_base_that_is_bolted_down(arm):
+    """Only the tare decides whether the weight shows; a base that moves is refused."""
+    hold = dict.fromkeys(arm.joints[0].coordinates, 0.25)
+    truth = other_body(arm)
+    given = [recorded(arm, simulated(arm, 1500, hold=hold), truth, noise=0.5)]
+    fit = fit_base(arm, given, options=BaseOptions(fixed=True))
+    assert fit.base.held["root_tx"] == 0.25
+    assert np.mean(np.abs(fit.estimate - fit.base.of(truth)) < 3.0 * fit.sd) > 0.95
+    assert fit.shown[0]
+    assert fit.carried_mass == pytest.approx(truth[:, 0].sum(), rel=0.05)
+    tared = fit_base(arm, given, options=BaseOptions(fixed=True, tare=True))
+    assert tared.base.names[0].startswith("body0 m")
+    assert not tared.shown[0]
+    with pytest.raises(BadData, match="'root_tx' moves"):
+        fit_base(arm, [recorded(arm, simulated(arm, 50), truth)], options=BaseOptions(fixed=True))
+
+
+def test_a_weight_that_a_tare_took_away_is_missing(arm):
+    """Tared with the body on it, a plate carries nothing on average."""
+    motion = simulated(arm, 1500)
+    mass = arm.mass
+    offset = np.concatenate([np.zeros(3), mass * np.array(arm.gravity)])
+    honest = fit_base(arm, [recorded(arm, motion)])
+    tared = fit_base(arm, [recorded(arm, motion, offset=offset)])
+    assert honest.carried_mass == pytest.approx(mass, rel=0.05)
+    assert abs(tared.carried_mass) < 0.05 * mass
+    assert tared.tare.significant
+    np.testing.assert_allclose(tared.tare.constant[3:], offset[3:], atol=1.0)
+
+
+def test_memory_does_not_grow_with_the_frames(arm):
+    """A frame's rows of the regressor are 3.8 kB here; what stays of it is a tenth, its six residuals and the like."""
+    most = {}
+    for frames in (1000, 4000):
+        given = recorded(arm, simulated(arm, frames))
+        tracemalloc.start()
+        fit_base(arm, [given], base_parameters(arm), BaseOptions(block=256))
+        most[frames] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert (most[4000] - most[1000]) / 3000 < 1000
 
 
 def test_a_motion_that_excites_nothing_leaves_the_model(arm):

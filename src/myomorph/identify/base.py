@@ -7,23 +7,22 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from myomorph.identify.base_parameters import (
     BaseParameters,
     base_parameters,
     base_sizes,
     held_in,
+    link_levels,
     parameter_sizes,
 )
-from myomorph.identify.factors import absorb, rank_and_condition, with_prior
+from myomorph.identify.factors import Solution, levels, rank_and_condition, solve
 from myomorph.identify.null_space import tree_null_space
+from myomorph.identify.wrench_rows import Recording, Rows, correlation_times, gather, residuals
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array, frozen_array
-from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 
 __all__ = [
     "BaseFit",
@@ -38,26 +37,6 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """One motion and the forces measured with it, on the same clock.
-
-    Attributes
-    ----------
-    motion : with velocities and accelerations, through the same filter as the forces
-    wrenches : every external force; NaN where one is missing
-    use : (frames,) which frames count, e.g. those with both feet on plates; all where None
-    """
-
-    motion: Motion
-    wrenches: Wrenches
-    use: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        if self.use is not None and np.shape(self.use) != (len(self.motion),):
-            raise BadData(f"`use` has shape {np.shape(self.use)}, but the motion has {len(self.motion)} frames")
-
-
 @dataclass(frozen=True)
 class BaseOptions:
     """Settings of `fit_base`.
@@ -69,6 +48,7 @@ class BaseOptions:
         one for each of the six rows from the residuals
     correlated : count only as many independent frames as the residuals' autocorrelation leaves, because
         filtered frames repeat each other
+    fixed : the base stands still, as on a plate that it is bolted to
     tare : estimate a constant wrench beside the parameters, as a plate tared with the body on it leaves;
         without it the constant is still estimated apart and reported
     prior : standard deviation of a weak prior about the model's own parameters, in multiples of their
@@ -83,6 +63,7 @@ class BaseOptions:
     moment_noise: float | None = None
     force_noise: float | None = None
     correlated: bool = True
+    fixed: bool = False
     tare: bool = False
     prior: float = 100.0
     shown: float = 0.2
@@ -130,6 +111,8 @@ class BaseFit:
     information, z : (n, n) upper triangular R and (n,) with R phi_B = z in units of noise, data alone
     relative_sd : (n,) sd / |estimate|
     shown : (n,) whether this motion showed it (`BaseOptions.shown`)
+    levels : (n,) share of what is known of each that comes from the motion rather than from the model, 0 to 1
+    link_levels : of every body, the mean over the base parameters named after it
     rank : of the information, columns scaled to length 1
     condition : largest over smallest singular value of the scaled information, inf where singular
     sigma : (6,) noise of a row [N m], [N]
@@ -137,6 +120,8 @@ class BaseFit:
     frames : that were used
     left_out : number of frames left out, by reason
     residual_rms, wrench_rms : (6,) of what is left, and of what was measured [N m], [N]
+    carried_mass : what the mean force carries [kg]: far from the body's mass, a plate was tared with the
+        body on it, or stood apart from a foot
     tare : the constant that would fit best beside the parameters
     options : as given
     """
@@ -150,19 +135,34 @@ class BaseFit:
     rank: int
     condition: float
     shown: np.ndarray
+    levels: Array
+    link_levels: Mapping[str, float]
     sigma: Array
     samples: Array
     frames: int
     left_out: Mapping[str, int]
     residual_rms: Array
     wrench_rms: Array
+    carried_mass: float
     tare: Tare
     options: BaseOptions = field(default_factory=BaseOptions)
 
     def __post_init__(self) -> None:
-        for name in ("estimate", "sd", "size", "information", "z", "sigma", "samples", "residual_rms", "wrench_rms"):
+        for name in (
+            "estimate",
+            "sd",
+            "size",
+            "information",
+            "z",
+            "levels",
+            "sigma",
+            "samples",
+            "residual_rms",
+            "wrench_rms",
+        ):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
-        object.__setattr__(self, "left_out", MappingProxyType(dict(self.left_out)))
+        for name in ("left_out", "link_levels"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
     def relative_sd(self) -> Array:
@@ -190,229 +190,81 @@ def fit_base(
 
     Parameters
     ----------
-    base : by default those of the model with locked coordinates where the recordings have them
+    base : by default those of the model, with coordinates that are locked (and, on a base that is fixed,
+        those of its joint to the ground) where the recordings have them
 
     Raises
     ------
-    BadData : no frame can be used, or `base` is of another model or of other held values
+    BadData : no frame can be used, a fixed base moves, or `base` is of another model or holds other values
     """
     options = options or BaseOptions()
     if base is None:
-        base = base_parameters(model, held=held_in(model, [one.motion for one in recordings]))
+        held = held_in(model, [one.motion for one in recordings], options.fixed)
+        base = base_parameters(model, options.fixed, held)
     if base.bodies != model.body_names:
         raise BadData(
             f"the base parameters are of bodies {base.bodies[:3]}..., the model has {model.body_names[:3]}..."
         )
-    totals = [_measured(model, one) for one in recordings]
-    factors, left_out = _factors(model, recordings, totals, base, options)
-    frames = sum(len(total) for total in totals) - sum(left_out.values())
-    if not frames:
-        told = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
-        raise BadData(f"no frame can be used to identify ({told or 'there are none'})")
+    rows = gather(model, recordings, base, options.reference, options.block)
     n = len(base)
     sizes = base_sizes(model, base)
-    start = base.of(inertial_parameters(model))
-    prior = _Prior(start, sizes * options.prior)
-    sigma = _noise(factors, frames, prior, n, options)
-    plain = _solve(factors[:, :, _without_tare(n)], sigma, prior)
-    samples = np.full(6, float(frames))
+    mean, spread = base.of(inertial_parameters(model)), options.prior * sizes
+    sigma = _noise(rows, mean, spread, options)
+    samples = np.full(6, float(rows.frames))
     if options.correlated:
-        residuals = _residuals(model, recordings, totals, base, plain.solution, options)
-        samples = frames / _correlation_times(residuals)
-    weight = sigma * np.sqrt(frames / samples)
-    plain = _solve(factors[:, :, _without_tare(n)], weight, prior)
-    tared = _solve(factors, weight, prior)
-    chosen = tared if options.tare else plain
-    rms = np.sqrt(_squares(factors, plain.solution, tare=False) / frames)
-    rms_tared = np.sqrt(_squares(factors, tared.solution, tare=True) / frames)
-    sd = chosen.sd[:n]
-    estimate = chosen.solution[:n]
-    rank, condition = rank_and_condition(chosen.R[:n, :n], options.rank_tolerance)
+        first = solve(rows.plain, sigma, mean, spread)
+        left = residuals(model, recordings, base, first.solution, options.reference, options.block)
+        samples = rows.frames / correlation_times(left)
+    weight = sigma * np.sqrt(rows.frames / samples)
+    plain, tared = solve(rows.plain, weight, mean, spread), solve(rows.factors, weight, mean, spread)
+    tare = Tare(tared.solution[n:], tared.sd[n:], rows.rms(plain.solution), rows.rms(tared.solution))
+    chosen: Solution = tared if options.tare else plain
+    estimate, sd = chosen.solution[:n], chosen.sd[:n]
+    R, z = chosen.without(n)
+    rank, condition = rank_and_condition(R, options.rank_tolerance)
+    own = levels(R, mean, sizes)
     return BaseFit(
         base=base,
         estimate=estimate,
         sd=sd,
         size=sizes,
-        information=chosen.R[:n, :n],
-        z=chosen.z[:n],
+        information=R,
+        z=z,
         rank=rank,
         condition=condition,
         shown=sd <= options.shown * np.maximum(np.abs(estimate), sizes),
+        levels=own,
+        link_levels=link_levels(model, base, own),
         sigma=sigma,
         samples=samples,
-        frames=frames,
-        left_out=left_out,
-        residual_rms=rms_tared if options.tare else rms,
-        wrench_rms=np.sqrt(np.square(factors[:, :, -1]).sum(axis=1) / frames),
-        tare=Tare(tared.solution[n:], tared.sd[n:], rms, rms_tared),
+        frames=rows.frames,
+        left_out=rows.left_out,
+        residual_rms=tare.rms_with if options.tare else tare.rms_without,
+        wrench_rms=rows.wrench_rms,
+        carried_mass=_carried_mass(rows, model),
+        tare=tare,
         options=options,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Prior:
-    """What is known without data: mean and standard deviation of each base parameter."""
-
-    mean: Array
-    sd: Array
+def _carried_mass(rows: Rows, model: Model) -> float:
+    square = float(model.gravity @ model.gravity)
+    return -float(rows.mean_force @ model.gravity) / square if square > 0.0 else float("nan")
 
 
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """Data's triangular system R x = z, and the estimate with the prior."""
-
-    R: Array
-    z: Array
-    solution: Array
-    sd: Array
-
-
-def _measured(model: Model, recording: Recording) -> Array:
-    """(frames, 6) measured moment about the ground's origin and force."""
-    return sum_of_wrenches(model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3)))
-
-
-def _about(total: Array, points: Array) -> Array:
-    """A wrench (frames, 6) about the ground's origin, about points (frames, 3)."""
-    return np.concatenate([total[:, :3] - np.cross(points, total[:, 3:]), total[:, 3:]], axis=1)
-
-
-def _constants(points: Array) -> Array:
-    """(frames, 6, 6) rows of a constant moment about the ground's origin and a constant force."""
-    rows = np.tile(np.eye(6), (len(points), 1, 1))
-    for i, a, b in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rows[:, i, 3 + b], rows[:, i, 3 + a] = -points[:, a], points[:, b]
-    return rows
-
-
-def _factors(
-    model: Model, recordings: Sequence[Recording], totals: Sequence[Array], base: BaseParameters, options: BaseOptions
-) -> tuple[Array, dict[str, int]]:
-    """(6, n + 7, n + 7) triangular factors of [Y_B, constants, wrench], one a row of the wrench."""
-    n = len(base)
-    width = n + 7
-    factors = np.zeros((6, width, width))
-    left_out = {"left out by the user": 0, "motion missing": 0, "force missing": 0}
-    checked = False
-    for recording, total in zip(recordings, totals, strict=True):
-        for block in regressor_blocks(model, recording.motion, options.reference, options.block):
-            wanted = (
-                np.ones(len(block.rows), bool) if recording.use is None else np.asarray(recording.use)[block.frames]
-            )
-            moving = np.isfinite(block.rows[:, :, base.columns]).all(axis=(1, 2))
-            pushed = np.isfinite(total[block.frames]).all(axis=1)
-            left_out["left out by the user"] += int(np.sum(~wanted))
-            left_out["motion missing"] += int(np.sum(wanted & ~moving))
-            left_out["force missing"] += int(np.sum(wanted & moving & ~pushed))
-            used = np.flatnonzero(wanted & moving & pushed)
-            if not len(used):
-                continue
-            if not checked:
-                _check_base(block.rows[used[0]], base)
-                checked = True
-            points = block.reference[used]
-            wrench = _about(total[block.frames][used], points)
-            constants = _constants(points)
-            for i in range(6):
-                part = np.empty((len(used), width), order="F")
-                part[:, :n] = block.rows[used[:, None], i, base.columns]
-                part[:, n:-1] = constants[:, i]
-                part[:, -1] = wrench[:, i]
-                factors[i] = absorb(factors[i], part)
-    return factors, left_out
-
-
-def _check_base(rows: Array, base: BaseParameters) -> None:
-    difference = np.abs(rows - rows[:, base.columns] @ base.combination).max()
-    if difference > 1e-6 * np.abs(rows).max():
-        raise BadData(
-            "these base parameters do not fit the motion: coordinates that they hold still move or rest at other "
-            f"values ({', '.join(list(base.held)[:4]) or 'none held'}); let fit_base make them"
-        )
-
-
-def _without_tare(n: int) -> np.ndarray:
-    return np.concatenate([np.arange(n), [n + 6]])
-
-
-def _solve(factors: Array, sigma: Array, prior: _Prior) -> _Solution:
-    """Weigh the rows' factors (6, n + 7, k + 1) together and solve with the prior."""
-    k = factors.shape[2] - 1
-    data = np.zeros((k + 1, k + 1))
-    for factor, noise in zip(factors, sigma, strict=True):
-        data = absorb(data, factor / noise)
-    R, z = with_prior(data[:k], prior.mean, prior.sd)
-    solution = solve_triangular(R, z)
-    inverse = solve_triangular(R, np.eye(k))
-    return _Solution(data[:k, :k], data[:k, k], solution, np.sqrt(np.square(inverse).sum(axis=1)))
-
-
-def _squares(factors: Array, solution: Array, tare: bool) -> Array:
-    """(6,) sums of squared residuals of each row."""
-    n = factors.shape[2] - 7
-    x = np.zeros(n + 7)
-    x[: n + 6 if tare else n] = solution
-    x[-1] = -1.0
-    return np.square(factors @ x).sum(axis=1)
-
-
-def _noise(factors: Array, frames: int, prior: _Prior, n: int, options: BaseOptions) -> Array:
+def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Array:
     """(6,) noise of the rows: as given, or from the residuals of a fit weighed by it."""
-    measured = np.sqrt(np.square(factors[:, :, -1]).sum(axis=1) / frames)
+    measured = rows.wrench_rms
     floor = 1e-9 * np.maximum(measured, measured.max() * 1e-3) + 1e-12
     given = np.array([options.moment_noise] * 3 + [options.force_noise] * 3, dtype=np.float64)
     known = np.isfinite(given)
-    sigma = np.where(known, given, np.maximum(0.05 * measured, floor))
+    sigma: Array = np.where(known, given, np.maximum(0.05 * measured, floor))
     if known.all():
         return sigma
-    freedom = max(1.0 - n / (6.0 * frames), 0.1)
+    freedom = max(1.0 - len(mean) / (6.0 * rows.frames), 0.1)
     for _ in range(8):
-        fit = _solve(factors[:, :, _without_tare(n)], sigma, prior)
-        residual = np.sqrt(_squares(factors, fit.solution, tare=False) / (frames * freedom))
-        new = np.where(known, given, np.maximum(residual, floor))
-        done = np.all(np.abs(new - sigma) < 0.01 * sigma)
-        sigma = new
-        if done:
+        left = rows.rms(solve(rows.plain, sigma, mean, spread).solution) / np.sqrt(freedom)
+        before, sigma = sigma, np.where(known, given, np.maximum(left, floor))
+        if np.all(np.abs(sigma - before) < 0.01 * before):
             break
     return sigma
-
-
-def _residuals(
-    model: Model,
-    recordings: Sequence[Recording],
-    totals: Sequence[Array],
-    base: BaseParameters,
-    estimate: Array,
-    options: BaseOptions,
-) -> list[Array]:
-    """(frames, 6) what is left of each recording's wrench, NaN where it is not used."""
-    left = []
-    for recording, total in zip(recordings, totals, strict=True):
-        residual = np.empty((len(total), 6))
-        for block in regressor_blocks(model, recording.motion, options.reference, options.block):
-            fitted = block.rows[:, :, base.columns] @ estimate
-            residual[block.frames] = _about(total[block.frames], block.reference) - fitted
-        if recording.use is not None:
-            residual[~np.asarray(recording.use, bool)] = np.nan
-        left.append(residual)
-    return left
-
-
-def _correlation_times(residuals: Sequence[Array]) -> Array:
-    """(6,) frames that make one independent sample: 1 + 2 sum of autocorrelations, by Geyer's rule.
-
-    Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical Science
-    7(4):473). Frames that are left out count as zeros, which takes nothing from the lags' mean.
-    """
-    longest = max(len(one) for one in residuals)
-    covariance = np.zeros((longest, 6))
-    for one in residuals:
-        values = np.where(np.isfinite(one), one, 0.0)
-        spectrum = np.fft.rfft(values, 2 * len(values), axis=0)
-        covariance[: len(values)] += np.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: len(values)]
-    pairs = longest // 2
-    rho = covariance / np.maximum(covariance[0], 1e-300)
-    sums = rho[: 2 * pairs].reshape(pairs, 2, 6).sum(axis=1)
-    positive = np.cumprod(sums > 0.0, axis=0)
-    times: Array = np.maximum(2.0 * (sums * positive).sum(axis=0) - 1.0, 1.0) if pairs else np.ones(6)
-    return times

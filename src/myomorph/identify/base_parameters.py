@@ -18,13 +18,12 @@ from myomorph.identify.null_space import (
     random_states,
     tree_null_space,
 )
-from myomorph.model.errors import BadModel
+from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import PARAMETERS, inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_regressor
-from myomorph.rigid.tree import compile_tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +114,7 @@ def base_parameters(
     """
     still = held_values(model, held)
     if fixed:
-        roots = [joint for joint in model.joints if joint.parent == GROUND]
-        still = {name: model.coordinate(name).default for joint in roots for name in joint.coordinates} | still
+        still = {name: model.coordinate(name).default for name in root_coordinates(model)} | still
     tree = tree_null_space(model, still)
     size = 10 * len(model.bodies)
     left = np.setdiff1d(np.arange(size), tree.dependent)
@@ -161,21 +159,46 @@ def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray, toleran
     return vectors * scale[:, None]
 
 
-def held_in(model: Model, motions: Sequence[Motion]) -> dict[str, float]:
-    """Locked coordinates that indeed rest in every motion, with the values they rest at [rad or m]."""
+def root_coordinates(model: Model) -> tuple[str, ...]:
+    """The coordinates of joints to the ground."""
+    return tuple(name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates)
+
+
+def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dict[str, float]:
+    """Locked coordinates that indeed rest in every motion, with the values they rest at [rad or m].
+
+    Parameters
+    ----------
+    fixed : the coordinates of joints to the ground must rest too
+
+    Raises
+    ------
+    BadData : a base that is fixed moves by more than 1e-6
+    """
     held: dict[str, float] = {}
-    defaults = dict(zip(model.coordinate_names, compile_tree(model).defaults, strict=True))
+    roots = root_coordinates(model) if fixed else ()
     for coordinate in model.coordinates:
-        if not coordinate.locked:
+        name = coordinate.name
+        if not coordinate.locked and name not in roots:
             continue
-        values = [
-            motion[coordinate.name] if coordinate.name in motion.names else np.array([defaults[coordinate.name]])
-            for motion in motions
-        ]
+        values = [motion[name] if name in motion.names else np.array([coordinate.default]) for motion in motions]
         seen = np.concatenate([one[np.isfinite(one)] for one in values] or [np.array([coordinate.default])])
-        if len(seen) and np.ptp(seen) < 1e-9:
-            held[coordinate.name] = float(seen[0])
+        reach = np.ptp(seen) if len(seen) else 0.0
+        if name in roots and reach > 1e-6:
+            raise BadData(f"the base is said to be fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
+        if len(seen) and reach < 1e-6:
+            held[name] = float(np.median(seen))
     return held
+
+
+def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, float]:
+    """Level of every body, the mean over base parameters named after it; without any, its parent's."""
+    parents = {joint.child: joint.parent for joint in model.joints}
+    found: dict[str, float] = {}
+    for b, name in enumerate(model.body_names):
+        own = base.owners == b
+        found[name] = float(levels[own].mean()) if own.any() else found.get(parents[name], 0.0)
+    return found
 
 
 def parameter_sizes(model: Model) -> Array:

@@ -13,11 +13,17 @@ from numba import njit
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
-from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes
-from myomorph.identify.factors import rank_and_condition, with_prior
+from myomorph.identify.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    base_sizes,
+    link_levels,
+    root_coordinates,
+)
+from myomorph.identify.factors import levels, rank_and_condition, row_lengths_of_inverse, with_prior
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import GROUND, Model
+from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_regressor
@@ -210,9 +216,8 @@ class SequentialFit:
     def state(self) -> SequentialState:
         """Everything known by now."""
         R = self._solve()
-        inverse = solve_triangular(R, np.eye(len(R)))
-        sd = np.sqrt(np.square(inverse).sum(axis=1))
-        levels = 1.0 - np.square(self._spread()).sum(axis=1) / self.sizes**2
+        sd = row_lengths_of_inverse(R)
+        own = levels(self._factor[:, :-1], self._mean, self.sizes)
         rank, condition = rank_and_condition(self._factor[:, :-1])
         weight = max(self._weight, 1.0)
         return SequentialState(
@@ -221,10 +226,10 @@ class SequentialFit:
             estimate=frozen_array(self._estimate),
             sd=frozen_array(sd),
             relative_sd=frozen_array(sd / np.maximum(np.abs(self._estimate), 1e-300)),
-            levels=frozen_array(np.clip(levels, 0.0, 1.0)),
+            levels=frozen_array(own),
             rank=rank,
             condition=condition,
-            link_levels=MappingProxyType(self._link_levels(np.clip(levels, 0.0, 1.0))),
+            link_levels=MappingProxyType(link_levels(self.model, self.base, own)),
             innovation_rms=frozen_array(np.sqrt(self._errors / weight)),
             wrench_rms=frozen_array(np.sqrt(self._measured / weight)),
         )
@@ -234,14 +239,6 @@ class SequentialFit:
         R, _ = with_prior(self._factor, self._mean, self.sizes)
         root: Array = solve_triangular(R, np.eye(len(R)))
         return root
-
-    def _link_levels(self, levels: Array) -> dict[str, float]:
-        parents = {joint.child: joint.parent for joint in self.model.joints}
-        found: dict[str, float] = {}
-        for b, name in enumerate(self.model.body_names):
-            own = self.base.owners == b
-            found[name] = float(levels[own].mean()) if own.any() else found.get(parents[name], 0.0)
-        return found
 
     def propose(self, pose: ArrayLike | None = None, most: int = 3) -> tuple[Proposal, ...]:
         """The coordinates whose movement would show most of what is not known yet, the best first.
@@ -269,7 +266,7 @@ class SequentialFit:
         tree = compile_tree(self.model)
         names = self.model.coordinate_names
         bodies = {name: joint.child for joint in self.model.joints for name in joint.coordinates}
-        roots = {name for joint in self.model.joints if joint.parent == GROUND for name in joint.coordinates}
+        roots = root_coordinates(self.model)
         moving = [j for j in tree.independent if names[j] not in roots and names[j] not in self.base.held]
         rest = np.array(tree.defaults if pose is None else pose, dtype=np.float64)
         for name, value in self.base.held.items():
