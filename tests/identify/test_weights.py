@@ -11,8 +11,10 @@ from myomorph.identify.weights import (
     checked_weights,
     cog_weights,
     given_weights,
+    links_with_mass,
     nearest_weights,
 )
+from myomorph.io.models import read_model
 from myomorph.model.errors import BadData, UnknownName
 
 
@@ -100,6 +102,14 @@ def test_phantoms_can_be_left_out(cloud, weigh):
     weights = weigh(points, links, taking=taking)
     assert not weights.toarray()[:, ~taking].any()
     assert np.allclose(weights.sum(axis=1), 1.0, atol=1e-14)
+
+
+def test_phantoms_are_told_by_their_density(data):
+    """Ribs of 0.1 g with a radius of gyration of 1 m, beside kneecaps of 86 g."""
+    model = read_model(data("fullbody-many-muscles/cyclistFullBodyMuscle.osim"))
+    real = {name for name, kept in zip(model.body_names, links_with_mass(model), strict=True) if kept}
+    assert {"pelvis", "patella_r", "talus_l", "toes_r", "lumbar3", "thoracic12", "head_neck", "hand_l"} <= real
+    assert not real & {"sacrum", "Abdomen", "rib7_R", "sternum", "scapula_L", "Abd_L_L1"}
 
 
 def test_weights_do_not_change_when_points_and_links_move_together(cloud):
