@@ -6,7 +6,7 @@ from scipy import sparse
 
 from myomorph.identify.pseudo_inertia import (
     PseudoInertiaOptions,
-    ellipsoid_matrix,
+    equivalent_ellipsoids,
     possible_reference,
     solve_pseudo_inertia,
     solve_ridge,
@@ -151,13 +151,9 @@ def test_pullback_does_not_depend_on_the_links_frames(body, reference):
 
 
 def test_mass_stays_inside_an_ellipsoid(body, reference):
-    centers = reference[:, 1:4] / reference[:, :1]
-    P = pseudo_inertias(reference)
-    second = P[:, :3, :3] / reference[:, 0, None, None] - np.einsum("li,lj->lij", centers, centers)
-    # 3.2 standard deviations: hardly larger than the mass itself.
-    ellipsoids = np.stack(
-        [ellipsoid_matrix(c, 3.2**0.5 * np.linalg.cholesky(S)) for c, S in zip(centers, second, strict=True)]
-    )
+    ellipsoids = equivalent_ellipsoids(reference)
+    # A uniform ellipsoid has 1/5 of the squared semi-axis as second moment along each of three axes.
+    assert np.allclose(np.einsum("lij,lij->l", pseudo_inertias(reference), ellipsoids), 0.4 * reference[:, 0])
     pulled = reference.copy()
     pulled[:, 1] += 0.3 * reference[:, 0]
     A, b = measured(body, 60, pulled)
@@ -166,8 +162,8 @@ def test_mass_stays_inside_an_ellipsoid(body, reference):
     inside = [np.einsum("lij,lij->l", pseudo_inertias(fit.parameters), ellipsoids) for fit in (free, held)]
     assert inside[0].min() < -0.1
     assert inside[1].min() > -1e-6
-    c = np.append(held.parameters[0, 1:4] / held.parameters[0, 0], 1.0)
-    assert c @ ellipsoids[0] @ c > 0.0
+    centers = np.hstack([held.parameters[:, 1:4] / held.parameters[:, :1], np.ones((6, 1))])
+    assert (np.einsum("li,lij,lj->l", centers, ellipsoids, centers) > 0.0).all()
 
 
 def test_massless_links_stay(reference):

@@ -110,8 +110,8 @@ def solve_pseudo_inertia(
     reference : (links, 10) parameters before anything is measured; those of massless links are kept
     mass : total [kg], or None
     ellipsoids : (links, 4, 4) Q of an ellipsoid that holds each link, in the link's frame (`ellipsoid_matrix`);
-        tr(P Q) >= 0 then says that some mass within it has these parameters (Wensing et al. 2018); a link
-        of zeros is free
+        tr(P Q) >= 0 then says that some mass within it has these parameters (Wensing et al. 2018), so that
+        the mass center is inside too; a link of zeros is free; see `equivalent_ellipsoids`
 
     Raises
     ------
@@ -179,6 +179,19 @@ def ellipsoid_matrix(center: Array, axes: Array) -> Array:
     inverse = np.linalg.inv(np.asarray(axes, float))
     M, c = inverse.T @ inverse, np.asarray(center, float)
     return np.block([[-M, (M @ c)[:, None]], [(M @ c)[None], np.array([[1.0 - c @ M @ c]])]])
+
+
+def equivalent_ellipsoids(reference: Array, grow: float = 1.0) -> Array:
+    """(links, 4, 4) `ellipsoid_matrix` of uniform ellipsoids with the inertia of each link, `grow` times larger.
+
+    Their semi-axes are sqrt(5) radii of gyration. A link without mass has a matrix of zeros: it is free.
+    """
+    matrices = np.zeros((len(reference), 4, 4))
+    for matrix, row, P in zip(matrices, reference, pseudo_inertias(reference), strict=True):
+        if row[0] > 0.0:
+            c = row[1:4] / row[0]
+            matrix[:] = ellipsoid_matrix(c, grow * np.linalg.cholesky(5.0 * (P[:3, :3] / row[0] - np.outer(c, c))))
+    return matrices
 
 
 @dataclass(eq=False)
