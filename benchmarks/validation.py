@@ -11,6 +11,7 @@ from benchmarks import (
     accuracy_kinematics,
     accuracy_models,
     accuracy_muscles,
+    accuracy_regressor,
     accuracy_scale,
     accuracy_tension,
 )
@@ -40,6 +41,10 @@ def run() -> list[Row]:
         "tension": lambda: accuracy_tension.measure(folder),
         "scale": lambda: accuracy_scale.measure(folder),
         "tools": lambda: accuracy_scale.measure_tools(folder),
+        "regressor": lambda: accuracy_regressor.measure_regressor(folder),
+        "base_parameters": lambda: accuracy_regressor.measure_base_parameters(folder),
+        "figaroh": accuracy_regressor.measure_figaroh,
+        "sequential": lambda: accuracy_regressor.measure_sequential(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []

@@ -62,6 +62,19 @@ def test_tree_and_random_states_agree_where_the_base_is_free(data, name):
     assert annihilation(model, numerical.vectors, held_values(model, None)) < 1e-9
 
 
+def test_tree_and_random_states_agree_on_couplers_of_the_spine_and_shoulders():
+    """MyoFullBody: 49 couplers, six vertebrae in one cluster."""
+    pytest.importorskip("musclemimic_models")
+    from mujoco_models import load
+
+    model = load("MyoFullBody", None)[1]
+    tree = compile_tree(model)
+    largest = max(clusters(tree, held_values(model, None)), key=lambda cluster: len(cluster.bodies))
+    assert len(largest.bodies) == 6
+    assert tree_null_space(model).vectors.shape == numerical_null_space(model).vectors.shape
+    assert annihilation(model, tree_null_space(model).vectors, held_values(model, None)) < 1e-9
+
+
 @pytest.mark.parametrize("name", LIMITED)
 def test_a_base_that_moves_less_hides_more(data, name):
     """A planar pelvis, or a shoulder on the ground."""

@@ -83,8 +83,8 @@ class BaseParameters:
         text = self._term(own)
         for j in others[:most]:
             factor = self.combination[i, j]
-            size = "" if abs(abs(factor) - 1.0) < 1e-9 else f"{abs(factor):.3g} "
-            text += f" {'-' if factor < 0.0 else '+'} {size}{self._term(j)}"
+            size = f"{abs(factor):.3g} "
+            text += f" {'-' if factor < 0.0 else '+'} {'' if size == '1 ' else size}{self._term(j)}"
         left = len(others) - len(others[:most])
         return text + (f" + {left} more" if left else "")
 

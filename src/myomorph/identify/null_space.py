@@ -36,10 +36,13 @@ class NullSpace(NamedTuple):
     ----------
     vectors : (10 bodies, k) a basis; vectors[dependent] is invertible
     dependent : (k,) the standard parameters that are left out, their part given to others
+    gap : by random states, the smallest pivot that counts and the largest that does not, relative to the
+        largest of all; the tolerance lies between
     """
 
     vectors: Array
     dependent: np.ndarray
+    gap: tuple[float, float] = (1.0, 0.0)
 
 
 class Cluster(NamedTuple):
@@ -125,7 +128,9 @@ def numerical_null_space(
     length[silent] = 1.0
     vectors[looked_at[order[:rank]]] = -np.linalg.solve(R[:rank, :rank], R[:rank, rank:]) / length[order[:rank], None]
     vectors[looked_at[order[rank:]]] = np.diag(1.0 / length[order[rank:]])
-    return NullSpace(vectors * length[order[rank:]], looked_at[order[rank:]])
+    relative = np.append(diagonal, 0.0) / max(diagonal[0], 1e-300)
+    gap = (float(relative[rank - 1]) if rank else 1.0, float(relative[rank]))
+    return NullSpace(vectors * length[order[rank:]], looked_at[order[rank:]], gap)
 
 
 def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, float]:
