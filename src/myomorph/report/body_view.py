@@ -15,7 +15,7 @@ from myomorph.model.surface import Surface
 from myomorph.report.image import Bytes, level_color
 from myomorph.report.raster import Canvas, View
 from myomorph.report.scene import Scene, Solid, make_scene
-from myomorph.report.shapes import capsule
+from myomorph.report.shapes import bones, capsule
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -83,11 +83,9 @@ def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, A
     From a body's joint to the joints that it carries, and through its mass center and on: of a trunk
     without a head of its own, that is the head.
     """
-    joints = {joint.child: joint.child_frame.translation for joint in model.joints}
     found = []
-    for body in model.bodies:
-        start = joints[body.name]
-        ends = [joint.parent_frame.translation for joint in model.joints if joint.parent == body.name]
+    for body, (start, joints) in zip(model.bodies, bones(model).values(), strict=True):
+        ends = list(joints)
         if not ends or body.mass > 0.02 * model.mass:
             ends.append(start + 1.9 * (body.mass_center - start))
         found += [(numbers[body.name], start, end) for end in ends]

@@ -67,6 +67,7 @@ def rank_plot(
     names: Sequence[str],
     values: Array,
     limits: Sequence[tuple[float, str]] = (),
+    strong: np.ndarray | None = None,
     width: int = 680,
     height: int = 230,
 ) -> str:
@@ -76,6 +77,7 @@ def rank_plot(
     ----------
     across : what the horizontal axis counts
     limits : values to draw a line at, and what to write there
+    strong : (names,) which dots are in color, the others are grey; all where not given
     """
     known = np.flatnonzero(np.isfinite(values) & (values > 0.0))
     order = known[np.argsort(values[known], kind="stable")]
@@ -93,7 +95,7 @@ def rank_plot(
         y = float(frame.y(power))
         parts.append(f'<path class="grid" d="M{frame.left:g} {y:.1f}H{frame.right:g}"/>')
         parts.append(f'<text class="tick y" x="{frame.left - 4:g}" y="{y + 3:.1f}">{number(10.0**power)}</text>')
-    for value in ticks(0.0, frame.x1, 8):
+    for value in ticks(0.0, frame.x1, min(8, len(order))):
         x = float(frame.x(value))
         parts.append(f'<text class="tick x" x="{x:.1f}" y="{bottom + 14:g}">{number(float(value), 1.0)}</text>')
     parts.append(
@@ -105,8 +107,9 @@ def rank_plot(
         parts.append(f'<text class="limit" x="{frame.right - 3:g}" y="{y - 3:.1f}">{escape(label)}</text>')
     for rank, (i, log) in enumerate(zip(order, logs, strict=True)):
         x, y = float(frame.x(rank + 1)), float(frame.y(log))
+        style = "first" if strong is None or strong[i] else "middle"
         parts.append(
-            f'<circle class="mark first" cx="{x:.1f}" cy="{y:.1f}" r="2.2"><title>{escape(names[i])}: '
+            f'<circle class="mark {style}" cx="{x:.1f}" cy="{y:.1f}" r="2.2"><title>{escape(names[i])}: '
             f"{number(float(values[i]))} {escape(unit)}</title></circle>"
         )
     parts.append("</svg>")

@@ -201,8 +201,16 @@ def base_section(given: IdentificationInput) -> Section | None:
     lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
     lead += ". What is not shown comes from the shape of the body." if not base.shown.all() else "."
     limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
-    plot = rank_plot("Relative standard deviation", "of the value", "base parameters, the best known first", base.names,
-                     np.where(base.shown, base.relative_sd, np.nan), limits, 880)  # fmt: skip
+    plot = rank_plot(
+        "Relative standard deviation",
+        "of the value",
+        "base parameters, the best known first",
+        base.names,
+        base.relative_sd,
+        limits,
+        base.shown,
+        880,
+    )
     grids = [_base_grid(base)]
     if np.isfinite(base.residual).any():
         cells = tuple(
@@ -221,14 +229,15 @@ def base_section(given: IdentificationInput) -> Section | None:
     ):
         if names:
             grids.append(Grid((title,), tuple((name,) for name in names), f"{title}: {len(names)}", True))
-    return Section("base", "Base parameters", lead, (), (Figure(plot, "full"),), tuple(grids))
+    legend = (("first", "shown by the motion"), ("middle", "not shown"))
+    return Section("base", "Base parameters", lead, legend, (Figure(plot, "full"),), tuple(grids))
 
 
 def _base_grid(base: IdentifiedBase) -> Grid:
     rows = []
     for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True):
-        rows.append((name, number(float(value)), f"{number(100 * float(relative))} %" if shown else "not shown"))
-    return Grid(("Base parameter", "Estimate", "Relative standard deviation"), tuple(rows),
+        rows.append((name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not shown"))
+    return Grid(("Base parameter", "Estimate", "Relative standard deviation", ""), tuple(rows),
                 f"All {len(rows)} base parameters", True)  # fmt: skip
 
 

@@ -143,5 +143,5 @@ def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[
         "|---|---|",
     ]
     for words, sides in segment_levels(names, segments, state.levels).items():
-        lines += [f"| {side} {words} | {100 * level:.0f} % |" for side, level in sides.items()]
+        lines += [f"| {f'{side} {words}'.strip()} | {100 * level:.0f} % |" for side, level in sides.items()]
     return "\n".join(lines)

@@ -7,8 +7,11 @@ from functools import lru_cache
 import numpy as np
 
 from myomorph.model.model import Mesh, Model
+from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 
 
 def primitive(mesh: Mesh) -> Surface | None:
@@ -109,16 +112,27 @@ def capsule(start: Array, end: Array, radius: float) -> Surface:
     return Surface(local @ np.stack([x, np.cross(z, x), z]) + start, _ball().faces)
 
 
+def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
+    """For every body, its joint's center and those of the joints it carries in the default pose, in its frame [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    starts = {joint.child: joint.child_frame.translation for joint in model.joints}
+    found: dict[str, tuple[Array, list[Array]]] = {name: (starts[name], []) for name in model.body_names}
+    for joint in model.joints:
+        if joint.parent in found:
+            h, b = tree.body_index[joint.parent], tree.body_index[joint.child]
+            center = poses.rotations[0, b] @ starts[joint.child] + poses.origins[0, b]
+            found[joint.parent][1].append(poses.rotations[0, h].T @ (center - poses.origins[0, h]))
+    return found
+
+
 def sticks(model: Model) -> dict[str, list[Surface]]:
     """For every body, spindles between the centers of its joints, in the body's frame.
 
     A last body reaches to twice its mass center's distance.
     """
-    origins = {joint.child: joint.child_frame.translation for joint in model.joints}
     found: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
-    for body in model.bodies:
-        start = origins[body.name]
-        ends = [joint.parent_frame.translation for joint in model.joints if joint.parent == body.name]
+    for body, (start, ends) in zip(model.bodies, bones(model).values(), strict=True):
         if not ends and body.mass > 0.0:
             ends = [start + 1.8 * (body.mass_center - start)]
         lengths = [float(np.linalg.norm(end - start)) for end in ends]

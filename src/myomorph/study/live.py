@@ -6,6 +6,7 @@ import sys
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -227,12 +228,16 @@ def _follow(
     while not source.done:
         arrived = source.take()
         start = now()
-        for time, wrench in zip(arrived.force_time, arrived.forces, strict=True):
-            identification.push_force(float(time), wrench)
+        forces = zip(arrived.force_time, arrived.forces, strict=True)
+        before = np.searchsorted(arrived.force_time, arrived.motion_time, side="right")
+        sample = 0
         kept.force_time.append(arrived.force_time)
         kept.forces.append(arrived.forces)
         shown: Array | None = None
-        for time, row in zip(arrived.motion_time, arrived.motion, strict=True):
+        for stop, time, row in zip(before, arrived.motion_time, arrived.motion, strict=True):
+            for moment, wrench in islice(forces, int(stop) - sample):
+                identification.push_force(float(moment), wrench)
+            sample = int(stop)
             if kinematics is not None:
                 coordinates, error = kinematics.solve(float(time), row)
                 kept.squares.append(error)
@@ -243,6 +248,8 @@ def _follow(
             kept.time.append(float(time))
             kept.coordinates.append(coordinates)
             identification.push_motion(float(time), coordinates)
+        for moment, wrench in forces:
+            identification.push_force(float(moment), wrench)
         busy += now() - start
         if not len(arrived.motion_time):
             clock.sleep(IDLE)

@@ -13,7 +13,7 @@ import numpy as np
 from myomorph.identify.online import total_wrench
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.model import GROUND
-from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Array, frozen_array
 
 CHUNK = 0.05
@@ -105,7 +105,7 @@ class Replay:
             raise BadData(f"{len(motion)} frames and {len(wrenches)} samples of force cannot be played: two are needed")
         self.names, self.markers = motion.names, isinstance(motion, Markers)
         self.rate = motion.rate
-        self.force_rate = float(1.0 / np.median(np.diff(wrenches.time)))
+        self.force_rate = Series(wrenches.time, (), np.zeros((len(wrenches), 0))).rate
         self.played, self._motion, self._time = motion, motion.values, motion.time
         self._force_time = wrenches.time
         outside = [i for i, body in enumerate(wrenches.bodies) if body != GROUND]
