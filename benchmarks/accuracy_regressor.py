@@ -50,7 +50,7 @@ OPENSIM_MODELS = (
     "ceinms-emg-walk/model/gait2392.osim",
     "hamner-run-subject04/unscaled_generic.osim",
 )
-"""Those without joints whose torques OpenSim gets wrong at speed (see the section on knees that turn about curved axes)."""
+"""Those without knees that turn about curved axes, whose torques OpenSim gets wrong at speed."""
 
 Row = dict[str, object]
 T = TypeVar("T")
