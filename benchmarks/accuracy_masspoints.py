@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import piqp
@@ -14,8 +16,12 @@ from scipy.optimize import nnls
 
 from benchmarks.speed_masspoints import LINKS, MASS, Program, made_body, measured
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.identify.points import MassPoints
-from myomorph.identify.weights import WeightMap, bone_weights, cog_weights, nearest_weights
+from myomorph.identify.points import Links, MassPoints, links_of
+from myomorph.identify.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
+from myomorph.io.models import read_model
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.segments import Segment, segments_of
+from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 
 Row = dict[str, object]
@@ -77,11 +83,15 @@ def _by_piqp(body: MassPoints, program: Program) -> Array:
     return masses
 
 
+PAPER = 1e3
+"""W_rho that makes both priors about equally strong at the coarsest grid."""
+
+
 def measure_grid() -> Iterator[Row]:
-    """Masses of the links for one measurement, by the number of points."""
+    """Masses of the links for one measurement, by the number of points; it is weak, so that the prior matters."""
     sizes = (2_000, 16_000, 128_000)
     finest = made_body(sizes[-1], bone_weights)
-    A, b = measured(finest)
+    A, b = (0.01 * part[:40] for part in measured(finest))
     wished = b - A @ finest.parameters(finest.reference).ravel()
     found: dict[tuple[int, str], Array] = {}
     spacing, bound = {}, {}
@@ -89,8 +99,8 @@ def measure_grid() -> Iterator[Row]:
         body = made_body(points, bone_weights)
         spacing[points] = body.spacing
         for prior in ("relative", "paper"):
-            # The same change is asked of every grid; the paper's prior is made as strong at the coarsest.
-            options = MassPointOptions(prior=prior, W_rho=1e4) if prior == "paper" else MassPointOptions()
+            # The same change is asked of every grid.
+            options = MassPointOptions(prior=prior, W_rho=PAPER) if prior == "paper" else MassPointOptions()
             fit: MassPointFit = solve_mass_points(
                 body, A, A @ body.parameters(body.reference).ravel() + wished, mass=MASS, options=options
             )
@@ -106,8 +116,79 @@ def measure_grid() -> Iterator[Row]:
         yield row
 
 
+RADII = {
+    "head": 0.09, "upper_trunk": 0.13, "lower_trunk": 0.13, "upper_arm": 0.05, "lower_arm": 0.04, "hand": 0.03,
+    "thigh": 0.085, "shank": 0.055, "foot": 0.04,
+}  # fmt: skip
+"""Of a stand-in body, capsules about the bones of each segment [m]."""
+
+PUBLISHED = {
+    "athletes": ("", "", 6.9, 2.7, 1.6, 0.6, 11.0, 5.1, 1.1),
+    "[D], w_d": (0.46, 0.32, 7.79, 2.77, 2.69, 0.51, 6.36, 4.26, 2.36),
+    "[D], w_n": (0.60, 0.63, 7.05, 3.03, 2.68, 0.51, 5.52, 3.67, 2.67),
+}
+"""[D] tables 3.3 and 3.4: SD of lumbar and thoracic vertebrae [kg], shares of segments [%]."""
+
+SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
+
+
+def measure_maps(folder: Path) -> Iterator[Row]:
+    """Where a uniform body's mass goes by each weight map: the 171-coordinate model in a stand-in body."""
+    model = read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
+    defaults = np.array([[coordinate.default for coordinate in model.coordinates]])
+    links = links_of(model, Motion(np.zeros(1), model.coordinate_names, defaults))
+    taking = links_with_mass(model)
+    segments = segments_of(model)
+    points = _capsules(links, np.array([RADII[segments[name].name] for name in links.names]) * taking)
+    maps: dict[str, WeightMap] = {
+        "w_d": partial(cog_weights, taking=taking),
+        "w_n": partial(nearest_weights, taking=taking),
+        "w_b": partial(bone_weights, taking=taking),
+        "w_b, exponent 8": partial(bone_weights, taking=taking, exponent=8.0),
+    }
+    total = float(inertial_parameters(model)[:, 0].sum())
+    found = {"the model itself": inertial_parameters(model)[:, 0]}
+    for name, weights in maps.items():
+        found[name] = weights(points, links).sum(axis=0) * total / len(points)
+    whole = cog_weights(points, links, taking=taking, smallest=0.0).sum(axis=0) * total / len(points)
+    for name, masses in found.items():
+        of = dict(zip(links.names, masses, strict=True))
+        yield {
+            "masses": name,
+            "SD of lumbar vertebrae [kg]": float(np.std([of[f"lumbar{i}"] for i in range(1, 6)])),
+            "SD of thoracic vertebrae [kg]": float(np.std([of[f"thoracic{i}"] for i in range(1, 13)])),
+            **{f"{name} [%]": _share(of, segments, name) for name in SEGMENTS},
+            "most that dropping small shares changes a link [g]": 1e3 * float(np.abs(masses - whole).max())
+            if name == "w_d"
+            else "",
+        }
+    for name, numbers in PUBLISHED.items():
+        keys = ("SD of lumbar vertebrae [kg]", "SD of thoracic vertebrae [kg]", *(f"{one} [%]" for one in SEGMENTS))
+        yield {"masses": f"published, {name}", **dict(zip(keys, numbers, strict=True))}
+
+
+def _share(masses: dict[str, float], segments: Mapping[str, Segment], name: str) -> float:
+    """Percent of the whole in a segment, of the right side where there are two."""
+    own = [mass for body, mass in masses.items() if segments[body].name == name and segments[body].side != "left"]
+    return 100.0 * float(sum(own)) / float(sum(masses.values()))
+
+
+def _capsules(links: Links, radii: Array, spacing: float = 0.01) -> Array:
+    """Points of a grid within a radius (links,) of some bone of each link; links of radius 0 have none."""
+    low, high = (edge(links.bones.reshape(-1, 3), axis=0) for edge in (np.min, np.max))
+    steps = [np.arange(a - radii.max(), b + radii.max(), spacing) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    inside = np.zeros(len(grid), bool)
+    for (start, end), owner in zip(links.bones, links.bone_links, strict=True):
+        along = end - start
+        t = np.clip((grid - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        inside |= np.linalg.norm(grid - start - t[:, None] * along, axis=1) < radii[owner]
+    return grid[inside]
+
+
 if __name__ == "__main__":
     from benchmarks.__main__ import print_rows
+    from benchmarks.cases import data_folder
 
-    for part in (measure_solvers, measure_grid):
+    for part in (measure_solvers, measure_grid, lambda: measure_maps(data_folder())):
         print_rows(list(part()))

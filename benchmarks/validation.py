@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks import (
     accuracy_kernels,
     accuracy_kinematics,
+    accuracy_masspoints,
     accuracy_models,
     accuracy_muscles,
     accuracy_regressor,
@@ -45,6 +46,9 @@ def run() -> list[Row]:
         "base_parameters": lambda: accuracy_regressor.measure_base_parameters(folder),
         "figaroh": accuracy_regressor.measure_figaroh,
         "sequential": lambda: accuracy_regressor.measure_sequential(folder),
+        "masspoints": accuracy_masspoints.measure_solvers,
+        "masspoints_grid": accuracy_masspoints.measure_grid,
+        "weight_maps": lambda: accuracy_masspoints.measure_maps(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
