@@ -1,0 +1,190 @@
+"""What two models of a human body have in common: regions of bodies, and the joint centers between them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Joint, Model
+from myomorph.model.segments import Segment, segments_of
+from myomorph.model.series import Motion
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+CENTER_OF = {
+    "thigh": "hip", "shank": "knee", "talus": "ankle", "foot": "subtalar", "toes": "toes", "torso": "lumbar",
+    "head": "neck", "upper_arm": "shoulder", "lower_arm": "elbow", "hand": "wrist",
+}  # fmt: skip
+"""The joint by which each region hangs on the one before it; a foot without a talus hangs on the ankle."""
+
+PARENT = {
+    "torso": "pelvis", "thigh": "pelvis", "shank": "thigh", "talus": "shank", "foot": "talus", "toes": "foot",
+    "head": "torso", "upper_arm": "torso", "lower_arm": "upper_arm", "hand": "lower_arm",
+}  # fmt: skip
+MIDDLE = ("pelvis", "torso", "head")
+HINGES = ("knee", "elbow")
+
+
+class Region(NamedTuple):
+    """A part of the body that several models share: the pelvis, one of `PARENT`, and its side."""
+
+    name: str
+    side: str = ""
+
+    @property
+    def parent(self) -> Region | None:
+        """The region it hangs on, None of the pelvis."""
+        if self.name not in PARENT:
+            return None
+        name = PARENT[self.name]
+        return Region(name, "" if name in MIDDLE else self.side)
+
+    def __str__(self) -> str:
+        return f"{self.side} {self.name.replace('_', ' ')}".strip()
+
+
+@dataclass(frozen=True, eq=False)
+class Center:
+    """A joint center: a point of the first body of a region, and the joint that makes it.
+
+    Attributes
+    ----------
+    name : of the joint, "hip"
+    inner, outer : the regions that meet there
+    location : (3,) in the body `joint.child` [m]
+    """
+
+    name: str
+    side: str
+    inner: Region
+    outer: Region
+    joint: Joint
+    location: Array
+
+    @property
+    def key(self) -> str:
+        """Name with side, "right hip"."""
+        return f"{self.side} {self.name}".strip()
+
+
+def regions_of(model: Model, given: Mapping[str, Segment] | None = None) -> dict[str, Region]:
+    """The region of every body, from the segments that the bodies' names tell.
+
+    The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk, spine,
+    ribs and shoulder girdle together, is the torso.
+
+    Parameters
+    ----------
+    given : segments that go before the names
+
+    Raises
+    ------
+    BadData : no body's name tells a segment, or there is no thigh
+    """
+    segments = segments_of(model, given)
+    parents = {joint.child: joint.parent for joint in model.joints}
+    pelvis = _pelvis(model, segments, parents)
+    below = {name: {name} for name in model.body_names}
+    for name in reversed(model.body_names):
+        if parents[name] != GROUND:
+            below[parents[name]] |= below[name]
+    found = {}
+    for name, segment in segments.items():
+        if name in pelvis:
+            region = "pelvis"
+        elif segment.name == "head" and all(segments[one].name == "head" for one in below[name]):
+            region = "head"
+        elif segment.name in ("head", "upper_trunk", "lower_trunk"):
+            region = "torso"
+        elif segment.name == "foot":
+            region = _part_of_foot(name)
+        else:
+            region = segment.name
+        found[name] = Region(region, "" if region in MIDDLE else segment.side)
+    return found
+
+
+def _pelvis(model: Model, segments: Mapping[str, Segment], parents: Mapping[str, str]) -> set[str]:
+    carriers = {
+        parents[name]
+        for name, segment in segments.items()
+        if segment.name == "thigh" and parents[name] != GROUND and segments[parents[name]].name != "thigh"
+    }
+    if not carriers:
+        raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis cannot be told")
+    found = set(carriers)
+    while True:
+        size = len(found)
+        for joint in model.joints:
+            pair = {joint.parent, joint.child}
+            still = not any(axis.function.arity for axis in joint.axes)
+            if still and GROUND not in pair and pair & found:
+                found |= {name for name in pair if segments[name].name == "lower_trunk"}
+        if len(found) == size:
+            return found
+
+
+def _part_of_foot(body: str) -> str:
+    base = split_side(body)[0].lower()
+    if re.search(r"talus|astragal", base):
+        return "talus"
+    return "toes" if re.search(r"toe|phalan", base) else "foot"
+
+
+def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]:
+    """The joint centers between regions, by key; of several joints, that which carries the most bodies.
+
+    A center is the origin of the joint's frame in the outer body, or the mean anchor of its hinges.
+    """
+    below = dict.fromkeys(model.body_names, 1)
+    parents = {joint.child: joint.parent for joint in model.joints}
+    for name in reversed(model.body_names):
+        if parents[name] != GROUND:
+            below[parents[name]] += below[name]
+    found: dict[str, Center] = {}
+    for joint in model.joints:
+        if joint.parent == GROUND or regions[joint.parent] == regions[joint.child]:
+            continue
+        inner, outer = regions[joint.parent], regions[joint.child]
+        if outer.name not in CENTER_OF:
+            continue
+        name = "ankle" if outer.name == "foot" and inner.name == "shank" else CENTER_OF[outer.name]
+        anchors = [axis.origin for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
+        location = joint.child_frame.apply(np.mean(anchors, axis=0) if anchors else np.zeros(3))
+        center = Center(name, outer.side, inner, outer, joint, location)
+        other = found.get(center.key)
+        if other is None or below[joint.child] > below[other.joint.child]:
+            found[center.key] = center
+    return found
+
+
+def center_places(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
+    """(3,) each center in ground in the first frame of a motion [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
+    numbers = {key: tree.body_index[one.joint.child] for key, one in centers.items()}
+    return {
+        key: poses.rotations[0, numbers[key]] @ one.location + poses.origins[0, numbers[key]]
+        for key, one in centers.items()
+    }
+
+
+def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
+    """(3,) first moving axis of a knee or an elbow in ground, in the first frame of a motion; else None."""
+    if center.name not in HINGES:
+        return None
+    axis = next((one for one in center.joint.axes if one.kind == "rotation" and one.function.arity), None)
+    if axis is None:
+        return None
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
+    inner = poses.rotations[0, tree.body_index[center.joint.parent]]
+    turned: Array = inner @ center.joint.parent_frame.rotation @ axis.vector
+    return turned

@@ -1,0 +1,551 @@
+"""A calibrated model's lengths, markers and masses given to a model with more joints ([D] 3.2.1, step 5).
+
+Both models are cut into the same regions. The higher model's bodies are stretched until the joint centers
+of its regions lie as far from each other as in the lower model, and it is posed so that they coincide; in
+that pose markers keep their place in space, and the masses of each region are spread over its bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from types import MappingProxyType
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from myomorph.identify.mass_map import frames_in_ground, ground_pseudo_inertias, parameters_of, spread, spread_mass
+from myomorph.identify.points import Links, links_of
+from myomorph.identify.regions import HINGES, Center, Region, center_places, centers_of, hinge_axis, regions_of
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.model import Joint, Marker, Model
+from myomorph.model.scale import scale
+from myomorph.model.segments import Segment
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array, Transform
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.muscles.scaling import default_path_lengths
+
+FEWEST_CENTERS = 4
+AXIS_LENGTH, AXIS_WEIGHT = 0.05, 0.001
+"""A point beside a knee or elbow on its axis [m], and its weight against a joint center's 1: it turns limbs."""
+ROOT, ROOT_WEIGHT = Region("pelvis"), 1e4
+"""The pelvis has a shape of its own, so that it can take its place exactly; limbs then follow from it."""
+EVEN = 1e-4
+"""Weight of differences between a region's factors along its axes, where distances leave them open [m]."""
+QUARTER_SLACK = np.radians(15.0)
+"""Headings of the two grounds that differ by nearly a quarter turn are taken to differ by one."""
+
+
+@dataclass(frozen=True)
+class TransferOptions:
+    """What a transfer may be told.
+
+    Attributes
+    ----------
+    rounds : of stretching and posing, at most
+    tolerance : the rounds end when no joint center moves further relative to the lower model's [m]
+    keep_markers : keep markers of the higher model that the lower one lacks
+    lower_segments, higher_segments : segments of bodies whose names do not tell them
+    """
+
+    rounds: int = 12
+    tolerance: float = 1e-5
+    keep_markers: bool = False
+    lower_segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
+    higher_segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class LengthMatch:
+    """Distance of two joint centers of a region in both models [m]."""
+
+    region: Region
+    centers: tuple[str, str]
+    lower: float
+    higher: float
+
+
+@dataclass(frozen=True)
+class MassMatch:
+    """A region's mass, and how well the sum of its bodies reproduces the lower model's.
+
+    Attributes
+    ----------
+    mass : of the lower model's bodies [kg]
+    mass_error, center_error, inertia_error : of the sum of the higher model's bodies [kg], [m], [kg m^2]
+    largest_shift : of a body's mass center by the spreading [m]
+    note : why mass center and inertia are not reproduced, "" where they are
+    """
+
+    region: Region
+    lower_bodies: tuple[str, ...]
+    higher_bodies: tuple[str, ...]
+    mass: float
+    mass_error: float
+    center_error: float
+    inertia_error: float
+    largest_shift: float
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """A higher model with a lower model's lengths, markers and masses, and how well it took them.
+
+    Attributes
+    ----------
+    model : the higher model as it is now
+    lower_pose, higher_pose : one frame each, in which the joint centers coincide
+    rotation : (3, 3) from the lower model's ground axes to the higher's
+    factors : (3,) scale factors of the higher model's bodies
+    joint_shifts : how far each joint had to be moved in its inner body, which stretching and posing left [m]
+    joint_errors : distance of each pair of corresponding joint centers that is left [m]
+    without_center : joint centers that only one of the models has
+    without_counterpart : bodies of regions that the other model lacks; they follow the region they hang on
+    """
+
+    model: Model
+    lower_pose: Motion
+    higher_pose: Motion
+    rotation: Array
+    factors: Mapping[str, Array]
+    joint_shifts: Mapping[str, float]
+    joint_errors: Mapping[str, float]
+    lengths: tuple[LengthMatch, ...]
+    masses: tuple[MassMatch, ...]
+    without_center: tuple[str, ...]
+    without_counterpart: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+def transfer(
+    lower: Model,
+    higher: Model,
+    options: TransferOptions | None = None,
+    pose: Motion | None = None,
+    path_lengths: Callable[[Model], Array] | None = default_path_lengths,
+) -> Transfer:
+    """Give a model with more joints the lengths, marker places and masses of one with fewer.
+
+    Lengths: a region with two joint centers is stretched evenly in all directions, so that their distance
+    is the lower model's; the pelvis and the torso, which have three or more, along the axes of their
+    bodies, one factor an axis for all of them, as evenly as their distances allow: the chain of the spine
+    shares the length of the trunk. Head, hands and toes, which have one, take the mean factor of the
+    region they hang on.
+
+    Markers: they are fixed to the body on which the higher model has a marker of that name, or of the
+    same name as the lower model's body, or to that of the region whose bone is nearest.
+
+    Masses: see `mass_map.spread`. A region that one model lacks (a head that is part of the torso) counts to the
+    one it hangs on.
+
+    Parameters
+    ----------
+    lower : calibrated and identified
+    pose : of the lower model, its first frame; by default its default pose, which should be much like the
+        higher model's
+    path_lengths : see `scale`; None leaves the muscles' fibers and tendons as they are
+
+    Raises
+    ------
+    BadData : the models have fewer than four joint centers in common, or names tell no segments
+    """
+    options = options or TransferOptions()
+    regions = regions_of(lower, options.lower_segments), regions_of(higher, options.higher_segments)
+    centers = centers_of(lower, regions[0]), centers_of(higher, regions[1])
+    shared = tuple(key for key in centers[0] if key in centers[1])
+    if len(shared) < FEWEST_CENTERS:
+        raise BadData(
+            f"models '{lower.name}' and '{higher.name}' have only {len(shared)} joint centers in common "
+            f"({', '.join(shared) or 'none'}): expected at least {FEWEST_CENTERS}"
+        )
+    lower_pose = _first(pose, lower)
+    rotation = _between_grounds(lower, higher, lower_pose, centers, shared)
+    lower_centers = {key: centers[0][key] for key in shared}
+    targets = {key: rotation @ place for key, place in center_places(lower, lower_centers, lower_pose).items()}
+    cues = _cues(lower, higher, lower_pose, centers, shared, rotation)
+
+    bare = replace(higher, markers=(), muscles=(), actuators=(), wrap_objects=(), passive_torques=())
+    fit = _Fit(bare, regions[1], {key: centers[1][key] for key in shared}, targets, cues)
+    factors, higher_pose = fit.solve(options)
+    shifts, shifted = fit.shifts(higher, factors, higher_pose)
+    lengths = None
+    if path_lengths is not None and higher.muscles:
+        before = path_lengths(higher)
+
+        def lengths(model: Model) -> Array:
+            return before if model is shifted else path_lengths(model)
+
+    model = scale(shifted, factors, path_lengths=lengths)
+    model, masses = _with_masses(lower, model, lower_pose, higher_pose, regions, rotation)
+    markers, notes = _markers(lower, model, lower_pose, higher_pose, regions, rotation, options)
+    model = replace(model, markers=markers)
+
+    places = center_places(model, centers_of(model, regions[1]), higher_pose)
+    errors = {key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}
+    lonely = sorted(set(centers[0]) ^ set(centers[1]))
+    common = set(regions[0].values()) & set(regions[1].values())
+    apart = [name for table in regions for name, region in table.items() if region not in common]
+    return Transfer(
+        model,
+        lower_pose,
+        higher_pose,
+        rotation,
+        MappingProxyType(factors),
+        MappingProxyType(shifts),
+        MappingProxyType(errors),
+        fit.lengths(places),
+        masses,
+        tuple(lonely),
+        tuple(apart),
+        tuple(notes),
+    )
+
+
+def _first(pose: Motion | None, model: Model) -> Motion:
+    if pose is None:
+        return Motion(np.zeros(1), (), np.zeros((1, 0)))
+    if len(pose) == 0 or not np.isfinite(pose.values[0]).all():
+        raise BadData(f"the pose of model '{model.name}' has no first frame of finite coordinates")
+    return Motion(pose.time[:1], pose.names, pose.values[:1])
+
+
+def _between_grounds(
+    lower: Model,
+    higher: Model,
+    lower_pose: Motion,
+    centers: tuple[Mapping[str, Center], Mapping[str, Center]],
+    shared: Sequence[str],
+) -> Array:
+    """(3, 3) axes of the lower model's ground in the higher's: gravity on gravity, headings to a quarter turn."""
+    rest = _first(None, higher)
+    ups = [_upright(model.gravity) for model in (lower, higher)]
+    places = [
+        center_places(model, {key: own[key] for key in shared}, pose)
+        for model, own, pose in ((lower, centers[0], lower_pose), (higher, centers[1], rest))
+    ]
+    flat = [np.array([place[key] for key in shared]) @ up for place, up in zip(places, ups, strict=True)]
+    first, second = (one[:, [0, 2]] - one[:, [0, 2]].mean(axis=0) for one in flat)
+    # Angle about the vertical that turns (x, z) of the lower model nearest to the higher's.
+    turn = np.arctan2((second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]).sum(), (first * second).sum())
+    quarter = 0.5 * np.pi * np.round(turn / (0.5 * np.pi))
+    angle = quarter if abs(turn - quarter) < QUARTER_SLACK else turn
+    c, s = np.cos(angle), np.sin(angle)
+    about_up = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    rotation: Array = ups[1] @ about_up @ ups[0].T
+    return np.where(np.abs(rotation) < 1e-15, 0.0, rotation)
+
+
+def _upright(gravity: Array) -> Array:
+    """(3, 3) columns x, y, z of a frame whose y axis points up."""
+    size = float(np.linalg.norm(gravity))
+    up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
+    forward = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
+    forward = forward - (forward @ up) * up
+    forward /= np.linalg.norm(forward)
+    return np.column_stack([forward, up, np.cross(forward, up)])
+
+
+@dataclass(frozen=True, eq=False)
+class _Cue:
+    """A point on a hinge's axis beside its center: on the higher model's inner body, and where it should be."""
+
+    name: str
+    body: str
+    location: Array
+    target: Array
+
+
+def _cues(
+    lower: Model,
+    higher: Model,
+    lower_pose: Motion,
+    centers: tuple[Mapping[str, Center], Mapping[str, Center]],
+    shared: Sequence[str],
+    rotation: Array,
+) -> list[_Cue]:
+    """Points that turn thighs and upper arms about their length, where both models have a hinge below."""
+    rest, found = _first(None, higher), []
+    places = center_places(lower, centers[0], lower_pose)
+    for key in shared:
+        if centers[0][key].name not in HINGES:
+            continue
+        axes = hinge_axis(lower, centers[0][key], lower_pose), hinge_axis(higher, centers[1][key], rest)
+        if axes[0] is None or axes[1] is None:
+            continue
+        wanted, own = rotation @ axes[0], axes[1]
+        if abs(wanted @ own) < 0.5:
+            continue
+        joint = centers[1][key].joint
+        local = frames_in_ground(higher, rest)[higher.body_names.index(joint.parent), :3, :3].T @ own
+        location = joint.parent_frame.translation + AXIS_LENGTH * np.sign(wanted @ own) * local
+        found.append(_Cue(f"{key} axis", joint.parent, location, rotation @ places[key] + AXIS_LENGTH * wanted))
+    return found
+
+
+class _Fit:
+    """Factors and a pose of the higher model that bring its joint centers to those of the lower.
+
+    Attributes
+    ----------
+    pairs : (region, center, center) whose distances the factors of the region set
+    free : regions with factors of their own: one, or three where three centers or more bound the region
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        regions: Mapping[str, Region],
+        centers: Mapping[str, Center],
+        targets: Mapping[str, Array],
+        cues: Sequence[_Cue],
+    ):
+        self._model, self._regions, self._centers = model, regions, centers
+        self._targets, self._cues = targets, cues
+        inside = {
+            name
+            for joint in model.joints
+            if regions.get(joint.parent) == regions[joint.child]
+            for name in joint.coordinates
+        }
+        self._held = tuple(replace(one, locked=one.locked or one.name in inside) for one in model.coordinates)
+        bounds: dict[Region, list[str]] = {}
+        for key, center in centers.items():
+            for region in dict.fromkeys((center.inner, center.outer)):
+                bounds.setdefault(region, []).append(key)
+        self.pairs = [(region, a, b) for region, keys in bounds.items() for a, b in combinations(keys, 2)]
+        self.free = {region: 3 if len(keys) > 2 else 1 for region, keys in bounds.items() if len(keys) > 1}
+        if not self.free:
+            raise BadData(f"no region of model '{model.name}' lies between two joint centers that both models have")
+
+    def solve(self, options: TransferOptions) -> tuple[dict[str, Array], Motion]:
+        """Stretch and pose in turn until the centers coincide or stay where they are."""
+        pose, logs = _first(None, self._model), np.zeros(sum(self.free.values()))
+        before: dict[str, float] = {}
+        for _ in range(options.rounds):
+            logs = self._stretch(logs, pose)
+            model = scale(self._model, self.factors(logs))
+            pose = self._pose(model)
+            places = center_places(model, centers_of(model, self._regions), pose)
+            errors = {key: float(np.linalg.norm(places[key] - target)) for key, target in self._targets.items()}
+            if max(abs(errors[key] - before.get(key, np.inf)) for key in errors) < options.tolerance:
+                break
+            before = errors
+        return self.factors(logs), pose
+
+    def factors(self, logs: Array) -> dict[str, Array]:
+        """(3,) factors of every body from the logarithms (unknowns,) of the free regions' factors."""
+        own: dict[Region, Array] = {}
+        start = 0
+        for region, count in self.free.items():
+            own[region] = np.exp(np.broadcast_to(logs[start : start + count], (3,)))
+            start += count
+        mean = float(np.exp(np.mean(logs)))
+        return {body: self._of(region, own, mean) for body, region in self._regions.items()}
+
+    def _of(self, region: Region, own: Mapping[Region, Array], mean: float) -> Array:
+        if region in own:
+            return np.array(own[region])
+        above = region.parent
+        while above is not None and above not in own:
+            above = above.parent
+        return np.full(3, mean if above is None else float(np.prod(own[above])) ** (1.0 / 3.0))
+
+    def _stretch(self, logs: Array, pose: Motion) -> Array:
+        """Factors with which the distances within regions become the lower model's, in a pose."""
+        wanted = {pair: float(np.linalg.norm(self._targets[pair[1]] - self._targets[pair[2]])) for pair in self.pairs}
+
+        def residuals(x: Array) -> Array:
+            model = scale(self._model, self.factors(x))
+            places = center_places(model, centers_of(model, self._regions), pose)
+            rows = [np.linalg.norm(places[a] - places[b]) - wanted[region, a, b] for region, a, b in self.pairs]
+            start = 0
+            for count in self.free.values():
+                part = x[start : start + count]
+                rows += list(EVEN * (part - part.mean()))
+                start += count
+            return np.array(rows)
+
+        return np.array(least_squares(residuals, logs, method="lm", xtol=1e-10, ftol=1e-12, gtol=1e-14).x)
+
+    def _pose(self, model: Model) -> Motion:
+        """The pose in which the joint centers lie nearest to the lower model's."""
+        centers = centers_of(model, self._regions)
+        virtual = [Marker(key, centers[key].joint.child, centers[key].location) for key in self._targets]
+        stretched = {joint.child: joint.parent_frame.translation for joint in model.joints}
+        origins = {joint.child: joint.parent_frame.translation for joint in self._model.joints}
+        points, weights = list(self._targets.values()), {}
+        for key in self._targets:
+            weights[key] = ROOT_WEIGHT if ROOT in (centers[key].inner, centers[key].outer) else 1.0
+        for cue in self._cues:
+            child = self._centers[cue.name.removesuffix(" axis")].joint.child
+            virtual.append(Marker(cue.name, cue.body, stretched[child] + cue.location - origins[child]))
+            points.append(cue.target)
+            weights[cue.name] = AXIS_WEIGHT
+        names = tuple(marker.name for marker in virtual)
+        seen = Markers(np.zeros(1), names, np.array(points)[None])
+        options = InverseKinematicsOptions(marker_weights=weights, tolerance=1e-9, iterations=500)
+        held = replace(model, markers=tuple(virtual), coordinates=self._held)
+        return inverse_kinematics(held, seen, options).motion
+
+    def shifts(self, higher: Model, factors: Mapping[str, Array], pose: Motion) -> tuple[dict[str, float], Model]:
+        """How far each joint is moved in its inner body so that its center coincides, and the model before scaling."""
+        model, distances = higher, {}
+        order = sorted(self._centers.values(), key=lambda one: higher.body_names.index(one.joint.child))
+        for center in order:
+            bare = replace(self._model, joints=model.joints)
+            larger = scale(bare, factors)
+            place = center_places(larger, centers_of(larger, self._regions), pose)[center.key]
+            missing = self._targets[center.key] - place
+            number = higher.body_names.index(center.joint.parent)
+            local = frames_in_ground(larger, pose)[number, :3, :3].T @ missing
+            distances[center.key] = float(np.linalg.norm(missing))
+            model = replace(model, joints=tuple(_moved(one, center, local, factors) for one in model.joints))
+        return distances, model
+
+    def lengths(self, places: Mapping[str, Array]) -> tuple[LengthMatch, ...]:
+        """Distances of all pairs, of the lower model and of centers at `places`."""
+        return tuple(
+            LengthMatch(
+                region,
+                (a, b),
+                float(np.linalg.norm(self._targets[a] - self._targets[b])),
+                float(np.linalg.norm(places[a] - places[b])),
+            )
+            for region, a, b in self.pairs
+        )
+
+
+def _moved(joint: Joint, center: Center, by: Array, factors: Mapping[str, Array]) -> Joint:
+    """A joint of the model before scaling, moved in its inner body so that after scaling it has moved by a vector."""
+    if joint.child != center.joint.child:
+        return joint
+    frame = joint.parent_frame
+    moved = Transform(frame.rotation, frame.translation + by / factors[joint.parent])
+    return replace(joint, parent_frame=moved)
+
+
+def _with_masses(
+    lower: Model,
+    higher: Model,
+    lower_pose: Motion,
+    higher_pose: Motion,
+    regions: tuple[Mapping[str, Region], Mapping[str, Region]],
+    rotation: Array,
+) -> tuple[Model, tuple[MassMatch, ...]]:
+    """The higher model with each region's mass, mass center and inertia of the lower, and how well."""
+    turn = np.eye(4)
+    turn[:3, :3] = rotation
+    given = turn @ ground_pseudo_inertias(lower, lower_pose) @ turn.T
+    own = ground_pseudo_inertias(higher, higher_pose)
+    heavy = [
+        {region for body, region in table.items() if model.body(body).mass > 0.0}
+        for model, table in ((lower, regions[0]), (higher, regions[1]))
+    ]
+    common = heavy[0] & heavy[1]
+    members = [
+        [_counted(table[name], common) for name in model.body_names]
+        for model, table in ((lower, regions[0]), (higher, regions[1]))
+    ]
+    found = own.copy()
+    matches = []
+    for region in dict.fromkeys(members[1]):
+        theirs, ours = (np.flatnonzero([one == region for one in some]) for some in members)
+        target = given[theirs].sum(axis=0)
+        try:
+            found[ours], note = spread(own[ours], target), ""
+        except BadData as error:
+            found[ours], note = spread_mass(own[ours], target), f"only mass and mass center: {error}"
+        matches.append(_matched(region, lower, higher, theirs, ours, target, own, found, note))
+    back = np.linalg.inv(frames_in_ground(higher, higher_pose))
+    parameters = parameters_of(back @ found @ np.swapaxes(back, 1, 2))
+    massless = inertial_parameters(higher)[:, 0] == 0.0
+    parameters[massless] = inertial_parameters(higher)[massless]
+    return with_inertial_parameters(higher, parameters), tuple(matches)
+
+
+def _counted(region: Region, common: set[Region]) -> Region:
+    """The region itself or the nearest it hangs on that both models have."""
+    one: Region | None = region
+    while one is not None and one not in common:
+        one = one.parent
+    if one is None:
+        raise BadData(f"the {region} has no mass in one of the models, and nothing it hangs on has")
+    return one
+
+
+def _matched(
+    region: Region,
+    lower: Model,
+    higher: Model,
+    theirs: np.ndarray,
+    ours: np.ndarray,
+    target: Array,
+    own: Array,
+    found: Array,
+    note: str,
+) -> MassMatch:
+    total = found[ours].sum(axis=0)
+    masses = own[ours, 3, 3] > 0.0
+    before, after = (table[ours][masses][:, :3, 3] / table[ours][masses][:, 3, 3, None] for table in (own, found))
+    center = float(np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3]))
+    return MassMatch(
+        region,
+        tuple(lower.body_names[i] for i in theirs),
+        tuple(higher.body_names[i] for i in ours),
+        float(target[3, 3]),
+        float(abs(total[3, 3] - target[3, 3])),
+        center,
+        float(np.abs(total[:3, :3] - target[:3, :3]).max()),
+        float(np.linalg.norm(after - before, axis=1).max(initial=0.0)),
+        note,
+    )
+
+
+def _markers(
+    lower: Model,
+    higher: Model,
+    lower_pose: Motion,
+    higher_pose: Motion,
+    regions: tuple[Mapping[str, Region], Mapping[str, Region]],
+    rotation: Array,
+    options: TransferOptions,
+) -> tuple[tuple[Marker, ...], list[str]]:
+    """The lower model's markers at the same places in space, on bodies of the higher."""
+    links = links_of(higher, higher_pose)
+    frames, theirs = frames_in_ground(higher, higher_pose), frames_in_ground(lower, lower_pose)
+    common = set(regions[0].values()) & set(regions[1].values())
+    counted = {name: _counted(region, common) for name, region in regions[1].items()}
+    own = {marker.name: marker.body for marker in higher.markers}
+    placed, notes = [], []
+    for marker in lower.markers:
+        if marker.body not in regions[0]:
+            notes.append(f"marker '{marker.name}' is on the ground: it is left out")
+            continue
+        frame = theirs[lower.body_names.index(marker.body)]
+        place = rotation @ (frame[:3, :3] @ marker.location + frame[:3, 3])
+        region = _counted(regions[0][marker.body], common)
+        inside = [name for name in higher.body_names if counted[name] == region]
+        body = own.get(marker.name, marker.body)
+        if body not in inside:
+            body = _nearest(place, links, inside)
+        at = frames[higher.body_names.index(body)]
+        placed.append(Marker(marker.name, body, at[:3, :3].T @ (place - at[:3, 3]), marker.fixed))
+    if options.keep_markers:
+        taken = {marker.name for marker in placed}
+        placed += [marker for marker in higher.markers if marker.name not in taken]
+    return tuple(placed), notes
+
+
+def _nearest(place: Array, links: Links, names: Sequence[str]) -> str:
+    """The body of those named whose bone is nearest to a place."""
+    wanted = np.isin(links.bone_links, [links.names.index(name) for name in names])
+    start, end = links.bones[wanted, 0], links.bones[wanted, 1]
+    along = end - start
+    length = np.maximum((along**2).sum(axis=1), 1e-18)
+    share = np.clip(((place - start) * along).sum(axis=1) / length, 0.0, 1.0)
+    distance = np.linalg.norm(start + share[:, None] * along - place, axis=1)
+    return links.names[links.bone_links[wanted][int(np.argmin(distance))]]
