@@ -291,7 +291,7 @@ def laboratory(markers: Markers, wrenches: Wrenches) -> tuple[SimpleNamespace, S
 def test_streams_give_what_a_file_gives(
     marked: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("myomorph.study.live_sources.SILENCE", 0.05)
+    monkeypatch.setattr("myomorph.study.live_sources.SILENCE", 0.3)
     model, markers, wrenches = marked
     source = LabStreams("Cameras", "Plates", library=network(*laboratory(markers, wrenches)))
     result = follow(model, source, online=OPTIONS)

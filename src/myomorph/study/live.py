@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 
@@ -23,9 +22,9 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.motion.measurements import default_markers
 from myomorph.motion.online import OnlineKinematics
-from myomorph.report.body_view import BodyView, half_blocks
-from myomorph.report.live_view import Clock, live_markdown, live_panel
-from myomorph.study.live_sources import LabStreams, Replay, Source
+from myomorph.report.live_view import Clock
+from myomorph.study.live_displays import Display, TerminalDisplay, WebDisplay
+from myomorph.study.live_sources import Arrived, LabStreams, Replay, Source
 
 INTERVAL = 0.2
 """Time between two looks at the estimate [s]."""
@@ -35,9 +34,6 @@ SHARE = 0.25
 
 IDLE = 0.004
 """Pause where nothing has come [s]."""
-
-ROWS, COLUMNS = 30, 40
-"""Characters of the drawn body."""
 
 
 @dataclass(frozen=True)
@@ -95,19 +91,6 @@ class LiveResult:
         told += f"; markers {1000 * self.marker_rms:.1f} mm" if np.isfinite(self.marker_rms) else ""
         told += f"; identified {100 * fit.progress:.0f} %, least '{weakest}' {100 * fit.link_levels[weakest]:.0f} %"
         return told + f"; kept up with {self.frames_per_second:.0f} frames a second"
-
-
-class Display(Protocol):
-    """Something that shows a session."""
-
-    def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """A new frame."""
-
-    def show(self, state: OnlineState, at: Clock) -> None:
-        """A new look at the estimate."""
-
-    def close(self) -> None:
-        """The session is over."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +163,7 @@ class _Kept:
 
     time: list[float] = field(default_factory=list)
     coordinates: list[Array] = field(default_factory=list)
-    squares: list[float] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
     force_time: list[Array] = field(default_factory=list)
     forces: list[Array] = field(default_factory=list)
 
@@ -221,51 +204,35 @@ def _follow(
     identification.rehearse()
     if kinematics is not None:
         _rehearse(model, source)
-    columns = [] if kinematics else _columns(model, source.names)
-    kept, defaults = _Kept(), np.array([coordinate.default for coordinate in model.coordinates])
+    columns = [] if kinematics else [index_of("coordinate", name, model.coordinate_names) for name in source.names]
+    kept = _Kept()
     began = looked = now()
     busy, pause = 0.0, INTERVAL
-    while not source.done:
-        arrived = source.take()
-        start = now()
-        forces = zip(arrived.force_time, arrived.forces, strict=True)
-        before = np.searchsorted(arrived.force_time, arrived.motion_time, side="right")
-        sample = 0
-        kept.force_time.append(arrived.force_time)
-        kept.forces.append(arrived.forces)
-        shown: Array | None = None
-        for stop, time, row in zip(before, arrived.motion_time, arrived.motion, strict=True):
-            for moment, wrench in islice(forces, int(stop) - sample):
-                identification.push_force(float(moment), wrench)
-            sample = int(stop)
-            if kinematics is not None:
-                coordinates, error = kinematics.solve(float(time), row)
-                kept.squares.append(error)
-                shown = row
-            else:
-                coordinates = defaults.copy()
-                coordinates[columns] = row
-            kept.time.append(float(time))
-            kept.coordinates.append(coordinates)
-            identification.push_motion(float(time), coordinates)
-        for moment, wrench in forces:
-            identification.push_force(float(moment), wrench)
-        busy += now() - start
-        if not len(arrived.motion_time):
-            clock.sleep(IDLE)
-            continue
-        if displays and np.isfinite(coordinates).all():
-            for display in displays:
-                display.pose(coordinates, shown)
-        if displays and now() - looked >= pause:
+    try:
+        while not source.done:
+            arrived = source.take()
             start = now()
-            at = _clock(source, kept, start - began)
-            state = identification.state()
-            for display in displays:
-                display.show(state, at)
-            looked = now()
-            # A look that takes long is taken less often, so that frames are never held up by it.
-            pause = max(INTERVAL, (looked - start) / SHARE)
+            coordinates, seen = _take(identification, kinematics, columns, kept, arrived)
+            busy += now() - start
+            if coordinates is None:
+                clock.sleep(IDLE)
+                continue
+            if np.isfinite(coordinates).all():
+                for display in displays:
+                    display.pose(coordinates, seen)
+            if displays and now() - looked >= pause:
+                start = now()
+                at = _clock(source, kept, start - began)
+                state = identification.state()
+                for display in displays:
+                    display.show(state, at)
+                looked = now()
+                # A look that takes long is taken less often, so that frames are never held up by it.
+                pause = max(INTERVAL, (looked - start) / SHARE)
+    except KeyboardInterrupt:
+        # Streams end when the user says so.
+        if source.duration is not None or not kept.time:
+            raise
     if not kept.time:
         raise BadData("no frame came")
     identification.finish()
@@ -275,7 +242,7 @@ def _follow(
     if not state.fit.frames:
         told = ", ".join(f"{count} {reason}" for reason, count in state.left_out.items())
         raise BadData(f"none of the {len(kept.time)} frames that came can be used: {told or 'too few for the filter'}")
-    errors = np.array(kept.squares)
+    errors = np.array(kept.errors)
     errors = errors[np.isfinite(errors)]
     return LiveResult(
         identification=identification,
@@ -287,6 +254,40 @@ def _follow(
         busy=busy,
         marker_rms=float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan"),
     )
+
+
+def _take(
+    identification: OnlineIdentification,
+    kinematics: OnlineKinematics | None,
+    columns: Sequence[int],
+    kept: _Kept,
+    arrived: Arrived,
+) -> tuple[Array | None, Array | None]:
+    """Push what arrived in the order of its times; the newest coordinates and markers, None where none came."""
+    kept.force_time.append(arrived.force_time)
+    kept.forces.append(arrived.forces)
+    coordinates: Array | None = None
+    seen: Array | None = None
+    forces = zip(arrived.force_time, arrived.forces, strict=True)
+    sample = 0
+    before = np.searchsorted(arrived.force_time, arrived.motion_time, side="right")
+    for stop, time, row in zip(before, arrived.motion_time, arrived.motion, strict=True):
+        for moment, wrench in islice(forces, int(stop) - sample):
+            identification.push_force(float(moment), wrench)
+        sample = int(stop)
+        if kinematics is not None:
+            coordinates, error = kinematics.solve(float(time), row)
+            kept.errors.append(error)
+            seen = row
+        else:
+            coordinates = np.array([coordinate.default for coordinate in identification.model.coordinates])
+            coordinates[columns] = row
+        kept.time.append(float(time))
+        kept.coordinates.append(coordinates)
+        identification.push_motion(float(time), coordinates)
+    for moment, wrench in forces:
+        identification.push_force(float(moment), wrench)
+    return coordinates, seen
 
 
 def _rehearse(model: Model, source: Source) -> None:
@@ -303,10 +304,6 @@ def _clock(source: Source, kept: _Kept, elapsed: float) -> Clock:
     return Clock(at, source.duration, max(elapsed - at / source.speed, 0.0) if source.speed else 0.0)
 
 
-def _columns(model: Model, names: Sequence[str]) -> list[int]:
-    return [index_of("coordinate", name, model.coordinate_names) for name in names]
-
-
 def _on_base(model: Model, time: Array, totals: Array) -> Wrenches:
     zero = np.zeros((len(time), 1, 3))
     base = model.body_names[0]
@@ -319,65 +316,6 @@ def _segments(model: Model) -> Mapping[str, Segment]:
         return segments_of(model)
     except BadData:
         return MappingProxyType({name: Segment(name) for name in model.body_names})
-
-
-class TerminalDisplay:
-    """Draws on the terminal through `rich`."""
-
-    def __init__(self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None):
-        from rich.console import Console
-        from rich.live import Live
-
-        self._model, self._segments = model, segments
-        self._view = BodyView(model, surfaces)
-        self._console = Console(stderr=True)
-        self._live = Live(console=self._console, auto_refresh=False, transient=False)
-        self._live.start()
-
-    def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """Nothing: the terminal is drawn with the next look."""
-
-    def show(self, state: OnlineState, at: Clock) -> None:
-        """Draw the body and the numbers."""
-        rows = min(ROWS, self._console.size.height - 4)
-        body = None
-        if rows >= 10 and self._console.size.width >= COLUMNS + 60:
-            body = half_blocks(self._view.pixels(state.pose, state.levels, COLUMNS, 2 * rows))
-        panel = live_panel(state, self._model.body_names, self._segments, at, body)
-        self._live.update(panel, refresh=True)
-
-    def close(self) -> None:
-        """Leave the last picture standing."""
-        self._live.stop()
-
-
-class WebDisplay:
-    """Draws in a web page."""
-
-    def __init__(
-        self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None, port: int
-    ):
-        from myomorph.report.viewer import WebViewer
-
-        self._model, self._segments = model, segments
-        self._viewer = WebViewer(model, surfaces, port)
-        self._drawn = 0.0
-        sys.stderr.write(f"the body is at http://localhost:{self._viewer.port}\n")
-
-    def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """Move the body, at most thirty times a second."""
-        if clock.monotonic() - self._drawn > 1.0 / 30.0:
-            self._viewer.pose(coordinates, markers)
-            self._drawn = clock.monotonic()
-
-    def show(self, state: OnlineState, at: Clock) -> None:
-        """Color the body and tell the numbers."""
-        text = live_markdown(state, self._model.body_names, self._segments, at)
-        self._viewer.levels(state.levels, state.fit.progress, text)
-
-    def close(self) -> None:
-        """Take the page down."""
-        self._viewer.close()
 
 
 def open_recording(model: Model, motion: Path, loads: Path, time: tuple[float, float] | None = None) -> LiveRecording:

@@ -180,18 +180,18 @@ class LabStreams:
         self._forces, info = _inlet(lsl, forces, "forces", wait)
         self.force_rate = _rate(info, forces)
         self._layout = force_channels(*_channels(info))
-        self._last = clock.monotonic()
+        self._last: float | None = None
 
     @property
     def done(self) -> bool:
-        """Whether nothing has come for a while."""
-        return clock.monotonic() - self._last > SILENCE
+        """Whether nothing has come for a while since the first look."""
+        return self._last is not None and clock.monotonic() - self._last > SILENCE
 
     def take(self) -> Arrived:
         """Everything that came since the last call."""
         force_time, samples = _pulled(self._forces)
         time, rows = _pulled(self._markers)
-        if len(time):
+        if len(time) or self._last is None:
             self._last = clock.monotonic()
         positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
         wrenches = self._layout(samples) if len(samples) else np.zeros((0, 6))
