@@ -33,7 +33,9 @@ from myomorph.motion.shared_fit import (
     place_at_fixed_angles,
     reduce,
     settle,
+    settle_anew,
 )
+from myomorph.motion.starts import root_coordinates
 from myomorph.motion.stretch import skeleton, stretch_of
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics
@@ -45,6 +47,7 @@ STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 FEW_FRAMES = 10
 NOISE_UNKNOWN = 0.005
 NOISE_LEAST = 1e-4
+NOISE_AT_FIRST = 0.02
 ALTERNATIONS = 50
 
 
@@ -63,8 +66,8 @@ class CalibrationOptions:
     side_sd : how much the right differs from the left
     marker_sd : how far a marker lies from its place on the given model [m]
     fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]
-    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin;
-        None lets the fit tell it, which trusts the recordings more
+    noise : of a marker about its place on a rigid body, along one axis [m]: mostly movement of the skin, which
+        is alike in frames alike; None takes it from the residual, right for markers without skin
     static_sd : of the coordinates that are known in the static trial [rad]
     iterations : at most so many steps
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
@@ -100,7 +103,7 @@ class FoundLength:
     Attributes
     ----------
     factor, sd : of the given model's length, and the standard deviation that noise and prior leave
-    prior_sd : standard deviation before any marker was seen
+    prior_sd : standard deviation before any marker was seen, the overall size known
     generic, value : distance between joint centers along the axis before and after [m]
     """
 
@@ -413,24 +416,27 @@ def _search(
         if progress and steps <= options.iterations:
             progress(1)
 
-    noise = options.noise or 0.01
-    start = point = settle(problem, x, angles, noise**2)
+    noise = options.noise or NOISE_UNKNOWN
+    root = root_coordinates(compile_tree(problem.model))
+    # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
+    stages = [noise] if noise >= NOISE_AT_FIRST else [NOISE_AT_FIRST, noise]
+    start = point = settle(problem, x, angles, stages[0] ** 2)
     costs: list[float] = []
     told = True
-    for last in (False, False, False, True):
+    while stages:
+        noise = stages.pop(0)
+        point = settle_anew(problem, point, root, noise**2)
         left = max(1, options.iterations - steps)
         if options.method == "joint":
-            tolerance = 1e-5 if last or options.noise else 1e-4
-            found = minimise(problem, point, noise**2, free, left, tolerance, one_more)
+            found = minimise(problem, point, noise**2, free, left, 1e-3 if stages else 1e-5, one_more)
         else:
             found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
         costs += found.costs
         point = found.point
-        before = noise
-        if options.noise is None and not last:
-            noise, told = _noise(problem, found, free, noise**2)
-        if last or abs(noise - before) <= 0.02 * before:
-            break
+        if not stages and options.noise is None:
+            told_noise, told = _noise(problem, found, free, noise**2)
+            if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
+                stages = [told_noise]
     return _Search(found, start, noise, told, tuple(costs), steps, free)
 
 
@@ -512,7 +518,8 @@ def _deviations(problem: SharedProblem, search: _Search) -> tuple[Array, Array]:
     variance = search.noise**2
     H = search.found.reduced.H[np.ix_(free, free)]
     sd[free] = np.sqrt(variance * np.diag(np.linalg.inv(H + variance * rows.T @ rows)))
-    prior_sd[free] = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    given_size = rows[:, :-1]
+    prior_sd[np.flatnonzero(free)[:-1]] = np.sqrt(np.diag(np.linalg.inv(given_size.T @ given_size)))
     return sd, prior_sd
 
 

@@ -39,6 +39,7 @@ class Length:
     extent : how far the joint centers lie apart along it, in a last segment the joint and the markers, or
         the mass center where it has none [m]
     along : whether this is the longest of the segment's axes, its distance from joint to joint
+    between_joints : whether joints lie at both ends; the size of a last segment shows in its markers only
     """
 
     name: str
@@ -46,6 +47,7 @@ class Length:
     stretched: tuple[tuple[str, int], ...]
     extent: float
     along: bool
+    between_joints: bool
 
 
 def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
@@ -85,7 +87,7 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
         for axis in range(3):
             stretched = tuple((body, axes[body][axis]) for body in bodies)
             along = axis == int(np.argmax(extents))
-            found.append(Length(f"{name}_{AXES[axis]}", name, stretched, float(extents[axis]), along))
+            found.append(Length(f"{name}_{AXES[axis]}", name, stretched, float(extents[axis]), along, len(joints) > 1))
     return _one_for_both_sides(found) if symmetric else tuple(found)
 
 

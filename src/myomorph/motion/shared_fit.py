@@ -19,6 +19,12 @@ from myomorph.rigid.tree import TreeArrays, compile_tree
 LEAST_GAIN = 1e-7
 """A step that lowers the cost by a smaller share is the last."""
 
+KINK = 1e-4
+"""Where no step lowers the cost although one promised at most this share, angles at their bounds bend it there."""
+
+RESTARTS = 8
+"""Frames from whose angles all others are tried."""
+
 SLOTS = 16
 """Partial sums over frames: memory does not grow with frames, and the order of summation is always the same."""
 
@@ -91,7 +97,8 @@ class Point:
     Attributes
     ----------
     angles : for each set (frames, coordinates)
-    data, prior : costs [m^2] and [in standard deviations]
+    data : for each set (frames,) cost of each frame [m^2]
+    prior : cost of the prior [squares of standard deviations]
     settled : share of frames whose angles converged
     """
 
@@ -99,13 +106,13 @@ class Point:
     tree: TreeArrays
     markers: tuple[MarkerArrays, ...]
     angles: tuple[Array, ...]
-    data: float
+    data: tuple[Array, ...]
     prior: float
     settled: float
 
     def cost(self, variance: float) -> float:
         """Sum of weighted squares of marker distances and of the prior at this noise [m^2]."""
-        return self.data + variance * self.prior
+        return float(sum(one.sum() for one in self.data)) + variance * self.prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +137,7 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
     """Inverse kinematics of all frames on the model that x makes."""
     tree = compile_tree(problem.stretched(x)).arrays
     locations = problem.placed(x)
-    arrays, found, data, settled, frames = [], [], 0.0, 0, 0
+    arrays, found, data, settled, frames = [], [], [], 0, 0
     for one, start in zip(problem.sets, angles, strict=True):
         seen = np.where(np.isfinite(one.observed).all(axis=2), problem.markers.weight, 0.0).sum(axis=1)
         # The kernels count markers as a mean, and tasks beside it.
@@ -148,10 +155,10 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
         over_frames(part, len(c), chunk=16)
         arrays.append(K)
         found.append(c)
-        data += float(cost.sum())
+        data.append(cost)
         settled += int(converged.sum())
         frames += len(c)
-    return Point(x, tree, tuple(arrays), tuple(found), data, problem.prior.cost(x), settled / max(frames, 1))
+    return Point(x, tree, tuple(arrays), tuple(found), tuple(data), problem.prior.cost(x), settled / max(frames, 1))
 
 
 def reduce(problem: SharedProblem, at: Point) -> Reduced:
@@ -169,7 +176,9 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
         H, g = np.zeros((slots, shared, shared)), np.zeros((slots, shared))
         E, e, free = np.zeros_like(H), np.zeros_like(g), np.zeros(slots, np.int64)
 
-        def part(first: int, last: int, K=K, one=one, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances) -> None:  # type: ignore[no-untyped-def]  # noqa: E501
+        def part(
+            first: int, last: int, K=K, one=one, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances
+        ) -> None:  # type: ignore[no-untyped-def]  # noqa: E501
             slot = first // block
             for start in range(first, last, FRAMES_AT_ONCE):
                 span = slice(start, min(start + FRAMES_AT_ONCE, last))
@@ -195,6 +204,29 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
         np.pad(fixed_H - taken_H, pad), np.pad(fixed_g - taken_g, (0, 1)), np.pad(fixed_H, pad),
         np.pad(fixed_g, (0, 1)), tuple(errors), angles_free,
     )  # fmt: skip
+
+
+def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:
+    """The same unknowns, every frame also tried from the angles of other frames, the best of each kept.
+
+    A frame may rest in a wrong valley (an arm turned half round), where it would draw the markers along;
+    frames that do not know the way out from there start beyond it. The whole body keeps its own place.
+    """
+    every = np.concatenate(at.angles)
+    if len(every) < 2:
+        return at
+    ends = np.cumsum([len(one) for one in at.angles])[:-1]
+    order = np.argsort(np.concatenate(at.data))
+    best = [one.copy() for one in at.angles]
+    cost = [one.copy() for one in at.data]
+    for k in range(min(RESTARTS, len(every))):
+        start = np.repeat(every[order[k * len(order) // RESTARTS]][None], len(every), axis=0)
+        start[:, list(root)] = every[:, list(root)]
+        found = settle(problem, at.x, np.split(start, ends), variance)
+        for mine, theirs, least, other in zip(best, found.angles, cost, found.data, strict=True):
+            better = other < 0.99 * least
+            mine[better], least[better] = theirs[better], other[better]
+    return settle(problem, at.x, best, variance)
 
 
 @dataclass(frozen=True, eq=False)
