@@ -80,6 +80,7 @@ def test_truth_is_recovered_and_predicted(arm):
     assert np.sqrt(np.mean(errors[-200:] ** 2)) < 0.75
     assert np.sqrt(np.mean(errors[:2] ** 2)) > 3.0
     np.testing.assert_allclose(state.innovation_rms, np.sqrt(np.mean(errors[-200:] ** 2, axis=0)), rtol=0.3)
+    np.testing.assert_allclose(state.expected_rms, 0.5, rtol=0.2)
     assert state.progress > 0.9
 
 
@@ -89,6 +90,7 @@ def test_what_is_known_only_grows(arm):
     np.testing.assert_allclose(nothing.levels, 0.0, atol=1e-9)
     np.testing.assert_allclose(nothing.estimate, fit.base.of(inertial_parameters(arm)))
     assert nothing.rank == 0
+    assert (nothing.expected_rms == 0.5).all()
     given = recorded(arm, simulated(arm, 60), other_body(arm), noise=0.5)
     rows, wrench = base_regressor(arm, given.motion), base_wrench(arm, given.motion, given.wrenches)
     before = nothing

@@ -20,7 +20,7 @@ from myomorph.identify.base_parameters import (
     link_levels,
     root_coordinates,
 )
-from myomorph.identify.factors import levels, rank_and_condition, row_lengths_of_inverse, with_prior
+from myomorph.identify.factors import levels, rank_and_condition, with_prior
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -71,6 +71,8 @@ class SequentialState:
     link_levels : level of every body, the mean over the base parameters named after it; a body without
         any has its parent's
     innovation_rms : (6,) RMS of the last frames' errors of the predicted base wrench [N m], [N]
+    expected_rms : (6,) what it should be by the noise and by what is not known yet, at the last frame; far
+        below `innovation_rms`, the noise was given too small or the kinematics are wrong [N m], [N]
     wrench_rms : (6,) RMS of what was measured over the same frames
     """
 
@@ -84,6 +86,7 @@ class SequentialState:
     condition: float
     link_levels: Mapping[str, float]
     innovation_rms: Array
+    expected_rms: Array
     wrench_rms: Array
 
     @property
@@ -149,6 +152,7 @@ class SequentialFit:
         self.frames = self.left_out = 0
         self._weight = 0.0
         self._errors, self._measured = np.zeros(6), np.zeros(6)
+        self._last = np.zeros((6, n))
         self._swings: _Swings | None = None
 
     @classmethod
@@ -194,6 +198,7 @@ class SequentialFit:
             self._factor *= math.sqrt(self.forgetting)
         fold(self._factor, self._rows)
         self.frames += 1
+        self._last = own
         keep = min(1.0 - 1.0 / self._memory, self.frames / (self.frames + 1.0))
         self._weight = keep * self._weight + 1.0
         self._errors = keep * self._errors + error**2
@@ -216,7 +221,8 @@ class SequentialFit:
     def state(self) -> SequentialState:
         """Everything known by now."""
         R = self._solve()
-        sd = row_lengths_of_inverse(R)
+        inverse = solve_triangular(R, np.eye(len(R)))
+        sd = np.linalg.norm(inverse, axis=1)
         own = levels(self._factor[:, :-1], self._mean, self.sizes)
         rank, condition = rank_and_condition(self._factor[:, :-1])
         weight = max(self._weight, 1.0)
@@ -231,6 +237,7 @@ class SequentialFit:
             condition=condition,
             link_levels=MappingProxyType(link_levels(self.model, self.base, own)),
             innovation_rms=frozen_array(np.sqrt(self._errors / weight)),
+            expected_rms=frozen_array(np.hypot(self.sigma, np.linalg.norm(self._last @ inverse, axis=1))),
             wrench_rms=frozen_array(np.sqrt(self._measured / weight)),
         )
 
