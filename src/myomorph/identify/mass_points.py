@@ -68,7 +68,8 @@ class Optimality:
 
     Attributes
     ----------
-    balance : greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise]; the duality gap is half its square
+    balance : greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise], over the greatest miss where that is
+        above 1; the duality gap is half the square of this imbalance
     stationarity : greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points, over the mean
         reference mass
     complementarity : the same where a point on its bound would rather leave it, 0 if none would
@@ -314,7 +315,7 @@ class _Problem:
         imbalance = self.soft * (self.target - self._wrench(masses - self.reference) - y)
         gap, mean = self.freedom * s - (masses - self.reference), float(self.reference.mean())
         optimality = Optimality(
-            balance=float(np.abs(imbalance).max(initial=0.0)),
+            balance=float(np.abs(imbalance).max(initial=0.0) / np.abs(self.soft * y).max(initial=1.0)),
             stationarity=float(np.abs(gap[free]).max(initial=0.0)) / mean,
             complementarity=float(gap[~free].max(initial=0.0)) / mean,
             positivity=max(float((self.floor - masses).max()), 0.0) / mean,
