@@ -54,6 +54,12 @@ COMMANDS = {
         "Muscle tensions that make the joint torques with the least effort.",
         "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
     ),
+    "identify": Command(
+        "identify",
+        "Masses, mass centers and inertias of every body from motions, their forces and the body's shape.",
+        "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml jump1.xml "
+        "--mass 72.6 --cutoff 6 --out identified.osim",
+    ),
     "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
 }
 

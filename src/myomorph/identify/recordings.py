@@ -82,6 +82,12 @@ class Usable:
     name: str = ""
     notes: tuple[str, ...] = field(default=())
 
+    @property
+    def use(self) -> np.ndarray:
+        """(frames,) which frames of the recording are used."""
+        used = self.recording.use
+        return np.ones(len(self.recording.motion), bool) if used is None else used
+
 
 def usable(
     model: Model,
@@ -162,7 +168,7 @@ def usable(
 def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:
     """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
     options = options or RecordingOptions()
-    seconds = sum(float(one.recording.use.sum()) * _step(one.recording.motion.time) for one in recordings)
+    seconds = sum(float(one.use.sum()) * _step(one.recording.motion.time) for one in recordings)
     if seconds < options.least_time:
         counts: dict[str, int] = {}
         for one in recordings:

@@ -113,7 +113,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     )
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
-        sources += _load_tables(files.loads)
+        sources += load_tables(files.loads)
     if files.bodies or files.plates:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
@@ -143,7 +143,7 @@ def _emg_muscles(emg: Emg, files: FileTake, model: Model) -> Mapping[str, tuple[
     return inputs.muscles_of_channels(emg.names, model) | dict(files.emg_muscles)
 
 
-def _load_tables(path: Path) -> list[Source]:
+def load_tables(path: Path) -> list[Source]:
     """The tables that an external loads file takes its numbers from."""
     if path.suffix.lower() != ".xml":
         return []

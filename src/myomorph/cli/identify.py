@@ -1,0 +1,82 @@
+"""`identify`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import ModelFile, Threads, Time, given, options_class, use_threads
+from myomorph.cli.output import said, warn
+from myomorph.identify.recordings import RecordingOptions
+from myomorph.identify.subject import GENERIC, IdentificationOptions
+from myomorph.study.body_shape import BodyOptions
+from myomorph.study.live import LiveOptions
+
+IdentifySettings = options_class(RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
+
+Motions = Annotated[
+    tuple[Path, ...],
+    Parameter(name="--motion", help="Coordinates over time, one file a recording.", consume_multiple=True),
+]
+Loads = Annotated[
+    tuple[Path, ...],
+    Parameter(name="--loads", help="External loads files, one a recording, in the same order.", consume_multiple=True),
+]
+
+
+def identify_command(
+    *,
+    model: ModelFile,
+    out: Annotated[Path, Parameter(help="Model to write (.osim); tables and a report go into a folder beside it.")],
+    motion: Motions = (),
+    loads: Loads = (),
+    mass: Annotated[float | None, Parameter(help="Of the subject [kg]; the model's by default.")] = None,
+    skin: Annotated[Path | None, Parameter(help="Mesh of the subject's skin: .obj, .stl or .ply.")] = None,
+    landmarks: Annotated[
+        Path | None, Parameter(help="Markers on the skin (CSV: name, x, y, z in metres), to pose the model in it.")
+    ] = None,
+    height: Annotated[float | None, Parameter(help="Of the subject [m], for a statistical body shape.")] = None,
+    chest: Annotated[float | None, Parameter(help="Circumference of the chest [m].")] = None,
+    sex: Annotated[str | None, Parameter(help="female or male.")] = None,
+    age: Annotated[float | None, Parameter(help="In years.")] = None,
+    check_motion: Annotated[
+        tuple[Path, ...],
+        Parameter(help="Motions that are not identified from, to compare the models on.", consume_multiple=True),
+    ] = (),
+    check_loads: Annotated[tuple[Path, ...], Parameter(help="Their external loads.", consume_multiple=True)] = (),
+    time: Time = None,
+    live: Annotated[
+        bool, Parameter(negative=(), help="Show what is known so far while frames arrive, from the files or streams.")
+    ] = False,
+    options: IdentifySettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
+    from myomorph.study import identifying
+    from myomorph.study.body_shape import BodyShape
+    from myomorph.study.inputs import open_model
+
+    use_threads(threads)
+    identifying.check_out_model(out)
+    settings = given(options)
+    shape = BodyShape(skin, landmarks, height, chest, sex, age)
+    scaled = open_model(model)
+    if live:
+        motions = identifying.live_motions(scaled, motion, loads, mass, time, settings)
+    else:
+        motions = identifying.open_motions(scaled, motion, loads, time)
+    motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True)
+    sources = identifying.input_sources(model, (*motion, *check_motion), (*loads, *check_loads), shape)
+    chosen = identifying.IdentifyOptions.of(settings)
+    identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)
+    lost = identifying.write_identified(identified, out)
+    warn((*scaled.warnings, *identified.found.notes, *lost))
+    for line in identifying.summary(identified.found):
+        said(line)
+    for name, one in identified.validation.items():
+        generic, own = one.rms(GENERIC), one.rms(identified.found.chosen)
+        said(f"{name}, not used: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)")
+    said(f"wrote {out} and {identifying.tables_folder(out)}")
+    return 0
