@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from myomorph.model.errors import BadData, UnknownName, listing
 from myomorph.model.model import Marker, Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array
+from myomorph.motion.calibration import (
+    Calibration,
+    CalibrationOptions,
+    FoundLength,
+    FoundMarker,
+    root_mean_square,
+)
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
@@ -41,6 +47,10 @@ from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
+__all__ = ["Calibration", "CalibrationOptions", "FoundLength", "FoundMarker", "calibrate", "place_markers"]
+
+Bools = NDArray[np.bool_]
+
 STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
 
@@ -49,150 +59,6 @@ NOISE_UNKNOWN = 0.005
 NOISE_LEAST = 1e-4
 NOISE_AT_FIRST = 0.02
 ALTERNATIONS = 50
-
-
-@dataclass(frozen=True)
-class CalibrationOptions:
-    """What kinematic identification may be told.
-
-    Attributes
-    ----------
-    frames : at most so many, those whose postures differ most
-    symmetric : the right and the left side have the same lengths
-    method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does ("alternating")
-    mass : of the whole body [kg]; by default what the stretching gives
-    length_sd : how much a segment's length differs from the overall size, as a standard deviation
-    shape_sd : how much a segment's stretch across differs from that along
-    side_sd : how much the right differs from the left
-    marker_sd : how far a marker lies from its place on the given model [m]
-    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]
-    noise : of a marker about its place on a rigid body, along one axis [m]: mostly movement of the skin, which
-        is alike in frames alike; None takes it from the residual, right for markers without skin
-    static_sd : of the coordinates that are known in the static trial [rad]
-    iterations : at most so many steps
-    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
-    fixed_markers : markers that stay where the model has them
-    static : a recording of standing still
-    static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model stands
-    posture_weight : as in `InverseKinematicsOptions`
-    """
-
-    frames: int = 50
-    symmetric: bool = False
-    method: Literal["joint", "alternating"] = "joint"
-    mass: float | None = None
-    length_sd: float = 0.05
-    shape_sd: float = 0.05
-    side_sd: float = 0.02
-    marker_sd: float = 0.05
-    fixed_sd: float = 0.01
-    noise: float | None = 0.005
-    static_sd: float = 0.1
-    iterations: int = 60
-    marker_weights: Mapping[str, float] = field(default_factory=dict)
-    fixed_markers: tuple[str, ...] = ()
-    static: Markers | None = None
-    static_pose: Mapping[str, float] | None = None
-    posture_weight: float = 1e-7
-
-
-@dataclass(frozen=True, eq=False)
-class FoundLength:
-    """A length as the recordings show it.
-
-    Attributes
-    ----------
-    factor, sd : of the given model's length, and the standard deviation that noise and prior leave
-    prior_sd : standard deviation before any marker was seen, the overall size known
-    generic, value : distance between joint centers along the axis before and after [m]
-    """
-
-    length: Length
-    factor: float
-    sd: float
-    prior_sd: float
-
-    @property
-    def generic(self) -> float:
-        """Distance on the given model [m]."""
-        return self.length.extent
-
-    @property
-    def value(self) -> float:
-        """Distance found [m]."""
-        return self.length.extent * self.factor
-
-    @property
-    def shown(self) -> bool:
-        """Whether the recordings say more of it than was known before: they halve its standard deviation."""
-        return self.sd < 0.5 * self.prior_sd
-
-
-@dataclass(frozen=True, eq=False)
-class FoundMarker:
-    """A marker where the recordings show it.
-
-    Attributes
-    ----------
-    location : (3,) on its stretched body [m]
-    shift : (3,) from where stretching alone puts it [m]
-    sd : (3,) standard deviation along the body's axes [m]
-    before, after : root mean square distance from the recordings on the given model and at the end [m]
-    """
-
-    name: str
-    body: str
-    location: Array
-    shift: Array
-    sd: Array
-    before: float
-    after: float
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """A model of the recorded body, and how far to trust it.
-
-    Attributes
-    ----------
-    model : stretched, markers placed
-    factors : (3,) of every body
-    size : overall size relative to the given model
-    noise : of a marker along one axis, as assumed or found [m]
-    frames : for each recording (the static one last) its chosen frames
-    angles : for each recording (frames, coordinates) of the chosen frames [rad or m]
-    before, after : for each recording (frames, markers) distances on the given model and on the found one [m]
-    marker_names : of the columns of `before` and `after`
-    converged : whether the last step was small
-    costs : the objective after every step [m^2]
-    notes : what the recordings do not show, one line each
-    """
-
-    model: Model
-    options: CalibrationOptions
-    factors: Mapping[str, Array]
-    lengths: tuple[FoundLength, ...]
-    markers: tuple[FoundMarker, ...]
-    size: float
-    noise: float
-    frames: tuple[Ints, ...]
-    angles: tuple[Array, ...]
-    before: tuple[Array, ...]
-    after: tuple[Array, ...]
-    marker_names: tuple[str, ...]
-    converged: bool
-    costs: tuple[float, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def rms_before(self) -> float:
-        """Root mean square distance of all markers on the given model [m]."""
-        return root_mean_square(self.before)
-
-    @property
-    def rms_after(self) -> float:
-        """Root mean square distance of all markers on the found model [m]."""
-        return root_mean_square(self.after)
 
 
 def calibrate(
@@ -244,12 +110,6 @@ def calibrate(
     if progress:
         progress(max(0, options.iterations - search.steps))
     return _calibration(model, problem, search, names, chosen, options, path_lengths)
-
-
-def root_mean_square(errors: Sequence[Array]) -> float:
-    """Of distances in several arrays, NaN left out."""
-    everything = np.concatenate([one.ravel() for one in errors]) if errors else np.zeros(0)
-    return float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")
 
 
 def _check(options: CalibrationOptions) -> None:
@@ -359,7 +219,7 @@ def _prior(lengths: Sequence[Length], fixed: Sequence[bool], options: Calibratio
     return Prior(np.array(rows), np.array(right))
 
 
-def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Array, Array]:
+def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:
     """Which unknowns are lengths or the size, and which are shifts of markers that may move."""
     n, total = len(problem.lengths), problem.prior.rows.shape[1]
     lengths, shifts = np.zeros(total, np.bool_), np.zeros(total, np.bool_)
@@ -369,7 +229,7 @@ def _may_move(problem: SharedProblem, names: Sequence[str], options: Calibration
     return lengths, shifts
 
 
-def _noise(problem: SharedProblem, found: Minimum, free: Array, variance: float) -> tuple[float, bool]:
+def _noise(problem: SharedProblem, found: Minimum, free: Bools, variance: float) -> tuple[float, bool]:
     """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
     squares, seen = 0.0, 0
     for errors in found.reduced.errors:
@@ -392,7 +252,7 @@ class _Search:
     told: bool
     costs: tuple[float, ...]
     steps: int
-    free: Array
+    free: Bools
 
 
 def _search(
@@ -444,8 +304,8 @@ def _alternate(
     problem: SharedProblem,
     point: Point,
     variance: float,
-    lengths: Array,
-    shifts: Array,
+    lengths: Bools,
+    shifts: Bools,
     most: int,
     told: Callable[[], None],
 ) -> Minimum:

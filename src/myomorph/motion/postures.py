@@ -90,8 +90,9 @@ def spread_postures(
     A posture is where the model's markers lie seen from its first body, after inverse kinematics. The
     first frame is the one nearest to the mean posture; then follows, again and again, the frame farthest
     from all those chosen, until none is left that differs by `SAME_POSTURE`: a second frame of a posture
-    shows the same skin and the same errors of the model, so it must not count as evidence. Frames that fit three times worse than usual or show fewer than half the markers
-    are not chosen, and of long recordings only `CANDIDATES` frames, evenly spaced, are looked at.
+    shows the same skin and the same errors of the model, so it must not count as evidence. Frames
+    that fit three times worse than usual or show fewer than half the markers are not chosen, and of long
+    recordings only `CANDIDATES` frames, evenly spaced, are looked at.
 
     Returns
     -------

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
@@ -145,7 +146,7 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
         K = problem.markers._replace(location=locations, task_weight=task)
         c, cost, converged = start.copy(), np.empty(len(start)), np.empty(len(start), np.bool_)
 
-        def part(first: int, last: int, K=K, one=one, c=c, cost=cost, converged=converged) -> None:  # type: ignore[no-untyped-def]
+        def part(first: int, last: int, K=K, one=one, c=c, cost=cost, converged=converged) -> None:
             span = slice(first, last)
             settle_frames(
                 tree, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight, 1e-7, most,
@@ -178,7 +179,7 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
 
         def part(
             first: int, last: int, K=K, one=one, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances
-        ) -> None:  # type: ignore[no-untyped-def]  # noqa: E501
+        ) -> None:
             slot = first // block
             for start in range(first, last, FRAMES_AT_ONCE):
                 span = slice(start, min(start + FRAMES_AT_ONCE, last))
@@ -243,7 +244,7 @@ def minimise(
     problem: SharedProblem,
     start: Point,
     variance: float,
-    free: Array,
+    free: NDArray[np.bool_],
     iterations: int,
     tolerance: float = 1e-5,
     told: Callable[[], None] | None = None,
@@ -264,9 +265,9 @@ def minimise(
         reduced = reduce(problem, point)
         H = reduced.H[np.ix_(free, free)] + variance * rows.T @ rows
         g = reduced.g[free] + variance * rows.T @ (problem.prior.rows @ point.x - right)
-        accepted, small = False, False
+        accepted, small, promised = False, False, 1.0
         # Frames settle to a tolerance of their own, so that the cost of the last small step is noise.
-        while not accepted and not small and damping < 1e6:
+        while not accepted and not small and damping < 1e6 and promised > LEAST_GAIN:
             step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
             small = damping <= 1e-6 and bool(np.abs(step).max(initial=0.0) <= tolerance)
             promised = -float(2.0 * g @ step + step @ H @ step) / max(point.cost(variance), 1e-300)
@@ -279,7 +280,7 @@ def minimise(
         if told:
             told()
         if not accepted:
-            return Minimum(point, reduced, small, tuple(costs))
+            return Minimum(point, reduced, small or promised <= KINK, tuple(costs))
         gained = 1.0 - trial.cost(variance) / max(point.cost(variance), 1e-300)
         point = trial
         costs.append(point.cost(variance))
@@ -288,7 +289,7 @@ def minimise(
     return Minimum(point, reduce(problem, point), False, tuple(costs))
 
 
-def place_at_fixed_angles(problem: SharedProblem, at: Minimum, variance: float, free: Array) -> Array:
+def place_at_fixed_angles(problem: SharedProblem, at: Minimum, variance: float, free: NDArray[np.bool_]) -> Array:
     """[D] 3.2.1 (c): the unknowns, the free ones of which fit best while all angles stay."""
     rows = problem.prior.rows[:, free]
     H = at.reduced.fixed_H[np.ix_(free, free)] + variance * rows.T @ rows

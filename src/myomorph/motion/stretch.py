@@ -285,11 +285,11 @@ def frame_blocks(T, K, S, observed, targets, posture, posture_weight, c, H, g, e
                     E[a, shared] += slope * misfit[row]
         curvature, moved = 0.0, 0
         for a in range(size):
-            A[a, a] += total * K.task_weight[F[a]]
-            E[a, shared] += total * K.task_weight[F[a]] * (at[F[a]] - targets[frame, F[a]])
             if A[a, a] > 0.0:
                 curvature += A[a, a]
                 moved += 1
+            A[a, a] += total * K.task_weight[F[a]]
+            E[a, shared] += total * K.task_weight[F[a]] * (at[F[a]] - targets[frame, F[a]])
         stiffness = posture_weight * (curvature / moved if moved else 1.0)
         for a in range(size):
             A[a, a] += stiffness
