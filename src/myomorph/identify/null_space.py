@@ -173,16 +173,13 @@ def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
     for b in range(1, len(parent)):
         bodies, coordinates = {b}, set(moved_by[b])
         while True:
-            path, _ = _hanging(bodies, parent)
-            joined = [group for group in groups if group[0] & path or group[1] & coordinates]
-            bodies |= path
-            for group in joined:
-                groups.remove(group)
-                bodies |= group[0]
-                coordinates |= group[1]
-            coordinates |= {j for one in bodies for j in moved_by[one]}
-            if not joined and not path - bodies:
+            between, _ = _hanging(bodies, parent)
+            joined = [group for group in groups if group[0] & between or group[1] & coordinates]
+            if not joined:
                 break
+            groups = [group for group in groups if group not in joined]
+            bodies = bodies.union(*(group[0] for group in joined))
+            coordinates = coordinates.union(*(group[1] for group in joined))
         groups.append((bodies, coordinates))
     return [Cluster(tuple(sorted(bodies)), _hanging(bodies, parent)[1]) for bodies, _ in groups]
 
