@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from myomorph.model.model import Model
+from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import Motion
 from myomorph.report.chart import Line, Panel, number, time_plot
 from myomorph.report.dots import dot_plot, rank_plot
@@ -30,6 +31,7 @@ from myomorph.report.image import LEVEL, data_uri, level_color, png
 from myomorph.report.pictures import pictures
 from myomorph.report.scene import make_scene
 from myomorph.report.section import Figure, Grid, Section
+from myomorph.report.segment_words import plain_words, segment_words
 
 STYLES = ("first", "second", "third", "fourth", "left", "middle")
 WELL_KNOWN = 0.1
@@ -169,22 +171,30 @@ def segment_section(given: IdentificationInput) -> Section | None:
         right = [segment_share(given, one, name, "right") for one in masses.values()]
         left = segment_share(given, masses[chosen], name, "left")
         paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
-        rows.append((name, number(athletes), *(_told(one) for one in right), _told(left) if paired else ""))
+        rows.append(
+            (
+                name.replace(" ", "\u00a0"),
+                number(athletes),
+                *(_told(one) for one in right),
+                _told(left) if paired else "",
+            )
+        )
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
     segments = segments_given(given)
     members: dict[str, list[str]] = {}
     for body in given.model.body_names:
         if body in segments:
-            words = f"{segments[body].side} {segments[body].name.replace('_', ' ')}".strip().capitalize()
-            members.setdefault(words, []).append(body)
+            members.setdefault(segment_words(segments[body]).capitalize(), []).append(body)
     links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
     lead = (
         "Percent of the body's mass, limbs of the right side, as table 3.4 of [D] sets it out beside Japanese male "
         "athletes. That table prints 45.9 for the athletes' body; its two parts sum to 48.9, and only with 48.9 do all "
         "segments sum to 100."
     )
-    if not any(segment.name == "head" for segment in segments.values()):
-        lead += " This model has no head of its own: the head counts to the body."
+    present = {segment.name for segment in segments.values()}
+    absent = [plain_words(name) for name in SEGMENTS if name not in present]
+    if absent:
+        lead += f" This model has no link of its own for {', '.join(absent)}: their mass counts to its other links."
     grids = (Grid(head, tuple(rows), "Segments"), Grid(("Segment", "Links"), links, "Which link counts where", True))
     return Section("segments", "Segments of the body", lead, (), (), grids)
 

@@ -17,6 +17,7 @@ from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 from myomorph.report.chart import number
 from myomorph.report.image import level_color
+from myomorph.report.segment_words import plain_words, segment_words
 
 BAR = 18
 """Characters of a bar."""
@@ -42,16 +43,6 @@ def segment_levels(
             found.setdefault(one.name, {}).setdefault(one.side, []).append(float(level))
     order = [*(name for name in SEGMENTS if name in found), *(name for name in found if name not in SEGMENTS)]
     return {plain_words(name): {side: float(np.mean(one)) for side, one in found[name].items()} for name in order}
-
-
-def segment_words(segment: Segment) -> str:
-    """A segment as people call it: "left forearm"."""
-    return f"{segment.side} {plain_words(segment.name)}".strip()
-
-
-def plain_words(segment: str) -> str:
-    """The name of a segment in words: "forearm"."""
-    return segment.replace("lower_arm", "forearm").replace("_", " ")
 
 
 def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:

@@ -34,7 +34,7 @@ from myomorph.study import inputs
 from myomorph.study.body_points import OWN, body_points
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.progress import progress
-from myomorph.study.results import STORED, file_source, new_result, provenance_of, whole_folder
+from myomorph.study.results import file_source, provenance_of, whole_folder
 from myomorph.study.settings import plain_settings, with_settings
 from myomorph.study.takes import load_tables
 
@@ -44,7 +44,7 @@ MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 LIGHTEST, HEAVIEST = 1e-3, 1e4
 """Masses of a body that is not mistyped [kg]: from a mouse to an elephant."""
 
-REPORT = "report.html"
+REPORT, PROVENANCE = "report.html", "provenance.json"
 
 
 @dataclass(frozen=True)
@@ -138,12 +138,14 @@ def live_motions(
     ------
     BadData : neither recordings nor streams, or nothing usable came
     """
+    from myomorph.identify.online import OnlineOptions
     from myomorph.study.live import LiveOptions, open_recording, run_live
 
     live = with_settings(LiveOptions(), settings)
+    online = with_settings(OnlineOptions(), settings)
     surfaces = _surfaces(model)
     if live.lsl_markers or live.lsl_forces:
-        result = run_live(model, mass=mass, live=live, surfaces=surfaces)
+        result = run_live(model, mass=mass, live=live, online=online, surfaces=surfaces)
         sys.stderr.write(result.summary() + "\n")
         return [SubjectMotion("live", result.motion, result.wrenches)]
     opened = open_motions(model, motions, loads, time)
@@ -151,7 +153,12 @@ def live_motions(
         raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
     for motion_path, loads_path in zip(motions, loads, strict=True):
         result = run_live(
-            model, open_recording(model, motion_path, loads_path, time), mass=mass, live=live, surfaces=surfaces
+            model,
+            open_recording(model, motion_path, loads_path, time),
+            mass=mass,
+            live=live,
+            online=online,
+            surfaces=surfaces,
         )
         sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
     return opened
@@ -252,8 +259,14 @@ def tables_folder(out: Path) -> Path:
     return out.with_name(f"{out.stem}_identification")
 
 
-def write_identified(identified: Identified, out: Path, subject: str = "") -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables, values and a report; whole or not at all.
+def write_identified(
+    identified: Identified, out: Path, subject: str = "", tables: Path | None = None
+) -> tuple[str, ...]:
+    """Write the model, and beside it a folder of tables and a report; whole or not at all.
+
+    Parameters
+    ----------
+    tables : the folder, by default `tables_folder`
 
     Returns
     -------
@@ -263,11 +276,10 @@ def write_identified(identified: Identified, out: Path, subject: str = "") -> tu
 
     check_out_model(out)
     found = identified.found
-    # A new name, because the folder of the given model's meshes is found by it.
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
         path = Path(temporary) / out.name
         warnings = write_osim(found.model, path)
-        with whole_folder(tables_folder(out)) as folder:
+        with whole_folder(tables or tables_folder(out)) as folder:
             _write_tables(identified, folder, subject or found.model.name)
         os.replace(path, out)
     return warnings
@@ -284,12 +296,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     given = identification_input(found, validation=identified.validation, surfaces=surfaces)
     for name, sheet in identification_tables(given).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
-    with new_result(folder / f"identified{STORED}", "identify") as writer:
-        writer.names("body", found.model.body_names)
-        writer.sizes("parameter", 10)
-        writer.put("inertial_parameters", ("body", "parameter"), found.parameters[found.chosen], "SI", "identified")
-        writer.put("share_from_data", ("body", "parameter"), found.shares, "1", "share that the data told")
-        writer.provenance(identified.provenance)
+    (folder / PROVENANCE).write_text(identified.provenance.to_json(), encoding="utf-8")
     made = identified.provenance
     sources = tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
     page = report_page(

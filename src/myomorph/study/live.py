@@ -43,8 +43,9 @@ class LiveOptions:
     Attributes
     ----------
     speed : of a recording that is played, times real time; 0 as fast as it goes
-    web : port of a web page that shows the body, None for none
-    lsl_markers, lsl_forces : names of the streams of the Lab Streaming Layer, "" for a recording
+    web : port of a web page on this machine that shows the body
+    lsl_markers : stream of markers of the Lab Streaming Layer, instead of a recording
+    lsl_forces : stream of forces
     """
 
     speed: float = 1.0
