@@ -117,6 +117,23 @@ def test_impossible_targets_still_give_bodies():
     assert fit.on_bound > 0
 
 
+def test_a_wish_that_the_plain_iteration_does_not_settle():
+    """Rows of very different scale and a wrench that no body has: exact, by rows that soften and harden again."""
+    random = np.random.default_rng(72)
+    body = made_body(0.1, 6, seed=72)
+    A = (
+        random.normal(size=(33, 60))
+        * 10.0 ** random.uniform(-2.0, 4.0, (33, 1))
+        * 10.0 ** random.uniform(-1.0, 1.0, 60)
+    )
+    b = A @ body.parameters(body.reference).ravel() + 1e4 * random.normal(size=33)
+    options = MassPointOptions(prior="paper", W_rho=0.2, iterations=20)
+    fit = solve_mass_points(body, A, b, options=options)
+    exact = general_solution(body, A, b, None, options)
+    assert fit.iterations > options.iterations
+    assert np.abs(fit.masses - exact).max() < 1e-8
+
+
 @pytest.mark.parametrize("mass", [None, 1.0])
 def test_everything_on_its_bound(mass):
     """A body that weighs less than nothing: every point is on its bound, but for a given total."""

@@ -28,6 +28,10 @@ from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 
 
+SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
+"""Softness of the rows, relative to their stiffness, where no plain iteration settles."""
+
+
 @dataclass(frozen=True)
 class MassPointOptions:
     """Settings of `solve_mass_points`.
@@ -41,7 +45,7 @@ class MassPointOptions:
     W_phi, W_rho : weights of eq. 3.10; W_rho acts with prior "paper" only
     floor : least mass of a point, eps_j, as a share of the mean reference mass
     tolerance : greatest residual of the conditions of the optimum (`Optimality`) of a fit that counts as converged
-    iterations : most Newton steps
+    iterations : most Newton steps, before rows are softened and at each softness
     """
 
     prior: Literal["relative", "paper"] = "relative"
@@ -50,7 +54,7 @@ class MassPointOptions:
     W_rho: float = 1.0
     floor: float = 1e-3
     tolerance: float = 1e-6
-    iterations: int = 100
+    iterations: int = 60
 
     def __post_init__(self) -> None:
         for name in ("mass_sd", "W_phi", "W_rho", "tolerance"):
@@ -230,35 +234,50 @@ class _Problem:
         )  # fmt: skip
 
     def solve(self) -> tuple[Array, int]:
-        """Newton steps on the dual until the rows balance or no step gains anything: multipliers, and how many."""
-        y, s = np.zeros(len(self.C)), np.zeros(len(self.reference))
+        """Multipliers, and how many Newton steps they took.
+
+        Where the plain iteration does not settle, rows are made soft in proportion to their stiffness
+        and then harder from one solution to the next.
+        """
+        most = self.options.iterations
+        y, taken, settled = self._ascend(np.zeros(len(self.C)), self.soft, most)
+        if settled:
+            return y, taken
+        stiffness = np.square(self.C).sum(axis=1) * self.freedom.mean() * len(self.freedom)
+        y = np.zeros_like(y)
+        for slack in SLACKS:
+            y, more, settled = self._ascend(y, self.soft + slack * stiffness, most)
+            taken += more
+        return y, taken
+
+    def _ascend(self, y: Array, soft: Array, most: int) -> tuple[Array, int, bool]:
+        """Newton steps on the dual until the rows balance or no step gains anything; whether they do balance."""
+        y, s = y.copy(), self.sums.pull(self.C.T @ y)
         size = np.abs(self.target).max(initial=0.0) + 1e-300
-        blocks = np.zeros_like(self.sums.pairs(s))
+        blocks = np.zeros_like(self.sums.pairs(np.zeros_like(s)))
         factors = np.zeros_like(s)
-        best, before, iteration = np.inf, np.inf, 0
+        best, before, taken = np.inf, np.inf, 0
         while True:
             free, change = self._masses(s)
-            left = self.target - self.soft * y - self._wrench(change)
+            left = self.target - soft * y - self.C @ self.sums.push(change)
             best = min(best, before)
             before = np.abs(left).max(initial=0.0)
-            if before <= 1e-13 * size or iteration == self.options.iterations:
-                break
             # Near the optimum steps end in rounding: stop where they gain nothing any more.
-            if before <= 1e-7 * size and before > 0.3 * best:
-                break
-            iteration += 1
+            settled = before <= 1e-13 * size or (before <= 1e-7 * size and before > 0.3 * best)
+            if settled or taken == most:
+                return y, taken, settled
+            taken += 1
             wanted = np.where(free, self.freedom, 0.0)
             if np.count_nonzero(wanted != factors) < np.count_nonzero(wanted):
                 blocks += self.sums.pairs(wanted - factors)
             else:
                 blocks = self.sums.pairs(wanted)
             factors = wanted
-            direction = self._newton(blocks, left)
+            direction = self._newton(blocks, soft, left)
             ds = self.sums.pull(self.C.T @ direction)
-            t = self._step(y, s, direction, ds)
+            t = self._step(y, s, soft, direction, ds)
             y += t * direction
-            s = s + t * ds if iteration % 5 else self.sums.pull(self.C.T @ y)
-        return y, iteration
+            s = s + t * ds if taken % 5 else self.sums.pull(self.C.T @ y)
 
     def _masses(self, s: Array) -> tuple[np.ndarray, Array]:
         """Which masses are free at s = B^T y, and all masses minus the reference."""
@@ -267,15 +286,12 @@ class _Problem:
         free = change > low
         return free, np.where(free, change, low)
 
-    def _wrench(self, change: Array) -> Array:
-        return self.C @ self.sums.push(change)
-
-    def _newton(self, blocks: Array, left: Array) -> Array:
+    def _newton(self, blocks: Array, soft: Array, left: Array) -> Array:
         """Direction in y: (softness + B D B^T) direction = left."""
         H = self.C @ self.sums.matrix(blocks) @ self.C.T
-        H[np.diag_indices_from(H)] += self.soft
+        H[np.diag_indices_from(H)] += soft
         # Where no mass is free, nothing holds the multiplier of the total: a little of its stiffness does.
-        hard = self.soft == 0.0
+        hard = soft == 0.0
         H[hard, hard] += 1e-13 * self.freedom.sum()
         scale = 1.0 / np.sqrt(np.diag(H))
         H *= scale[:, None] * scale
@@ -288,10 +304,10 @@ class _Problem:
             return direction
         raise BadData("the mass-point problem has no Newton direction: A is too badly scaled")
 
-    def _step(self, y: Array, s: Array, direction: Array, ds: Array) -> float:
+    def _step(self, y: Array, s: Array, soft: Array, direction: Array, ds: Array) -> float:
         """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
-        constant = float(self.target @ direction - (self.soft * y) @ direction)
-        linear = float((self.soft * direction) @ direction)
+        constant = float(self.target @ direction - (soft * y) @ direction)
+        linear = float((soft * direction) @ direction)
         t, low, high, enough = 0.0, 0.0, np.inf, 0.0
         for trial in range(60):
             total, stiffness = self.sums.respond(self.reference, self.freedom, self.floor, s, ds, t)
@@ -312,7 +328,7 @@ class _Problem:
         s = self.sums.pull(self.C.T @ y)
         free, change = self._masses(s)
         masses = np.where(free, np.maximum(self.reference + change, self.floor), self.floor)
-        imbalance = self.soft * (self.target - self._wrench(masses - self.reference) - y)
+        imbalance = self.soft * (self.target - self.C @ self.sums.push(masses - self.reference) - y)
         gap, mean = self.freedom * s - (masses - self.reference), float(self.reference.mean())
         optimality = Optimality(
             balance=float(np.abs(imbalance).max(initial=0.0) / np.abs(self.soft * y).max(initial=1.0)),
