@@ -27,7 +27,6 @@ from myomorph.identify.weights import checked_weights
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 
-
 SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
 """Softness of the rows, relative to their stiffness, where no plain iteration settles."""
 
