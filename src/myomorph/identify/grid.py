@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from myomorph.identify.skin import Skin, inside
 from myomorph.model.errors import BadData, UnknownName
