@@ -34,6 +34,12 @@ COMMANDS = {
     "info": Command(
         "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
     ),
+    "calibrate": Command(
+        "calibrate",
+        "Link lengths and marker positions of the body that recordings show.",
+        "myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static static.trc --mass 72.6 "
+        "--out subject.osim",
+    ),
     "ik": Command(
         "motion",
         "Inverse kinematics: the coordinates whose markers lie nearest to those recorded.",

@@ -55,6 +55,9 @@ STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
 
 FEW_FRAMES = 10
+FAR = 0.1
+"""A marker farther than this from its place on the model may be another one [m]."""
+
 NOISE_UNKNOWN = 0.005
 NOISE_LEAST = 1e-4
 NOISE_AT_FIRST = 0.02
@@ -116,8 +119,8 @@ def _check(options: CalibrationOptions) -> None:
     for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "fixed_sd", "static_sd", "iterations"):
         if not getattr(options, name) > 0:
             raise BadData(f"calibration: {name} is {getattr(options, name)}; expected a number above 0")
-    if options.noise is not None and not options.noise > 0.0:
-        raise BadData(f"calibration: noise is {options.noise}; expected metres above 0")
+    if options.noise is not None and not options.noise >= 0.0:
+        raise BadData(f"calibration: noise is {options.noise}; expected metres, or 0 for that of the residual")
 
 
 def _columns(markers: Markers, names: Sequence[str]) -> Array:
@@ -293,7 +296,7 @@ def _search(
             found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
         costs += found.costs
         point = found.point
-        if not stages and options.noise is None:
+        if not stages and not options.noise:
             told_noise, told = _noise(problem, found, free, noise**2)
             if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [told_noise]
@@ -399,12 +402,17 @@ def _notes(
         notes.append(f"not converged after {search.steps} steps: allow more iterations")
     if search.found.point.settled < 1.0:
         notes.append(f"the angles of {100.0 * (1.0 - search.found.point.settled):.0f} % of the frames did not converge")
-    hidden = [one.length.name for one in lengths if not one.shown]
+    hidden = [one.length.name for one in lengths if one.length.along and not one.shown]
     if hidden:
-        notes.append(f"the recordings do not show {', '.join(hidden)}: they follow the overall size and their segment")
-    far = [one.name for one in markers if float(np.linalg.norm(one.shift)) > 3.0 * options.marker_sd]
+        notes.append(
+            f"the recordings do not show {', '.join(hidden)}: they follow the overall size and their neighbors"
+        )
+    far = [one.name for one in markers if float(np.linalg.norm(one.shift)) > FAR]
     if far:
-        notes.append(f"markers far from their places on the model: {', '.join(far)}: were they swapped?")
+        notes.append(
+            f"more than {100 * FAR:g} cm from their places on the given model: {', '.join(far)}; look whether they are "
+            "named as the model names them"
+        )
     return tuple(notes)
 
 

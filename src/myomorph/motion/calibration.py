@@ -31,7 +31,7 @@ class CalibrationOptions:
     marker_sd : how far a marker lies from its place on the given model [m]
     fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]
     noise : of a marker about its place on a rigid body, along one axis [m]: mostly movement of the skin, which
-        is alike in frames alike; None takes it from the residual, right for markers without skin
+        is alike in frames alike; 0 takes it from the residual, right for markers without skin
     static_sd : of the coordinates that are known in the static trial [rad]
     iterations : at most so many steps
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out

@@ -1,0 +1,47 @@
+"""`calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import ModelFile, Threads, Time, given, options_class, use_threads
+from myomorph.cli.output import said, warn
+from myomorph.motion.calibration import CalibrationOptions
+
+CalibrateSettings = options_class(CalibrationOptions)
+
+
+def calibrate_command(
+    *,
+    model: ModelFile,
+    out: Annotated[Path, Parameter(help="Model to write (.osim); tables of lengths and markers stand beside it.")],
+    markers: Annotated[
+        tuple[Path, ...], Parameter(help="Recordings: .trc or .c3d, one or more.", consume_multiple=True)
+    ] = (),
+    static: Annotated[Path | None, Parameter(help="Recording of standing still.")] = None,
+    marker_set: Annotated[
+        Path | None, Parameter(help="OpenSim marker set (.xml) that comes before the model's markers.")
+    ] = None,
+    tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
+    time: Time = None,
+    options: CalibrateSettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """Link lengths and marker positions of the body that the recordings show."""
+    from myomorph.study import calibrating
+    from myomorph.study.identifying import check_out_model
+    from myomorph.study.settings import with_settings
+
+    use_threads(threads)
+    files = calibrating.CalibrationFiles(model, markers, static, marker_set, tasks, time)
+    check_out_model(out)
+    calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), given(options)))
+    lost = calibrating.write_calibrated(calibrated, out)
+    warn((*calibrated.warnings, *calibrated.found.notes, *lost))
+    for line in calibrating.summary(calibrated.found):
+        said(line)
+    said(f"wrote {out} and {calibrating.tables_folder(out)}")
+    return 0
