@@ -20,6 +20,7 @@ import clarabel
 import numpy as np
 from scipy import linalg, sparse
 
+from myomorph.identify.mass_map import parameters_of
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.spatial import Array
@@ -161,10 +162,8 @@ def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
             values, axes = np.linalg.eigh(P[:3, :3] - row[0] * np.outer(c, c))
             lift = np.maximum(row[0] * gyration**2 - values, 0.0)
             if lift.any():
-                added = (axes * lift) @ axes.T
-                about = np.trace(added) * np.eye(3) - added
-                row[4:7] += np.diag(about)
-                row[7:] += about[1, 2], about[2, 0], about[0, 1]
+                P[:3, :3] += (axes * lift) @ axes.T
+                row[:] = parameters_of(P)
     return repaired
 
 
@@ -359,11 +358,8 @@ def _symmetric(entries: Array) -> Array:
 
 def _basis(L: Array) -> Array:
     """(10, 10) the change of a link's parameters from its scaled triangle: those of L E L^T."""
-    P = L @ _symmetric(np.eye(10)) @ L.T
-    S = P[:, :3, :3]
-    inertia = np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S
-    columns = [P[:, 3, 3], P[:, 0, 3], P[:, 1, 3], P[:, 2, 3], inertia[:, 0, 0], inertia[:, 1, 1], inertia[:, 2, 2]]
-    return np.stack([*columns, inertia[:, 1, 2], inertia[:, 2, 0], inertia[:, 0, 1]])
+    columns: Array = parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T
+    return columns
 
 
 def _prior(reference: Array, P: Array, basis: Array, options: PseudoInertiaOptions) -> Array:
