@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.plan import STEPS, companion, plain_stem, read_plan, step_settings
+from myomorph.study.plan import companion, plain_stem, read_plan, step_settings
 
 SMALLEST = """
 [study]
@@ -46,7 +46,7 @@ def test_smallest_form(folder):
     assert (first.loads, first.emg) == (folder / "walk1_grf.xml", folder / "walk1_emg.sto")
     assert (second.loads, second.emg) == (None, None)
     assert first.mass == 72.6
-    assert plan.steps == (STEPS, STEPS)
+    assert plan.steps == (("ik", "id", "muscles", "tension", "report"),) * 2
     assert any("walk1_grf.xml" in remark for remark in plan.remarks)
 
 
@@ -159,3 +159,20 @@ def test_options_are_those_of_the_steps():
     assert set(settings) == {one.name for one in fields(TensionOptions)} | {"cutoff"}
     assert settings["passive"].default is TensionOptions().passive
     assert all(one.help for each in step_settings().values() for one in each)
+
+
+def test_steps_on_a_subject_come_before_those_that_use_its_model(folder):
+    steps = '["calibrate", "ik", "identify", "id"]'
+    text = SMALLEST.replace('["ik", "id", "muscles", "tension", "report"]', steps)
+    text = text.replace("mass = 72.6", 'mass = 72.6\nstatic = "run.trc"\nheight = 1.8\nchest = 0.9\nsex = "male"')
+    plan = plan_of(folder, text + "[options.identify]\ncutoff = 6\nspacing = 0.01\n")
+    subject = plan.subjects["s01"]
+    assert plan.steps[0] == ("calibrate", "ik", "identify", "id")
+    assert (subject.static, subject.shape.height, subject.shape.sex) == (folder / "run.trc", 1.8, "male")
+    assert [take.name for take in subject.takes] == ["walk1", "walk2"]
+    assert plan.settings["identify"] == {"cutoff": 6.0, "spacing": 0.01}
+    told = problems_of(folder, text.replace(steps, '["ik", "id", "identify", "calibrate"]'))
+    assert "'identify' comes after 'id'" in told
+    assert "'calibrate' comes after 'ik'" in told
+    with_skin = text.replace("height", 'skin = "skin.obj"\nheight')
+    assert "skin file 'skin.obj' does not exist" in problems_of(folder, with_skin)

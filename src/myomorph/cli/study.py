@@ -58,17 +58,20 @@ def run_command(
     plan = read_plan(study)
 
     def told(outcome: Outcome) -> None:
-        name = f"{outcome.subject}/{outcome.trial}"
+        name = f"{outcome.subject}/{outcome.trial}".rstrip("/")
         if outcome.error:
             said(f"{name}: FAILED in {outcome.error}")
             return
         kept = f" ({len(outcome.kept)} steps unchanged)" if outcome.kept else ""
+        if not outcome.trial:
+            said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}")
+            return
         rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
         said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}")
 
     for remark in plan.remarks:
         said(remark)
-    outcomes = run_study(plan, out, resume, told)
+    outcomes = [one for one in run_study(plan, out, resume, told) if one.trial]
     failed = [one for one in outcomes if one.error]
     said(f"{len(outcomes) - len(failed)} of {len(outcomes)} trials done; table: {out / 'results.csv'}")
     if any(one.fault for one in failed):

@@ -94,16 +94,15 @@ def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters
     return Parts(base, np.concatenate(factors), np.concatenate(frames))
 
 
-def held_out_rms(parts: Parts, fit: Callable[[Sequence[int]], Array]) -> Array:
-    """(2,) misfit of every part by what was fitted to the others: moment [N m], force [N].
+def held_out(parts: Parts, fit: Callable[[Sequence[int]], Array]) -> Array:
+    """(parts, 2) mean square misfit of each part by what was fitted to the others: moment, force [(N m)^2], [N^2].
 
     Parameters
     ----------
     fit : parameters (bodies, 10) from the numbers of the parts to fit
     """
-    squares = np.zeros(2)
+    squares = np.empty((len(parts), 2))
     for part in range(len(parts)):
         others = [one for one in range(len(parts)) if one != part]
-        squares += np.square(parts.rms(fit(others), [part])) * parts.frames[part]
-    result: Array = np.sqrt(squares / parts.frames.sum())
-    return result
+        squares[part] = np.square(parts.rms(fit(others), [part]))
+    return squares

@@ -13,7 +13,7 @@ from scipy import sparse
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.consistency import Consistency, Inside, consistency
-from myomorph.identify.held_out import Parts, held_out_rms, parts_of
+from myomorph.identify.held_out import Parts, held_out, parts_of
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.points import MassPoints, point_moments
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
@@ -157,8 +157,7 @@ def identify(
     parts = parts_of(generic, used, base)
     noise = parts.rms(inertial_parameters(generic))
     first = next(iter(points))
-    tried = _tried(parts, noise, points[first], mass, options)
-    best = min(tried, key=lambda sd: float(np.square(tried[sd] / noise).sum()))
+    tried, best = _tried(parts, noise, points[first], mass, options)
     A, b = parts.rows(noise)
     found: dict[str, Array] = {}
     for name, one in points.items():
@@ -175,7 +174,7 @@ def identify(
         advance(1)
     chosen = f"identified, {first}" if options.method == "points" else CONIC
     found = {chosen: found[chosen], **found, SHAPE: shape, GENERIC: inertial_parameters(generic)}
-    floor = tried[best] if len(tried[best]) else noise
+    floor = tried[best]
     fit = fit_base(
         generic, used, base, BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
     )
@@ -201,8 +200,12 @@ def identify(
 
 def _tried(
     parts: Parts, noise: Array, points: MassPoints, mass: float, options: IdentificationOptions
-) -> dict[float, Array]:
-    """Held-out misfit by strength of the prior, with few points that stand for all."""
+) -> tuple[dict[float, Array], float]:
+    """Held-out misfit by strength of the prior, with few points that stand for all, and the strength to use.
+
+    That is the one nearest to the shape among those whose misfit is within a standard error of the least, taken over
+    the parts: a difference that the parts do not agree on is no reason to leave the shape.
+    """
     few = _thinned(points)
     shape = possible_reference(few.parameters(few.reference))
 
@@ -215,22 +218,35 @@ def _tried(
 
         return fit
 
+    shares = parts.frames / parts.frames.mean()
+    found: dict[float, Array] = {}
+
+    def scores(sd: float) -> Array:
+        if sd not in found:
+            found[sd] = held_out(parts, fit_with(sd)) * shares[:, None]
+        scored: Array = (found[sd] / np.square(noise)).sum(axis=1)
+        return scored
+
     if options.mass_sd is not None:
-        return {options.mass_sd: held_out_rms(parts, fit_with(options.mass_sd))}
-    tried: dict[float, Array] = {}
+        best = options.mass_sd
+        scores(best)
+    else:
+        # The misfit falls, then rises with the strength: walk down from the middle.
+        at = len(STRENGTHS) // 2 - 1
+        step = 1 if scores(STRENGTHS[at + 1]).sum() < scores(STRENGTHS[at]).sum() else -1
+        while 0 <= at + step < len(STRENGTHS) and scores(STRENGTHS[at + step]).sum() < scores(STRENGTHS[at]).sum():
+            at += step
+        least = scores(STRENGTHS[at])
+        while at > 0 and _alike(scores(STRENGTHS[at - 1]) - least):
+            at -= 1
+        best = STRENGTHS[at]
+    return {sd: np.sqrt(found[sd].mean(axis=0)) for sd in sorted(found)}, best
 
-    def worse(i: int) -> float:
-        sd = STRENGTHS[i]
-        if sd not in tried:
-            tried[sd] = held_out_rms(parts, fit_with(sd))
-        return float(np.square(tried[sd] / noise).sum())
 
-    # The misfit falls, then rises with the strength: walk down from the middle.
-    at = len(STRENGTHS) // 2 - 1
-    step = 1 if worse(at + 1) < worse(at) else -1
-    while 0 <= at + step < len(STRENGTHS) and worse(at + step) < worse(at):
-        at += step
-    return dict(sorted(tried.items()))
+def _alike(differences: Array) -> bool:
+    """Whether the mean of differences (parts,) is within its standard error."""
+    error = differences.std(ddof=1) / np.sqrt(len(differences)) if len(differences) > 1 else 0.0
+    return bool(differences.mean() <= error)
 
 
 def _thinned(points: MassPoints, most: int = FEW_POINTS) -> MassPoints:

@@ -201,7 +201,9 @@ def identify_subject(
     seen = [one for one, motion in zip(used, motions, strict=True) if not motion.held_out]
     if not seen:
         raise BadData("no motion to identify from: give at least one with its forces")
-    points, inside, told = body_points(model, shape, mass, options.body, options.identification.compare)
+    points, inside, told = body_points(
+        model, shape, mass, options.body, options.identification.compare, _surfaces(model)
+    )
     ways = len(points) + 1 if options.identification.compare else 1
     with progress("identification", ways, "solutions") as advance:
         found = identify(

@@ -7,15 +7,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from myomorph.model.errors import BadFile, listing
+from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.settings import Differentiation, Setting, settings_of
+from myomorph.study.subjects import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.takes import FileTake
 
-STEPS = ("ik", "id", "muscles", "tension", "report")
+STEPS = ("calibrate", "ik", "identify", "id", "muscles", "tension", "report")
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
 LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 EMG = ("emg", "EMG", "electromyography", "envelopes")
@@ -37,12 +39,23 @@ def _options_model() -> type[BaseModel]:
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
     """Settings of every step, by its name."""
+    from myomorph.identify.recordings import RecordingOptions
+    from myomorph.identify.subject import IdentificationOptions
+    from myomorph.motion.calibrate import CalibrationOptions
     from myomorph.motion.ik import InverseKinematicsOptions
     from myomorph.tension.solve import TensionOptions
 
+    identification = (RecordingOptions, IdentificationOptions, BodyOptions)
     kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
     filters = settings_of(Differentiation)
-    return {"ik": kinematics, "id": filters, "muscles": filters, "tension": (*filters, *settings_of(TensionOptions))}
+    return {
+        "calibrate": tuple(one for one in settings_of(CalibrationOptions) if one.name != "mass"),
+        "identify": tuple(one for options in identification for one in settings_of(options)),
+        "ik": kinematics,
+        "id": filters,
+        "muscles": filters,
+        "tension": (*filters, *settings_of(TensionOptions)),
+    }
 
 
 class _Study(_Strict):
@@ -66,7 +79,14 @@ class _Subject(_Strict):
     model: str
     mass: float | None = Field(default=None, gt=0.0)
     trials: list[str | _Trial]
-    steps: list[str] = list(STEPS)
+    steps: list[str] = [step for step in STEPS if step not in SUBJECT_STEPS]
+    static: str | None = None
+    skin: str | None = None
+    landmarks: str | None = None
+    height: float | None = Field(default=None, gt=0.0)
+    chest: float | None = Field(default=None, gt=0.0)
+    sex: Literal["female", "male"] | None = None
+    age: float | None = Field(default=None, gt=0.0)
     emg_muscles: dict[str, list[str]] = {}
     tasks: str | None = None
     actuators: str | None = None
@@ -81,6 +101,7 @@ class Plan:
     ----------
     settings : by step, only what the study file says
     steps : of each take, in the order in which they run
+    subjects : by name, what the steps on subjects need
     remarks : which files were found by the rule of names
     """
 
@@ -90,6 +111,7 @@ class Plan:
     steps: tuple[tuple[str, ...], ...]
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
     remarks: tuple[str, ...] = ()
+    subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -115,18 +137,24 @@ def read_plan(path: str | Path) -> Plan:
     takes: list[FileTake] = []
     steps: list[tuple[str, ...]] = []
     remarks: list[str] = []
+    subjects: dict[str, SubjectFiles] = {}
     if found is not None:
         for subject in found.subject:
-            for take in _takes(subject, path.parent, problems, remarks):
-                takes.append(take)
-                steps.append(tuple(step for step in STEPS if step in subject.steps))
+            own = list(_takes(subject, path.parent, problems, remarks))
+            takes += own
+            steps += [tuple(step for step in STEPS if step in subject.steps)] * len(own)
+            if subject.name in subjects and set(SUBJECT_STEPS) & set(subject.steps):
+                problems.append(f"subject '{subject.name}' is there twice: put its trials into one table")
+            subjects[subject.name] = _subject(subject, own, path.parent, problems)
         _distinct(takes, problems)
     if problems:
         count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
         raise BadFile(path, f"{count}: " + " | ".join(problems))
     assert found is not None
-    settings = {step: told for step, told in found.options.model_dump(exclude_unset=True).items() if told}
-    return Plan(found.study.name, path, tuple(takes), tuple(steps), MappingProxyType(settings), tuple(remarks))
+    settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
+    return Plan(
+        found.study.name, path, tuple(takes), tuple(steps), MappingProxyType(settings), tuple(remarks), subjects
+    )
 
 
 def _checked(raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
@@ -168,6 +196,23 @@ def _keys(file: type[BaseModel], where: list[Any]) -> tuple[str, ...]:
         if len(where) > 1:
             table = table.model_fields[where[1]].annotation
     return tuple((table or file).model_fields)
+
+
+def _subject(subject: _Subject, takes: list[FileTake], folder: Path, problems: list[str]) -> SubjectFiles:
+    """What the steps on a subject need, and whether they come before the others."""
+    where = f"subject '{subject.name}'"
+    for step in SUBJECT_STEPS:
+        later = STEPS[STEPS.index(step) + 1 :]
+        before = subject.steps[: subject.steps.index(step)] if step in subject.steps else []
+        early = [one for one in before if one in later]
+        if early:
+            problems.append(f"{where}: steps: '{step}' comes after '{early[0]}', which uses the model that it makes")
+    files = {
+        role: _existing(folder, name, f"{where}: {role}", problems)
+        for role, name in (("static", subject.static), ("skin", subject.skin), ("landmarks", subject.landmarks))
+    }
+    shape = BodyShape(files["skin"], files["landmarks"], subject.height, subject.chest, subject.sex, subject.age)
+    return SubjectFiles(subject.name, folder / subject.model, subject.mass, files["static"], shape, tuple(takes))
 
 
 def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[str]) -> Iterator[FileTake]:

@@ -20,6 +20,7 @@ from myomorph.study.inputs import open_model
 from myomorph.study.plan import Plan
 from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
 from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
+from myomorph.study.subjects import SUBJECT_STEPS, Prepared, prepare_subject
 from myomorph.study.takes import FileTake, open_take
 
 PARTS = ".steps"
@@ -28,7 +29,7 @@ PART = f"step{STORED}"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one trial.
+    """What became of one trial, or of a subject's own steps (`trial` "").
 
     Attributes
     ----------
@@ -66,15 +67,48 @@ def run_study(
     """
     out.mkdir(parents=True, exist_ok=True)
     models: dict[Path, Model] = {}
+    prepared: dict[str, Outcome | Prepared] = {}
     outcomes = []
-    for files, steps in zip(plan.takes, plan.steps, strict=True):
-        folder = out / file_name(files.subject) / file_name(files.name)
-        started = time.monotonic()
-        outcome = _trial(files, steps, plan, folder, resume, models)
+
+    def ended(outcome: Outcome, started: float) -> None:
         outcomes.append(replace(outcome, seconds=time.monotonic() - started))
         said(outcomes[-1])
         write_table(outcomes, out / "results.csv")
+
+    for files, steps in zip(plan.takes, plan.steps, strict=True):
+        home = out / file_name(files.subject)
+        started = time.monotonic()
+        if set(steps) & set(SUBJECT_STEPS):
+            if files.subject not in prepared:
+                prepared[files.subject] = _subject(plan, files.subject, steps, home, resume)
+                ended(_outcome(prepared[files.subject], files.subject, home), started)
+                started = time.monotonic()
+            ready = prepared[files.subject]
+            if isinstance(ready, Outcome):
+                text = f"not run: {ready.error}"
+                ended(Outcome(files.subject, files.name, home, error=text, fault=ready.fault), started)
+                continue
+            files = replace(files, model=ready.path)
+            models[ready.path] = ready.model
+        ended(_trial(files, steps, plan, home / file_name(files.name), resume, models), started)
     return outcomes
+
+
+def _subject(plan: Plan, name: str, steps: Sequence[str], home: Path, resume: bool) -> Outcome | Prepared:
+    """The model of a subject's own steps, or why there is none."""
+    outcome = Outcome(name, "", home)
+    try:
+        return prepare_subject(plan.subjects[name], steps, plan.settings, home, resume)
+    except (MyomorphError, OSError) as error:
+        return replace(outcome, error=" ".join(str(error).split()))
+    except Exception as error:
+        return replace(outcome, error=f"{type(error).__name__}: {' '.join(str(error).split())}", fault=True)
+
+
+def _outcome(prepared: Outcome | Prepared, name: str, home: Path) -> Outcome:
+    if isinstance(prepared, Outcome):
+        return prepared
+    return Outcome(name, "", home, done=prepared.done, kept=prepared.kept)
 
 
 def _trial(

@@ -1,0 +1,151 @@
+"""Steps that are about a subject rather than a trial: they make the model that the trials then use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance
+from myomorph.study.body_shape import BodyShape
+from myomorph.study.inputs import open_model
+from myomorph.study.results import file_source, provenance_of
+from myomorph.study.steps import Take, solve_kinematics
+from myomorph.study.takes import FileTake, Settings, open_take
+
+SUBJECT_STEPS = ("calibrate", "identify")
+"""In the order in which they run."""
+
+MODELS = {"calibrate": "calibrated.osim", "identify": "identified.osim"}
+TABLES = {"calibrate": "calibration", "identify": "identification"}
+
+
+@dataclass(frozen=True)
+class SubjectFiles:
+    """One subject of a study.
+
+    Attributes
+    ----------
+    model : generic or scaled
+    static : recording of standing still, for calibration
+    shape : what is known of the body, for identification
+    takes : the subject's recordings
+    """
+
+    name: str
+    model: Path
+    mass: float | None = None
+    static: Path | None = None
+    shape: BodyShape = field(default_factory=BodyShape)
+    takes: tuple[FileTake, ...] = ()
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The model that a subject's trials use.
+
+    Attributes
+    ----------
+    path : of its file
+    model : itself; its source is the file beside which its meshes lie
+    done, kept : steps that made it, and those taken over from an earlier run
+    """
+
+    path: Path
+    model: Model
+    done: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+
+
+def prepare_subject(
+    files: SubjectFiles, steps: Sequence[str], settings: Settings, folder: Path, resume: bool = False
+) -> Prepared:
+    """Run a subject's own steps into a folder: `calibrated.osim`, `identified.osim`, and their tables.
+
+    Raises
+    ------
+    MyomorphError
+        where a step cannot be done
+    """
+    prepared = Prepared(files.model, open_model(files.model))
+    for step in SUBJECT_STEPS:
+        if step not in steps:
+            continue
+        folder.mkdir(parents=True, exist_ok=True)
+        out, tables = folder / MODELS[step], folder / TABLES[step]
+        made = _provenance(step, files, prepared, settings)
+        known = resume and out.is_file() and _stored_key(tables) == made.key
+        if not known:
+            _RUNNERS[step](files, prepared, settings, made, out, tables)
+        prepared = Prepared(
+            out,
+            replace(open_model(out), source=prepared.model.source),
+            (*prepared.done, step),
+            (*prepared.kept, step) if known else prepared.kept,
+        )
+    return prepared
+
+
+def _takes(files: SubjectFiles, prepared: Prepared, settings: Settings) -> list[Take]:
+    return [open_take(replace(one, model=prepared.path), settings, prepared.model) for one in files.takes]
+
+
+def _provenance(step: str, files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    """What the step's result is made from: the model so far, all recordings, and what the step is told."""
+    takes = _takes(files, prepared, settings)
+    sources = list(dict.fromkeys(source for take in takes for source in take.sources))
+    given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
+    sources += [file_source(role, path) for role, path in given if path is not None]
+    options: dict[str, object] = {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
+    options |= {"mass": files.mass, "times": [None if one.time is None else list(one.time) for one in files.takes]}
+    if step == "identify":
+        options |= {f"shape.{name}": getattr(files.shape, name) for name in ("height", "chest", "sex", "age")}
+        for earlier in ("ik", "id"):
+            options |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
+    return provenance_of(step, sources, options)
+
+
+def _stored_key(tables: Path) -> str:
+    from myomorph.study.identifying import PROVENANCE
+
+    try:
+        return Provenance.from_json((tables / PROVENANCE).read_text(encoding="utf-8")).key
+    except (OSError, ValueError):
+        return ""
+
+
+def _identify(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> None:
+    from myomorph.study.identifying import IdentifyOptions, SubjectMotion, identify_subject, write_identified
+
+    motions = []
+    for take in _takes(files, prepared, settings):
+        if take.loads is None:
+            continue
+        motion = solve_kinematics(take).motion
+        motions.append(SubjectMotion(take.name, motion, take.loads(motion)))
+    if not motions:
+        raise BadData(
+            f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"
+        )
+    shared = {name: value for step in ("id", "identify") for name, value in settings.get(step, {}).items()}
+    options = IdentifyOptions.of(shared)
+    identified = identify_subject(prepared.model, motions, files.shape, files.mass, options)
+    write_identified(replace(identified, provenance=made), out, files.name, tables)
+
+
+def _calibrate(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> None:
+    from myomorph.study.calibrating import calibrate_subject
+
+    calibrate_subject(prepared.model, _takes(files, prepared, settings), files, settings, made, out, tables)
+
+
+_RUNNERS: dict[str, Callable[[SubjectFiles, Prepared, Settings, Provenance, Path, Path], None]] = {
+    "calibrate": _calibrate,
+    "identify": _identify,
+}
