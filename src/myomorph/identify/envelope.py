@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from myomorph.identify.grid import SPACING
+from myomorph.identify.grid import MOST, SPACING, fill
 from myomorph.identify.points import Links, links_of
+from myomorph.identify.skin import Skin, signed_volume
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
@@ -48,20 +49,27 @@ class EnvelopePoints(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """A convex piece of a body in its frame.
+    """The envelope of a body in its frame: an ellipsoid, or a closed surface.
 
     Attributes
     ----------
     kind : in words
     center : (3,) [m]
     axes : (3, 3) columns are the half axes of an ellipsoid [m]
-    sides : (sides, 4) of a convex hull, inside where sides @ (x, 1) <= 0; none of an ellipsoid
+    surface : instead of the ellipsoid
     """
 
     kind: str
     center: Array
     axes: Array
-    sides: Array
+    surface: Surface | None = None
+
+    @property
+    def volume(self) -> float:
+        """[m^3]."""
+        if self.surface is not None:
+            return signed_volume(self.surface.vertices, self.surface.faces)
+        return float(4.0 / 3.0 * np.pi * abs(np.linalg.det(self.axes)))
 
 
 INERTIA = "ellipsoids of uniform density with the bodies' own mass, center and inertia"
@@ -93,11 +101,13 @@ def envelope_points(
     heavy = [i for i, body in enumerate(model.bodies) if body.mass >= LEAST]
     if not heavy:
         raise BadData(f"no body of model '{model.name}' weighs {LEAST:g} kg or more: nothing to fill with mass points")
-    points, owners, masses, kinds = [], [], [], Counter[str]()
     moments = pseudo_inertias(inertial_parameters(model))
-    for i in heavy:
-        solid = _solid(model.bodies[i], i, moments[i], links, surfaces or {})
-        kinds[solid.kind] += 1
+    solids = [_solid(model.bodies[i], i, moments[i], links, surfaces or {}) for i in heavy]
+    if sum(solid.volume for solid in solids) / spacing**3 > MOST / 4:
+        raise BadData(f"a grid of {1000 * spacing:g} mm is more than {MOST // 4:,} points: give a wider spacing")
+    kinds = Counter(solid.kind for solid in solids)
+    points, owners, masses = [], [], []
+    for i, solid in zip(heavy, solids, strict=True):
         found = _grid(solid, links.rotations[i], links.origins[i], spacing)
         points.append(found)
         owners.append(np.full(len(found), i))
@@ -126,7 +136,7 @@ def _of_inertia(mass: float, moments: Array) -> Solid | None:
     density = mass / (4.0 / 3.0 * np.pi * half.prod())
     if not PLAUSIBLE[0] <= density <= PLAUSIBLE[1]:
         return None
-    return Solid(INERTIA, center, axes * half, np.zeros((0, 4)))
+    return Solid(INERTIA, center, axes * half)
 
 
 def _mesh_corners(body: Body, surfaces: Mapping[str, Surface]) -> Array:
@@ -139,32 +149,39 @@ def _mesh_corners(body: Body, surfaces: Mapping[str, Surface]) -> Array:
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:
+    """The convex hull of points under flesh of even thickness; without flesh and smaller where it is too large."""
     try:
         hull = ConvexHull(corners)
+        wanted = mass / TISSUE
+        if hull.volume < wanted:
+            thickness = _thickness(hull, wanted)
+            hull = ConvexHull((corners[hull.vertices][:, None] + thickness * _DIRECTIONS).reshape(-1, 3))
     except QhullError:
         return None
-    center = corners[hull.vertices].mean(axis=0)
-    # About the center sides are n . x + d <= 0 with d < 0: distances that all grow by the same skin t.
-    sides = hull.equations.copy()
-    sides[:, 3] += sides[:, :3] @ center
-    wanted = mass / TISSUE
-    if hull.volume > wanted:
-        sides[:, 3] *= (wanted / hull.volume) ** (1.0 / 3.0)
-    else:
-        sides[:, 3] -= _thickness(hull.volume, hull.area, corners[hull.vertices], wanted)
-    sides[:, 3] -= sides[:, :3] @ center
-    reach = np.abs(corners - center).max() + wanted ** (1.0 / 3.0)
-    return Solid(HULL, center, reach * np.eye(3), sides)
+    vertices = hull.points[hull.vertices]
+    faces = np.searchsorted(hull.vertices, hull.simplices, sorter=np.argsort(hull.vertices))
+    faces = np.argsort(hull.vertices)[faces]
+    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
+    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    middle = vertices.mean(axis=0)
+    vertices = middle + (wanted / hull.volume) ** (1.0 / 3.0) * (vertices - middle)
+    return Solid(HULL, middle, np.zeros((3, 3)), Surface(vertices, faces))
 
 
-def _thickness(volume: float, area: float, corners: Array, wanted: float) -> float:
-    """Flesh t over a convex body with volume V + A t + M t^2 + 4/3 pi t^3, Steiner's formula [m].
+def _thickness(hull: ConvexHull, wanted: float) -> float:
+    """Flesh t over a convex body that makes its volume V + A t + M t^2 + 4/3 pi t^3, Steiner's formula [m].
 
     M is pi times the mean width; the width is averaged over the three axes.
     """
-    width = float(np.ptp(corners, axis=0).mean())
-    roots = np.roots([4.0 / 3.0 * np.pi, np.pi * width, area, volume - wanted])
+    width = float(np.ptp(hull.points, axis=0).mean())
+    roots = np.roots([4.0 / 3.0 * np.pi, np.pi * width, hull.area, hull.volume - wanted])
     return float(max(roots[np.abs(roots.imag) < 1e-12].real))
+
+
+_CUBE = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+_DIRECTIONS = _CUBE[np.any(_CUBE != 0.0, axis=1)]
+_DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
 def _along_bones(body: Body, i: int, links: Links) -> Solid:
@@ -178,24 +195,25 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
     axis = links.rotations[i].T @ along / length if length > 0.0 else np.array([0.0, 1.0, 0.0])
     across = np.linalg.svd(axis[None])[2][1:].T
     thick = np.sqrt(volume * 3.0 / (4.0 * np.pi) / half)
-    return Solid(BONE, body.mass_center, np.column_stack([half * axis, thick * across]), np.zeros((0, 4)))
+    return Solid(BONE, body.mass_center, np.column_stack([half * axis, thick * across]))
 
 
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
-    """Grid points in ground inside a solid; the grid is halved for bodies that would have hardly any."""
+    """Grid points in ground inside a solid; the grid is finer in bodies that would have hardly any."""
+    finest = (solid.volume / (2 * FEWEST)) ** (1.0 / 3.0)
+    return _inside(solid, rotation, origin, min(spacing, finest))
+
+
+def _inside(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
+    if solid.surface is not None:
+        placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)
+        return fill(Skin(placed, watertight=True), spacing)
     center, axes = rotation @ solid.center + origin, rotation @ solid.axes
     reach = np.sqrt(np.square(axes).sum(axis=1))
-    while True:
-        spans = [
-            np.arange(np.floor((c - r) / spacing), np.ceil((c + r) / spacing) + 1)
-            for c, r in zip(center, reach, strict=True)
-        ]
-        x = (np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) * spacing
-        if len(solid.sides):
-            local = (x - origin) @ rotation
-            found = x[(local @ solid.sides[:, :3].T + solid.sides[:, 3] <= 0.0).all(axis=1)]
-        else:
-            found = x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]
-        if len(found) >= FEWEST:
-            return found
-        spacing *= 0.5
+    spans = [
+        np.arange(np.floor((c - r) / spacing), np.ceil((c + r) / spacing) + 1)
+        for c, r in zip(center, reach, strict=True)
+    ]
+    x = (np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) * spacing
+    found: Array = x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]
+    return found
