@@ -22,7 +22,7 @@ from myomorph.identify.wrench_rows import Recording, Rows, correlation_times, ga
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.spatial import Array
 
 __all__ = [
     "BaseFit",
@@ -148,19 +148,9 @@ class BaseFit:
     options: BaseOptions = field(default_factory=BaseOptions)
 
     def __post_init__(self) -> None:
-        for name in (
-            "estimate",
-            "sd",
-            "size",
-            "information",
-            "z",
-            "levels",
-            "sigma",
-            "samples",
-            "residual_rms",
-            "wrench_rms",
-        ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
         for name in ("left_out", "link_levels"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 

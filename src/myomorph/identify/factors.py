@@ -83,7 +83,7 @@ class Solution:
 
 
 def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
-    """Weigh factors (m, j, k + 1) of m kinds of rows by their noise (m,), with a prior on the first n unknowns.
+    """Weigh triangular factors (m, k + 1, k + 1) by the noise (m,) of their rows, with a prior on the first n unknowns.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
     k = factors.shape[2] - 1
     data = np.zeros((k + 1, k + 1))
     for factor, noise in zip(factors, sigma, strict=True):
-        data = absorb(data, factor / noise)
+        data = absorb(data, factor / noise, triangular=k + 1)
     R, z = with_prior(data[:k], mean, sd)
     return Solution(data[:k, :k], data[:k, k], solve_triangular(R, z), row_lengths_of_inverse(R))
 

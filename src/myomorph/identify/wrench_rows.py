@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -56,11 +57,12 @@ class Rows:
     frames: int
     left_out: dict[str, int]
 
-    @property
+    @cached_property
     def plain(self) -> Array:
-        """(6, n + 7, n + 1) the factors without the columns of constants."""
+        """(6, n + 1, n + 1) triangular factors without the columns of constants."""
         n = self.factors.shape[2] - CONSTANTS - 1
-        return np.delete(self.factors, np.s_[n : n + CONSTANTS], axis=2)
+        parts = np.delete(self.factors, np.s_[n : n + CONSTANTS], axis=2)
+        return np.stack([absorb(np.zeros((n + 1, n + 1)), part) for part in parts])
 
     @property
     def wrench_rms(self) -> Array:
