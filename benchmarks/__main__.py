@@ -14,6 +14,7 @@ COMPARISONS = {
     "start": ("benchmarks.start", "import, first command with compilation, later commands"),
     "qp": ("benchmarks.qp", "our tension solver against maintained QP solvers"),
     "identify": ("benchmarks.speed_identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
+    "live": ("benchmarks.speed_live", "frames a second that live identification can take"),
     "masspoints": ("benchmarks.speed_masspoints", "the mass-point problem at full size, and general QP solvers"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
