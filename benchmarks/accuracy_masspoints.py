@@ -15,8 +15,9 @@ import piqp
 from scipy.optimize import nnls
 
 from benchmarks.speed_masspoints import LINKS, MASS, Program, made_body, measured
+from myomorph.identify.envelope import envelope_points
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.identify.points import Links, MassPoints, links_of
+from myomorph.identify.points import MassPoints, links_of
 from myomorph.identify.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.io.models import read_model
 from myomorph.model.inertia import inertial_parameters
@@ -116,12 +117,6 @@ def measure_grid() -> Iterator[Row]:
         yield row
 
 
-RADII = {
-    "head": 0.09, "upper_trunk": 0.13, "lower_trunk": 0.13, "upper_arm": 0.05, "lower_arm": 0.04, "hand": 0.03,
-    "thigh": 0.085, "shank": 0.055, "foot": 0.04,
-}  # fmt: skip
-"""Of a stand-in body, capsules about the bones of each segment [m]."""
-
 PUBLISHED = {
     "athletes": ("", "", 6.9, 2.7, 1.6, 0.6, 11.0, 5.1, 1.1),
     "[D], w_d": (0.46, 0.32, 7.79, 2.77, 2.69, 0.51, 6.36, 4.26, 2.36),
@@ -133,31 +128,27 @@ SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
 
 
 def measure_maps(folder: Path) -> Iterator[Row]:
-    """Where a uniform body's mass goes by each weight map: the 171-coordinate model in a stand-in body."""
+    """Where a body's mass goes by each weight map: the 171-coordinate model, in the envelopes of its own bodies."""
     model = read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
     defaults = np.array([[coordinate.default for coordinate in model.coordinates]])
-    links = links_of(model, Motion(np.zeros(1), model.coordinate_names, defaults))
-    taking = links_with_mass(model)
-    segments = segments_of(model)
-    points = _capsules(links, np.array([RADII[segments[name].name] for name in links.names]) * taking)
+    pose = Motion(np.zeros(1), model.coordinate_names, defaults)
+    links, taking, segments = links_of(model, pose), links_with_mass(model), segments_of(model)
+    body = envelope_points(model, pose)
     maps: dict[str, WeightMap] = {
         "w_d": partial(cog_weights, taking=taking),
         "w_n": partial(nearest_weights, taking=taking),
         "w_b": partial(bone_weights, taking=taking),
         "w_b, exponent 8": partial(bone_weights, taking=taking, exponent=8.0),
     }
-    total = float(inertial_parameters(model)[:, 0].sum())
-    found = {"the model itself": inertial_parameters(model)[:, 0]}
-    for name, weights in maps.items():
-        found[name] = weights(points, links).sum(axis=0) * total / len(points)
-    whole = cog_weights(points, links, taking=taking, smallest=0.0).sum(axis=0) * total / len(points)
-    for name, masses in found.items():
+    found = {name: weights(body.points, links).T @ body.masses for name, weights in maps.items()}
+    whole = cog_weights(body.points, links, taking=taking, smallest=0.0).T @ body.masses
+    for name, masses in {"the model itself": inertial_parameters(model)[:, 0], **found}.items():
         of = dict(zip(links.names, masses, strict=True))
         yield {
             "masses": name,
             "SD of lumbar vertebrae [kg]": float(np.std([of[f"lumbar{i}"] for i in range(1, 6)])),
             "SD of thoracic vertebrae [kg]": float(np.std([of[f"thoracic{i}"] for i in range(1, 13)])),
-            **{f"{name} [%]": _share(of, segments, name) for name in SEGMENTS},
+            **{f"{segment} [%]": _share(of, segments, segment) for segment in SEGMENTS},
             "most that dropping small shares changes a link [g]": 1e3 * float(np.abs(masses - whole).max())
             if name == "w_d"
             else "",
@@ -171,19 +162,6 @@ def _share(masses: dict[str, float], segments: Mapping[str, Segment], name: str)
     """Percent of the whole in a segment, of the right side where there are two."""
     own = [mass for body, mass in masses.items() if segments[body].name == name and segments[body].side != "left"]
     return 100.0 * float(sum(own)) / float(sum(masses.values()))
-
-
-def _capsules(links: Links, radii: Array, spacing: float = 0.01) -> Array:
-    """Points of a grid within a radius (links,) of some bone of each link; links of radius 0 have none."""
-    low, high = (edge(links.bones.reshape(-1, 3), axis=0) for edge in (np.min, np.max))
-    steps = [np.arange(a - radii.max(), b + radii.max(), spacing) for a, b in zip(low, high, strict=True)]
-    grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    inside = np.zeros(len(grid), bool)
-    for (start, end), owner in zip(links.bones, links.bone_links, strict=True):
-        along = end - start
-        t = np.clip((grid - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-        inside |= np.linalg.norm(grid - start - t[:, None] * along, axis=1) < radii[owner]
-    return grid[inside]
 
 
 if __name__ == "__main__":
