@@ -124,14 +124,17 @@ PUBLISHED = {
 }
 """[D] tables 3.3 and 3.4: SD of lumbar and thoracic vertebrae [kg], shares of segments [%]."""
 
+OPEN = {"shoulder_elv_r": 1.0, "shoulder_elv_l": 1.0, "hip_adduction_r": -0.2, "hip_adduction_l": -0.2}
+"""Coordinates that open arms and legs, as [D] does before mass is shared out [rad]."""
+
 SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
 
 
 def measure_maps(folder: Path) -> Iterator[Row]:
     """Where a body's mass goes by each weight map: the 171-coordinate model, in the envelopes of its own bodies."""
     model = read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
-    defaults = np.array([[coordinate.default for coordinate in model.coordinates]])
-    pose = Motion(np.zeros(1), model.coordinate_names, defaults)
+    values = np.array([[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]])
+    pose = Motion(np.zeros(1), model.coordinate_names, values)
     links, taking, segments = links_of(model, pose), links_with_mass(model), segments_of(model)
     body = envelope_points(model, pose)
     maps: dict[str, WeightMap] = {
