@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, product
 from types import MappingProxyType
 
 import numpy as np
@@ -20,7 +20,7 @@ from myomorph.identify.points import Links, links_of
 from myomorph.identify.regions import HINGES, Center, Region, center_places, centers_of, hinge_axis, regions_of
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.model import Joint, Marker, Model
+from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.segments import Segment
 from myomorph.model.series import Markers, Motion
@@ -33,6 +33,13 @@ AXIS_LENGTH, AXIS_WEIGHT = 0.05, 0.001
 """A point beside a knee or elbow on its axis [m], and its weight against a joint center's 1: it turns limbs."""
 ROOT, ROOT_WEIGHT = Region("pelvis"), 1e4
 """The pelvis has a shape of its own, so that it can take its place exactly; limbs then follow from it."""
+TRUNK = Region("torso")
+"""The spine keeps its default shape while the trunk is stretched: it could bend to any length."""
+LIMBS, HINGED = ("thigh", "shank", "upper_arm", "lower_arm"), ("shank", "lower_arm")
+OFF = 2e-3
+"""A limb whose joint centers stay further off is searched from other angles [m]."""
+START_INSIDE = 0.1
+"""Part of a coordinate's range by which the search for the pose starts inside it."""
 EVEN = 1e-4
 """Weight of differences between a region's factors along its axes, where distances leave them open [m]."""
 QUARTER_SLACK = np.radians(15.0)
@@ -286,6 +293,29 @@ def _cues(
     return found
 
 
+def _started(coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, Region]) -> Coordinate:
+    """A coordinate as the search for the pose starts with it: limbs a little bent, where no joint is singular.
+
+    The ranges of limbs do not hold in the search: straight knees of two models differ by a degree.
+    """
+    if joint is None or coordinate.locked:
+        return coordinate
+    inner, outer = regions.get(joint.parent), regions[joint.child]
+    if inner == outer == TRUNK:
+        return replace(coordinate, locked=True)
+    low, high = coordinate.range
+    if outer.name not in LIMBS or (inner == outer and outer.name in HINGED) or not np.isfinite(high - low):
+        return coordinate
+    if coordinate.motion != "rotational":
+        return replace(coordinate, clamped=False)
+    edge = START_INSIDE * (high - low)
+    return replace(coordinate, clamped=False, default=float(np.clip(coordinate.default, low + edge, high - edge)))
+
+
+def _share(limits: tuple[float, float], share: float) -> float:
+    return limits[0] + share * (limits[1] - limits[0])
+
+
 class _Fit:
     """Factors and a pose of the higher model that bring its joint centers to those of the lower.
 
@@ -305,13 +335,8 @@ class _Fit:
     ):
         self._model, self._regions, self._centers = model, regions, centers
         self._targets, self._cues = targets, cues
-        inside = {
-            name
-            for joint in model.joints
-            if regions.get(joint.parent) == regions[joint.child]
-            for name in joint.coordinates
-        }
-        self._held = tuple(replace(one, locked=one.locked or one.name in inside) for one in model.coordinates)
+        own = {name: joint for joint in model.joints for name in joint.coordinates}
+        self._started = tuple(_started(one, own.get(one.name), regions) for one in model.coordinates)
         bounds: dict[Region, list[str]] = {}
         for key, center in centers.items():
             for region in dict.fromkeys((center.inner, center.outer)):
@@ -372,7 +397,53 @@ class _Fit:
         return np.array(least_squares(residuals, logs, method="lm", xtol=1e-10, ftol=1e-12, gtol=1e-14).x)
 
     def _pose(self, model: Model) -> Motion:
-        """The pose in which the joint centers lie nearest to the lower model's."""
+        """The pose in which the joint centers lie nearest to the lower model's.
+
+        The angles of a shoulder or hip have poles and two branches, so a limb that stays off is tried from
+        other angles; the next rounds start from those that were found.
+        """
+        best = self._posed(model, self._started)
+        for region in dict.fromkeys(self._regions.values()):
+            ball = self._ball(model, region)
+            below = [key for key, one in self._centers.items() if one.inner == region]
+            if not ball or not below or self._off(model, best, below) < OFF:
+                continue
+            for shares in product((0.25, 0.75), repeat=len(ball)):
+                tried = tuple(
+                    replace(one, default=_share(one.range, shares[ball.index(one.name)])) if one.name in ball else one
+                    for one in self._started
+                )
+                other = self._posed(model, tried)
+                if self._off(model, other, below) < 0.9 * self._off(model, best, below):
+                    best = other
+                    found = {name: float(best[name][0]) for name in ball}
+                    self._started = tuple(
+                        replace(one, default=found.get(one.name, one.default)) for one in self._started
+                    )
+        return best
+
+    def _ball(self, model: Model, region: Region) -> list[str]:
+        """The two or three rotations by which a thigh or an upper arm turns, if they are as few."""
+        if region.name not in ("thigh", "upper_arm"):
+            return []
+        own = {name for joint in model.joints if self._regions[joint.child] == region for name in joint.coordinates}
+        found = [
+            one.name
+            for one in model.coordinates
+            if one.name in own
+            and one.name not in model.dependent_coordinates
+            and np.isfinite(np.ptp(one.range))
+            and one.motion == "rotational"
+        ]
+        return found if 2 <= len(found) <= 3 else []
+
+    def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
+        """Largest distance of some centers from the lower model's [m]."""
+        places = center_places(model, centers_of(model, self._regions), pose)
+        return max(float(np.linalg.norm(places[key] - self._targets[key])) for key in keys)
+
+    def _posed(self, model: Model, coordinates: tuple[Coordinate, ...]) -> Motion:
+        """Inverse kinematics of the joint centers from the defaults of coordinates."""
         centers = centers_of(model, self._regions)
         virtual = [Marker(key, centers[key].joint.child, centers[key].location) for key in self._targets]
         stretched = {joint.child: joint.parent_frame.translation for joint in model.joints}
@@ -388,7 +459,7 @@ class _Fit:
         names = tuple(marker.name for marker in virtual)
         seen = Markers(np.zeros(1), names, np.array(points)[None])
         options = InverseKinematicsOptions(marker_weights=weights, tolerance=1e-9, iterations=500)
-        held = replace(model, markers=tuple(virtual), coordinates=self._held)
+        held = replace(model, markers=tuple(virtual), coordinates=coordinates)
         return inverse_kinematics(held, seen, options).motion
 
     def shifts(self, higher: Model, factors: Mapping[str, Array], pose: Motion) -> tuple[dict[str, float], Model]:
