@@ -306,6 +306,13 @@ def test_a_stream_that_is_not_there_is_told(marked: tuple[Model, Markers, Wrench
         LabStreams("Camera", "Plates", wait=0.1, library=network(*laboratory(markers, wrenches)))
 
 
+def test_a_stream_that_lies_about_its_rate_is_told(marked: tuple[Model, Markers, Wrenches]) -> None:
+    cameras, plates = laboratory(*marked[1:])
+    plates.nominal_srate = lambda: 2000.0
+    with pytest.raises(BadData, match="'Plates' says 2000 samples a second, but sends 600"):
+        LabStreams("Cameras", "Plates", library=network(cameras, plates)).take()
+
+
 @pytest.mark.long
 def test_streams_through_the_real_library(
     marked: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch

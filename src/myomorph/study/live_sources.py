@@ -25,6 +25,9 @@ WAIT = 10.0
 SILENCE = 5.0
 """A stream that sends nothing for so long has ended [s]."""
 
+RATE_ERROR = 0.2
+"""Share by which a stream's samples may come faster or slower than it says."""
+
 _AXIS = re.compile(r"^(.*?)[ _.:-]?([xyz])$", re.IGNORECASE)
 _FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)
 _UNITS: Mapping[str, float] = {
@@ -173,13 +176,12 @@ class LabStreams:
     def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
         lsl = library or _pylsl()
         self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
-        self._markers, info = _inlet(lsl, markers, "markers", wait)
-        labels, units = _channels(info)
-        self.names, self._columns, self._scale = marker_channels(labels, units)
-        self.rate = _rate(info, markers)
-        self._forces, info = _inlet(lsl, forces, "forces", wait)
-        self.force_rate = _rate(info, forces)
-        self._layout = force_channels(*_channels(info))
+        self._markers = _Stream(lsl, markers, "markers", wait)
+        self.names, self._columns, self._scale = marker_channels(*self._markers.channels)
+        self.rate = self._markers.rate
+        self._forces = _Stream(lsl, forces, "forces", wait)
+        self.force_rate = self._forces.rate
+        self._layout = force_channels(*self._forces.channels)
         self._last: float | None = None
 
     @property
@@ -189,8 +191,8 @@ class LabStreams:
 
     def take(self) -> Arrived:
         """Everything that came since the last call."""
-        force_time, samples = _pulled(self._forces)
-        time, rows = _pulled(self._markers)
+        force_time, samples = self._forces.pulled()
+        time, rows = self._markers.pulled()
         if len(time) or self._last is None:
             self._last = clock.monotonic()
         positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
@@ -281,15 +283,41 @@ def _pylsl() -> Any:
     return pylsl
 
 
-def _inlet(lsl: Any, name: str, what: str, wait: float) -> tuple[Any, Any]:
-    """The stream of that name and its description."""
-    found = lsl.resolve_byprop("name", name, timeout=wait)
-    if not found:
-        others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
-        raise UnknownName(f"stream of {what}", name, others, "the network")
-    flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
-    inlet = lsl.StreamInlet(found[0], processing_flags=flags)
-    return inlet, inlet.info(wait)
+class _Stream:
+    """One stream: its channels, its rate, and what it sends."""
+
+    def __init__(self, lsl: Any, name: str, what: str, wait: float):
+        found = lsl.resolve_byprop("name", name, timeout=wait)
+        if not found:
+            others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
+            raise UnknownName(f"stream of {what}", name, others, "the network")
+        flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
+        self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
+        info = self._inlet.info(wait)
+        self.name, self.rate = name, float(info.nominal_srate())
+        if self.rate <= 0.0:
+            raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
+        self.channels = _channels(info)
+        self._first, self._count = float("nan"), 0
+
+    def pulled(self) -> tuple[Array, Array]:
+        """Times (samples,) [s] and samples (samples, channels) since the last call.
+
+        Raises
+        ------
+        BadData : after a second, where they come at another rate than the stream says
+        """
+        samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
+        if self._count == 0 and times:
+            self._first = times[0]
+        self._count += len(times)
+        span = times[-1] - self._first if times else 0.0
+        if span > 1.0 and abs((self._count - 1) / span / self.rate - 1.0) > RATE_ERROR:
+            raise BadData(
+                f"stream '{self.name}' says {self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}: "
+                "correct the rate that its sender names"
+            )
+        return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
 
 
 def _channels(info: Any) -> tuple[list[str], list[str]]:
@@ -301,16 +329,3 @@ def _channels(info: Any) -> tuple[list[str], list[str]]:
         units.append(channel.child_value("unit"))
         channel = channel.next_sibling("channel")
     return labels, units
-
-
-def _rate(info: Any, name: str) -> float:
-    rate = float(info.nominal_srate())
-    if rate <= 0.0:
-        raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
-    return rate
-
-
-def _pulled(inlet: Any) -> tuple[Array, Array]:
-    samples, times = inlet.pull_chunk(timeout=0.0, max_samples=4096)
-    rows = np.array(samples, dtype=np.float64)
-    return frozen_array(np.array(times, dtype=np.float64)), rows
