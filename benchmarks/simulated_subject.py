@@ -24,8 +24,8 @@ from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths
 
-LEAST_EXTENT = 1e-3
-"""Of a body's mass along each axis, root mean square [m]."""
+EXTENTS = (1e-3, 0.2)
+"""Least and greatest root mean square of a body's mass along an axis, from its mass center [m]."""
 
 
 @dataclass(frozen=True)
@@ -151,9 +151,9 @@ def deformed(parameters: Array, options: SubjectOptions, random: np.random.Gener
         return parameters
     center = J[:3, 3] / mass
     spread = J[:3, :3] - mass * np.outer(center, center)
-    # Some models' small bodies have inertias that no mass has: a person's bodies have at least a millimeter.
+    # Some models give bodies that only join two others inertias of no mass, or of one 20 m away.
     extent, axes = np.linalg.eigh(spread)
-    spread = (axes * np.maximum(extent, mass * LEAST_EXTENT**2)) @ axes.T
+    spread = (axes * np.clip(extent, *mass * np.square(EXTENTS))) @ axes.T
     stretch = options.shape * random.uniform(-1.0, 1.0, (3, 3))
     A = np.eye(3) + 0.5 * (stretch + stretch.T)
     k = 1.0 + options.mass * random.uniform(-1.0, 1.0)
