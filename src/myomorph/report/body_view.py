@@ -22,6 +22,9 @@ from myomorph.rigid.tree import compile_tree
 SHRINK = 4
 """Pixels rendered for one shown, along each axis."""
 
+SHORTEST = 1e-3
+"""Pieces that are shorter are not drawn [m]."""
+
 THICK, LEAST, MOST = 0.16, 0.014, 0.055
 """Radius of a limb in a small picture: a share of its length, and bounds as shares of the body's height."""
 
@@ -88,7 +91,7 @@ def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, A
         ends = list(joints)
         if not ends or body.mass > 0.02 * model.mass:
             ends.append(start + 1.9 * (body.mass_center - start))
-        found += [(numbers[body.name], start, end) for end in ends]
+        found += [(numbers[body.name], start, end) for end in ends if np.linalg.norm(end - start) > SHORTEST]
     return found
 
 

@@ -15,7 +15,7 @@ from myomorph.model.surface import Surface
 from myomorph.report.body_view import BodyView
 from myomorph.report.image import level_color
 
-DEEPER = 1.7
+DEEPER = 1.35
 """Exponent on colors, which the page's lights make paler."""
 
 MARKER = (70, 70, 70)
@@ -84,7 +84,7 @@ class WebViewer:
         )
         middle = scene.origins[0, 1] + (0.5 * (scene.low + scene.high) - scene.origins[0, 1] @ scene.up) * scene.up
         camera = self._server.initial_camera
-        camera.position = tuple(middle + 1.35 * scene.size * _unit(scene.forward + 0.6 * scene.right + 0.15 * scene.up))
+        camera.position = tuple(middle + 1.05 * scene.size * _unit(scene.forward + 0.6 * scene.right + 0.15 * scene.up))
         camera.look_at = tuple(middle)
         self._progress = self._server.gui.add_progress_bar(0.0)
         self._text = self._server.gui.add_markdown("")
