@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from myomorph.model.errors import BadData, UnknownName, listing
 from myomorph.model.model import Marker, Model, index_of
@@ -104,12 +105,12 @@ def calibrate(
     size = overall_size(model, names, [_columns(one, names) for one in recordings])
     bare = skeleton(model)
     sized = scale(bare, {body: np.full(3, size) for body in bare.body_names})
-    tracking = InverseKinematicsOptions(
-        marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True, posture_weight=options.posture_weight
-    )
-    chosen = spread_postures(sized, recordings, tracking, options.frames)
+    tracking = InverseKinematicsOptions(marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True)
+    chosen = spread_postures(sized, recordings, tracking, options.frames, options.static is not None)
     problem = _problem(model, bare, names, weights, recordings, [frames for frames, _ in chosen], options, size)
-    search = _search(problem, names, size, [angles for _, angles in chosen], options, progress)
+    # Frames are shared among our own threads; a thread pool for each of their small products costs more than it gains.
+    with threadpool_limits(limits=1, user_api="blas"):
+        search = _search(problem, names, size, [angles for _, angles in chosen], options, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
     return _calibration(model, problem, search, names, chosen, options, path_lengths)
@@ -339,7 +340,7 @@ def _calibration(
     locations = dict(zip(names, problem.placed(x), strict=True))
     result = scale(model, factors, options.mass, path_lengths=path_lengths)
     placed = tuple(replace(one, location=locations.get(one.name, one.location)) for one in result.markers)
-    sd, prior_sd = _deviations(problem, search)
+    sd, prior_sd, place_sd = _deviations(problem, search)
     lengths = tuple(
         FoundLength(one, float(x[i]), float(sd[i]), float(prior_sd[i])) for i, one in enumerate(problem.lengths)
     )
@@ -350,7 +351,7 @@ def _calibration(
     shifts = x[n:-1].reshape(-1, 3)
     markers = tuple(
         FoundMarker(
-            name, model.marker(name).body, locations[name], shifts[m], sd[n + 3 * m : n + 3 * m + 3],
+            name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
             root_mean_square([one[:, m] for one in before]), root_mean_square([one[:, m] for one in after]),
         )
         for m, name in enumerate(names)
@@ -374,16 +375,27 @@ def _calibration(
     )
 
 
-def _deviations(problem: SharedProblem, search: _Search) -> tuple[Array, Array]:
-    """(unknowns,) standard deviations with and without the recordings; 0 for what may not move."""
-    sd, prior_sd = np.zeros(len(search.free)), np.zeros(len(search.free))
-    rows, free = problem.prior.rows[:, search.free], search.free
-    variance = search.noise**2
+def _deviations(problem: SharedProblem, search: _Search) -> tuple[Array, Array, Array]:
+    """Standard deviations: of the lengths, of the lengths without the recordings, of the markers' places.
+
+    A place is factor * location + shift; what the two share cancels. 0 for what may not move.
+    """
+    n, free = len(problem.lengths), search.free
+    rows, variance = problem.prior.rows[:, free], search.noise**2
     H = search.found.reduced.H[np.ix_(free, free)]
-    sd[free] = np.sqrt(variance * np.diag(np.linalg.inv(H + variance * rows.T @ rows)))
+    spread = np.zeros((len(free), len(free)))
+    spread[np.ix_(free, free)] = variance * np.linalg.inv(H + variance * rows.T @ rows)
     given_size = rows[:, :-1]
+    prior_sd = np.zeros(len(free))
     prior_sd[np.flatnonzero(free)[:-1]] = np.sqrt(np.diag(np.linalg.inv(given_size.T @ given_size)))
-    return sd, prior_sd
+    location = problem.stretch.location.ravel()
+    column = problem.stretch.column[problem.markers.body].ravel()
+    slopes = np.zeros((len(location), len(free)))
+    slopes[:, n:-1] = np.eye(len(location))
+    stretched = column >= 0
+    slopes[stretched, column[stretched]] = location[stretched]
+    places = np.sqrt(np.maximum(0.0, np.einsum("ij,jk,ik->i", slopes, spread, slopes)))
+    return np.sqrt(np.diag(spread))[:n], prior_sd[:n], places.reshape(-1, 3)
 
 
 def _notes(

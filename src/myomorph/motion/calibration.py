@@ -38,7 +38,7 @@ class CalibrationOptions:
     fixed_markers : markers that stay where the model has them
     static : a recording of standing still
     static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model stands
-    posture_weight : as in `InverseKinematicsOptions`
+    posture_weight : as in `InverseKinematicsOptions`, but smaller, for lengths must not feel it
     """
 
     frames: int = 50
@@ -57,7 +57,7 @@ class CalibrationOptions:
     fixed_markers: tuple[str, ...] = ()
     static: Markers | None = None
     static_pose: Mapping[str, float] | None = None
-    posture_weight: float = 1e-7
+    posture_weight: float = 1e-10
 
 
 @dataclass(frozen=True, eq=False)

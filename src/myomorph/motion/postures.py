@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -83,7 +84,7 @@ def _spread(recordings: Sequence[Array], own: Array) -> float:
 
 
 def spread_postures(
-    model: Model, trials: Sequence[Markers], options: InverseKinematicsOptions, frames: int
+    model: Model, trials: Sequence[Markers], options: InverseKinematicsOptions, frames: int, static: bool = False
 ) -> tuple[tuple[Ints, Array], ...]:
     """Frames of all recordings whose postures differ most, and the coordinates in them.
 
@@ -93,6 +94,10 @@ def spread_postures(
     shows the same skin and the same errors of the model, so it must not count as evidence. Frames
     that fit three times worse than usual or show fewer than half the markers are not chosen, and of long
     recordings only `CANDIDATES` frames, evenly spaced, are looked at.
+
+    Parameters
+    ----------
+    static : the last recording is one of standing still, of which the frame nearest to its mean is the first
 
     Returns
     -------
@@ -114,7 +119,9 @@ def spread_postures(
         shown.append(np.isfinite(fit.errors[seen]).sum(axis=1))
     table, error, count = np.concatenate(places), np.concatenate(misfit), np.concatenate(shown)
     good = (error <= 3.0 * np.median(error)) & (count >= 0.5 * count.max())
-    chosen = _farthest(table, np.flatnonzero(good), frames)
+    usable = np.flatnonzero(good)
+    still = np.array([looked[k][0] == len(trials) - 1 for k in usable])
+    chosen = _farthest(table, usable, frames, still if static and still.any() else np.ones(len(usable), np.bool_))
     q = np.concatenate(coordinates)
     taken = []
     for number in range(len(trials)):
@@ -133,13 +140,13 @@ def _seen_from_base(model: Model, values: Array) -> Array:
     return local.reshape(len(values), -1)
 
 
-def _farthest(table: Array, usable: Ints, count: int) -> list[int]:
-    """Rows chosen one after another, each as far as can be from those before it."""
+def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_]) -> list[int]:
+    """Rows chosen one after another, each as far as can be from those before it; the first among some of them."""
     points = table[usable]
     least = SAME_POSTURE**2 * table.shape[1] / 3.0
-    first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
-    chosen = [first]
-    nearest = ((points - points[first]) ** 2).sum(axis=1)
+    middle = ((points - points[first].mean(axis=0)) ** 2).sum(axis=1)
+    chosen = [int(np.argmin(np.where(first, middle, np.inf)))]
+    nearest = ((points - points[chosen[0]]) ** 2).sum(axis=1)
     while len(chosen) < count and nearest.max() > least:
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, ((points - points[chosen[-1]]) ** 2).sum(axis=1))

@@ -1,0 +1,115 @@
+"""Which bodies stretch together, and derivatives of marker places against differences of scaled models."""
+
+import numpy as np
+import pytest
+
+from myomorph.io.models import read_model
+from myomorph.model.scale import scale
+from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
+from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths, segments_that_stretch
+from myomorph.motion.stretch import skeleton, slopes_of_frame, stretch_of, with_travel
+from myomorph.rigid.kinematics import couple_frames, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from stick_figure import stick_figure
+
+GENERIC = "opencap-subject4-multitask/models/unscaled_generic.osim"
+LARGE = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
+
+
+def placed(model, lengths, values, coordinates):
+    """Places of the markers of a model stretched, its tree and consistent coordinates."""
+    stretched = scale(model, factors_of(lengths, values))
+    tree = compile_tree(stretched)
+    c = coordinates[None].copy()
+    couple_frames(tree.arrays, c)
+    bodies = np.array([tree.body_index[one.body] for one in stretched.markers])
+    places = forward_kinematics(tree, c).points(bodies, np.array([one.location for one in stretched.markers]))
+    return places[0].ravel(), tree, c[0]
+
+
+def hold_against_differences(model):
+    rng = np.random.default_rng(1)
+    model = skeleton(model)
+    lengths = lengths_of(model)
+    values = rng.uniform(0.9, 1.1, len(lengths))
+    defaults = compile_tree(model).defaults
+    start = defaults + 0.2 * rng.normal(size=len(defaults))
+    places, tree, c = placed(model, lengths, values, start)
+    problem = marker_arrays(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
+    stretch = with_travel(stretch_of(model, lengths, model.marker_names), model, values)
+    found, by_length, by_coordinate = slopes_of_frame(tree.arrays, problem, stretch, c)
+    np.testing.assert_allclose(found.ravel(), places, atol=1e-12)
+    h = 1e-6
+    for i in range(len(lengths)):
+        d = h * np.eye(len(lengths))[i]
+        ahead, behind = placed(model, lengths, values + d, start)[0], placed(model, lengths, values - d, start)[0]
+        np.testing.assert_allclose(by_length[:, i], (ahead - behind) / (2 * h), atol=1e-8, err_msg=lengths[i].name)
+    for j in tree.independent[:: max(1, len(tree.independent) // 40)]:
+        d = h * np.eye(len(start))[j]
+        ahead, behind = placed(model, lengths, values, start + d)[0], placed(model, lengths, values, start - d)[0]
+        np.testing.assert_allclose(by_coordinate[:, j], (ahead - behind) / (2 * h), atol=1e-8)
+
+
+def test_slopes_on_a_figure():
+    hold_against_differences(stick_figure())
+
+
+@pytest.mark.parametrize("name", [GENERIC, LARGE, "ceinms-emg-walk/model/gait2392.osim"])
+def test_slopes_on_real_models(name, data):
+    """Knees that slide on splines, patellas on couplers, 171 coordinates."""
+    model = read_model(data(name))
+    if not model.markers:
+        from myomorph.model.model import Marker
+
+        model = model.with_markers(tuple(Marker(f"m_{one}", one, [0.1, 0.2, 0.3]) for one in model.body_names))
+    hold_against_differences(model)
+
+
+def test_segments_of_a_walking_model(data):
+    segments = segments_that_stretch(read_model(data(GENERIC)))
+    assert ("femur_r", "patella_r") in segments
+    assert ("talus_l", "calcn_l", "toes_l") in segments
+    assert ("ulna_r", "radius_r", "hand_r") in segments
+    assert len(segments) == 12
+
+
+def test_a_spine_is_one_trunk(data):
+    segments = segments_that_stretch(read_model(data(LARGE)))
+    trunk = next(one for one in segments if "lumbar3" in one)
+    assert {"lumbar5", "thoracic12", "thoracic1", "rib7_L", "sternum", "scapula_R"} <= set(trunk)
+    assert "pelvis" not in trunk
+    assert "head_neck" not in trunk
+
+
+def test_every_body_axis_has_one_length(data):
+    for model in (stick_figure(), read_model(data(LARGE))):
+        for symmetric in (False, True):
+            stretched = [one for length in lengths_of(model, symmetric) for one in length.stretched]
+            assert sorted(stretched) == sorted((body, axis) for body in model.body_names for axis in range(3))
+
+
+def test_joint_to_joint_lengths_of_a_figure():
+    found = {one.name: one for one in lengths_of(stick_figure(), symmetric=True)}
+    assert found["femur_y"].extent == pytest.approx(0.4)
+    assert found["tibia_y"].extent == pytest.approx(0.41)
+    assert found["pelvis_z"].extent == pytest.approx(0.16)
+    assert found["femur_y"].along
+    assert found["femur_y"].between_joints
+    assert not found["foot_x"].between_joints
+
+
+def test_sides_are_paired():
+    lengths = lengths_of(stick_figure())
+    pairs = {(lengths[i].name, lengths[j].name) for i, j in mirrored_lengths(lengths)}
+    assert ("femur_r_y", "femur_l_y") in pairs
+    assert len(pairs) == 9
+
+
+def test_factors_grow_the_extent():
+    model = stick_figure()
+    lengths = lengths_of(model)
+    values = np.linspace(0.9, 1.1, len(lengths))
+    grown = {one.name: one.extent for one in lengths_of(scale(model, factors_of(lengths, values)))}
+    for one, value in zip(lengths, values, strict=True):
+        if one.between_joints:
+            assert grown[one.name] == pytest.approx(one.extent * value)
