@@ -93,7 +93,8 @@ def body_section(given: IdentificationInput) -> Section:
         grids.append(Grid(("Reason", "Frames", "Of all"), tuple(rows), "Frames left out"))
     if given.notes:
         grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "What identification had to say"))
-    return Section("body-identified", "The identified body", lead, (), tuple(figures), tuple(grids))
+    title = "The identified body" if given.parameters else "The body"
+    return Section("body-identified", title, lead, (), tuple(figures), tuple(grids))
 
 
 def body_picture(given: IdentificationInput) -> str:

@@ -158,7 +158,7 @@ def tables_folder(out: Path) -> Path:
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables and of what it was made from; whole or not at all.
+    """Write the model, and beside it a folder of tables, a report and what it was made from; whole or not at all.
 
     Parameters
     ----------
@@ -169,7 +169,9 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
     what the model's file could not hold, one line each
     """
     from myomorph.io.osim_write import write_osim
+    from myomorph.study.calibration_report import calibration_page
     from myomorph.study.identifying import PROVENANCE, check_out_model
+    from myomorph.study.reporting import REPORT
 
     check_out_model(out)
     found = calibrated.found
@@ -179,6 +181,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         with whole_folder(tables or tables_folder(out)) as folder:
             _write_rows(length_rows(found), folder / "lengths.csv")
             _write_rows(marker_rows(found), folder / "markers.csv")
+            (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
             (folder / PROVENANCE).write_text(calibrated.provenance.to_json() + "\n", encoding="utf-8")
         os.replace(path, out)
     return lost
