@@ -1,0 +1,75 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from myomorph.identify.points import MassPoints, links_of
+from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.identify.subject import CrossValidation, Identification, IdentificationOptions, cross_validate, identify
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.report.identification_given import identification_input
+from myomorph.report.identification_tables import identification_tables, wrench_errors
+from myomorph.study.inputs import open_loads, open_model, open_motion
+
+
+def balls(model: Model) -> MassPoints:
+    """Eight points around the mass center of every body, at its radii of gyration."""
+    links = links_of(model, Motion(np.zeros(1), (), np.zeros((1, 0))))
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    points, owners, masses = [], [], []
+    for i, body in enumerate(model.bodies):
+        second = np.maximum(0.5 * np.trace(body.inertia) - np.diag(body.inertia), 1e-6 * body.mass)
+        points.append(links.centers[i] + corners * np.sqrt(second / body.mass) @ links.rotations[i].T)
+        owners += [i] * 8
+        masses += [body.mass / 8] * 8
+    weights = sparse.csr_array((np.ones(len(owners)), (np.arange(len(owners)), owners)))
+    return MassPoints(np.concatenate(points), np.array(masses), weights, links, 0.005, "eight points a body")
+
+
+@pytest.fixture(scope="module")
+def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]:
+    folder = data("opensim-gait-subject01") / "ref_id"
+    model = open_model(folder / "subject01.osim")
+    motion = open_motion(folder / "subject01_walk1_ik.mot", model)
+    loads = open_loads(folder / "subject01_walk1_grf.xml", model, motion)
+    first, second = (
+        usable(model, motion, loads, time=span, options=RecordingOptions(cutoff=6.0), name="walk")
+        for span in ((0.6, 1.5), (1.5, 2.3))
+    )
+    options = IdentificationOptions(mass_sd=0.2, compare=False)
+    identified = identify(model, [first], {"points": balls(model)}, options=options)
+    recording = second.recording
+    models = {"identified": identified.model, "generic": model}
+    return identified, cross_validate(models, recording.motion, recording.wrenches, recording.use)
+
+
+def test_the_report_shows_what_was_found(found: tuple[Identification, CrossValidation]) -> None:
+    identification, validation = found
+    given = identification_input(identification, validation={"second half": validation})
+    tables = identification_tables(given)
+    masses = {row[0]: row[1] for row in tables["masses.csv"].rows}
+    assert masses["Total"] == pytest.approx(identification.model.mass)
+    for body in identification.model.bodies:
+        assert masses[body.name] == pytest.approx(body.mass)
+    assert given.base is not None
+    assert len(tables["base_parameters.csv"].rows) == len(identification.base.base)
+    assert {row[0] for row in tables["misfit.csv"].rows} >= set(identification.parameters)
+    faulty = {one.name for one in identification.consistency[identification.chosen].faulty}
+    assert {check.link for check in given.checks if not check.possible} == faulty
+    assert given.source == "eight points a body"
+
+
+def test_errors_are_those_of_the_cross_validation(found: tuple[Identification, CrossValidation]) -> None:
+    identification, validation = found
+    given = identification_input(identification, validation={"second half": validation})
+    theirs = validation.table()
+    for one in wrench_errors(given.validation[0]):
+        k = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz").index(one.component)
+        row = theirs[one.method]
+        assert one.mean_absolute == pytest.approx(row["mean"][k])
+        assert one.rms == pytest.approx(row["rms"][k])
+        assert one.peak == pytest.approx(row["peak"][k])
+        assert one.share == pytest.approx(row["percent"][k])
