@@ -120,6 +120,8 @@ def _check(options: CalibrationOptions) -> None:
     for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "fixed_sd", "static_sd", "iterations"):
         if not getattr(options, name) > 0:
             raise BadData(f"calibration: {name} is {getattr(options, name)}; expected a number above 0")
+    if options.mass is not None and not options.mass > 0.0:
+        raise BadData(f"calibration: a mass of {options.mass:g} kg; expected the subject's")
     if options.noise is not None and not options.noise >= 0.0:
         raise BadData(f"calibration: noise is {options.noise}; expected metres, or 0 for that of the residual")
 

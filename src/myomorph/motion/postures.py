@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion
+from myomorph.model.series import Markers
 from myomorph.model.spatial import Array
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.lengths import segments_that_stretch
+from myomorph.motion.measurements import default_markers
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -43,11 +44,7 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
     ------
     BadData : the recorded body cannot have this size
     """
-    tree = compile_tree(model)
-    pose = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
-    marked = [model.marker(name) for name in names]
-    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
-    own = pose.points(bodies, np.array([marker.location for marker in marked]).reshape(-1, 3))[0]
+    marked, own = [model.marker(name) for name in names], default_markers(model, names)
     segment = {body: k for k, group in enumerate(segments_that_stretch(model)) for body in group}
     ratios, weights = [], []
     for i, one in enumerate(marked):
