@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -39,7 +39,7 @@ def identify_command(
     ] = None,
     height: Annotated[float | None, Parameter(help="Of the subject [m], for a statistical body shape.")] = None,
     chest: Annotated[float | None, Parameter(help="Circumference of the chest [m].")] = None,
-    sex: Annotated[str | None, Parameter(help="female or male.")] = None,
+    sex: Annotated[Literal["female", "male"] | None, Parameter(help="Of the subject.")] = None,
     age: Annotated[float | None, Parameter(help="In years.")] = None,
     check_motion: Annotated[
         tuple[Path, ...],

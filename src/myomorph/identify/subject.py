@@ -26,7 +26,7 @@ from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
-STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Relative standard deviations of a link's mass to choose from where none is given."""
 
 FEW_POINTS = 60
@@ -201,11 +201,7 @@ def identify(
 def _tried(
     parts: Parts, noise: Array, points: MassPoints, mass: float, options: IdentificationOptions
 ) -> tuple[dict[float, Array], float]:
-    """Held-out misfit by strength of the prior, with few points that stand for all, and the strength to use.
-
-    That is the one nearest to the shape among those whose misfit is within a standard error of the least, taken over
-    the parts: a difference that the parts do not agree on is no reason to leave the shape.
-    """
+    """Held-out misfit by strength of the prior, with few points that stand for all, and the strength with the least."""
     few = _thinned(points)
     shape = possible_reference(few.parameters(few.reference))
 
@@ -232,21 +228,12 @@ def _tried(
         scores(best)
     else:
         # The misfit falls, then rises with the strength: walk down from the middle.
-        at = len(STRENGTHS) // 2 - 1
+        at = STRENGTHS.index(0.2)
         step = 1 if scores(STRENGTHS[at + 1]).sum() < scores(STRENGTHS[at]).sum() else -1
         while 0 <= at + step < len(STRENGTHS) and scores(STRENGTHS[at + step]).sum() < scores(STRENGTHS[at]).sum():
             at += step
-        least = scores(STRENGTHS[at])
-        while at > 0 and _alike(scores(STRENGTHS[at - 1]) - least):
-            at -= 1
         best = STRENGTHS[at]
     return {sd: np.sqrt(found[sd].mean(axis=0)) for sd in sorted(found)}, best
-
-
-def _alike(differences: Array) -> bool:
-    """Whether the mean of differences (parts,) is within its standard error."""
-    error = differences.std(ddof=1) / np.sqrt(len(differences)) if len(differences) > 1 else 0.0
-    return bool(differences.mean() <= error)
 
 
 def _thinned(points: MassPoints, most: int = FEW_POINTS) -> MassPoints:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -11,13 +14,18 @@ from myomorph.identify.consistency import Inside
 from myomorph.identify.envelope import envelope_points
 from myomorph.identify.points import Links, MassPoints, links_of
 from myomorph.identify.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
-from myomorph.study.body_shape import BodyOptions, BodyShape
+from myomorph.study.body_shape import WEIGHTS, BodyOptions, BodyShape
+from myomorph.study.inputs import about
 from myomorph.study.progress import progress
+
+if TYPE_CHECKING:
+    from myomorph.identify.shape import Shape
+    from myomorph.identify.skin import Skin
 
 OWN = "own"
 """Weight map of envelopes: each point belongs to the link whose envelope it fills."""
@@ -90,4 +98,71 @@ def _made(
 def _in_skin(
     model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
-    raise BadData("a skin or height and chest cannot be used yet: leave them out, and envelopes of the links are used")
+    """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
+    from myomorph.identify.fit_pose import pose_model_to_skin
+    from myomorph.identify.grid import fill, reference_masses
+    from myomorph.identify.skin import inside
+
+    if shape.skin is not None:
+        skin = _read_skin(shape.skin, shape.height)
+        landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
+        with about(shape.landmarks or shape.skin):
+            fitted = pose_model_to_skin(model, skin, landmarks)
+        source, notes = f"the skin {shape.skin.name}", skin.notes
+    else:
+        body = _statistical(shape, mass)
+        fitted = pose_model_to_skin(model, body)
+        reached = ", ".join(f"{name} {value:.4g}" for name, value in body.reached.items())
+        source, notes = f"a statistical body ({reached})", body.notes
+    posed = fitted.skin
+    with about(shape.skin or "the body"):
+        points = fill(posed, options.spacing)
+    links = links_of(model, fitted.motion)
+    first = options.weights or "bone"
+    names = (first, *(one for one in WEIGHTS if one != first and compare))
+    weights = _weights(model, points, links, names)
+    made = _made(points, reference_masses(points, mass), weights, links, options.spacing, source)
+    return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
+
+
+def _read_skin(path: Path, height: float | None) -> Skin:
+    from myomorph.identify.skin import check_skin
+    from myomorph.io.mesh import read_mesh
+
+    with about(path):
+        return check_skin(read_mesh(path), height)
+
+
+def _statistical(shape: BodyShape, mass: float) -> Shape:
+    from myomorph.identify.shape import body_shape
+
+    if shape.height is None or shape.chest is None:
+        lacking, given = ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
+        raise BadData(f"{given} needs {lacking} beside it: a body shape follows from both, in metres")
+    return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)
+
+
+def read_landmarks(path: Path) -> dict[str, Array]:
+    """Landmarks on a skin from a table with a line "name, x, y, z" each [m]; a first line of words is skipped.
+
+    Raises
+    ------
+    BadFile : it cannot be read, or a line is no name and three numbers
+    """
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
+    found: dict[str, Array] = {}
+    for number, row in enumerate(rows, start=1):
+        if not any(cell.strip() for cell in row):
+            continue
+        try:
+            name, x, y, z = (cell.strip() for cell in row)
+            found[name] = np.array([float(x), float(y), float(z)])
+        except ValueError:
+            if number > 1:
+                raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}") from None
+    if not found:
+        raise BadFile(path, "holds no landmark", "give lines 'name, x, y, z' in metres")
+    return found

@@ -42,5 +42,5 @@ class BodyShape:
     landmarks: Path | None = None
     height: float | None = None
     chest: float | None = None
-    sex: str | None = None
+    sex: Literal["female", "male"] | None = None
     age: float | None = None
