@@ -58,8 +58,8 @@ class TransferOptions:
     lower_segments, higher_segments : segments of bodies whose names do not tell them
     """
 
-    rounds: int = 12
-    tolerance: float = 1e-5
+    rounds: int = 8
+    tolerance: float = 1e-4
     keep_markers: bool = False
     lower_segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
     higher_segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
@@ -175,7 +175,7 @@ def transfer(
     targets = {key: rotation @ place for key, place in center_places(lower, lower_centers, lower_pose).items()}
     cues = _cues(lower, higher, lower_pose, centers, shared, rotation)
 
-    bare = replace(higher, markers=(), muscles=(), actuators=(), wrap_objects=(), passive_torques=())
+    bare = _skeleton(higher)
     fit = _Fit(bare, regions[1], {key: centers[1][key] for key in shared}, targets, cues)
     factors, higher_pose = fit.solve(options)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
@@ -210,6 +210,15 @@ def transfer(
         tuple(apart),
         tuple(notes),
     )
+
+
+def _skeleton(model: Model) -> Model:
+    """Bodies and joints alone."""
+    return replace(
+        model,
+        bodies=tuple(replace(body, meshes=()) for body in model.bodies),
+        markers=(), muscles=(), wrap_objects=(), actuators=(), frames=(), ground_meshes=(), passive_torques=(),
+    )  # fmt: skip
 
 
 def _first(pose: Motion | None, model: Model) -> Motion:
@@ -394,7 +403,7 @@ class _Fit:
                 start += count
             return np.array(rows)
 
-        return np.array(least_squares(residuals, logs, method="lm", xtol=1e-10, ftol=1e-12, gtol=1e-14).x)
+        return np.array(least_squares(residuals, logs, method="lm", xtol=1e-7, ftol=1e-9, gtol=1e-12).x)
 
     def _pose(self, model: Model) -> Motion:
         """The pose in which the joint centers lie nearest to the lower model's.
