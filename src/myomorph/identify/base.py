@@ -68,7 +68,7 @@ class BaseOptions:
     prior: float = 100.0
     shown: float = 0.2
     rank_tolerance: float = 1e-6
-    block: int = 2048
+    block: int = 512
 
     def __post_init__(self) -> None:
         for name in ("moment_noise", "force_noise", "prior", "shown", "rank_tolerance", "block"):

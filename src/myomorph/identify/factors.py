@@ -6,26 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dtpqrt
 
+from myomorph.identify.householder import fold_rows
 from myomorph.model.spatial import Array
 
-_PANEL = 32
 
-
-def absorb(factor: Array, rows: Array, triangular: int = 0) -> Array:
+def absorb(factor: Array, rows: Array) -> Array:
     """The factor R of the QR decomposition of [factor; rows], (k, k) upper triangular.
 
     Parameters
     ----------
     factor : (k, k) upper triangular
-    rows : (m, k), used up where its columns are contiguous
-    triangular : how many of the last rows are upper triangular, which saves work
+    rows : (m, k); leading zeros of a row cost nothing
     """
-    factor, rows = np.asfortranarray(factor), np.asfortranarray(rows)
-    done, _, _, info = dtpqrt(triangular, min(_PANEL, len(factor)), factor, rows, overwrite_b=1)
-    assert info == 0
-    triangle: Array = np.triu(done)
+    triangle = np.array(factor, dtype=np.float64, order="C")
+    fold_rows(triangle, np.array(rows, dtype=np.float64, order="C"), np.empty((6, triangle.shape[1])))
     return triangle
 
 
@@ -35,12 +30,12 @@ def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
     A factor (k, k + 1) with more unknowns than the prior knows has those last; they stay without one.
     """
     k, n = len(factor), len(mean)
-    whole = np.zeros((k + 1, k + 1), order="F")
+    whole = np.zeros((k + 1, k + 1))
     whole[:k] = factor
-    rows = np.zeros((n, k + 1), order="F")
+    rows = np.zeros((n, k + 1))
     rows[:, :n] = np.diag(1.0 / sd)
     rows[:, -1] = mean / sd
-    done = absorb(whole, rows, triangular=n)
+    done = absorb(whole, rows)
     return done[:k, :k], done[:k, k]
 
 
@@ -92,7 +87,7 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
     k = factors.shape[2] - 1
     data = np.zeros((k + 1, k + 1))
     for factor, noise in zip(factors, sigma, strict=True):
-        data = absorb(data, factor / noise, triangular=k + 1)
+        data = absorb(data, factor / noise)
     R, z = with_prior(data[:k], mean, sd)
     return Solution(data[:k, :k], data[:k, k], solve_triangular(R, z), row_lengths_of_inverse(R))
 

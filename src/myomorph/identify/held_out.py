@@ -57,7 +57,7 @@ class Parts:
             for kind, size in enumerate(noise):
                 # A vector of three components has three times the variance of one.
                 scaled = self.factors[part, kind] * (np.sqrt(3.0) / size)
-                factor = absorb(factor, np.array(scaled, order="F"), triangular=len(factor))
+                factor = absorb(factor, scaled)
         return factor[:-1, :-1] @ self.base.combination, np.array(factor[:-1, -1])
 
 

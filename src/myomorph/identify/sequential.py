@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
@@ -21,6 +20,7 @@ from myomorph.identify.base_parameters import (
     root_coordinates,
 )
 from myomorph.identify.factors import levels, rank_and_condition, with_prior
+from myomorph.identify.householder import fold
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -210,10 +210,8 @@ class SequentialFit:
 
     def _solve(self) -> Array:
         """Refresh the estimate; returns the triangular factor with the prior."""
-        whole = self._factor.copy()
-        fold_prior(whole, self._mean, self.prior * self.sizes, self._rows)
-        R = whole[:, :-1]
-        self._estimate = solve_triangular(R, whole[:, -1])
+        R, z = with_prior(self._factor, self._mean, self.prior * self.sizes)
+        self._estimate = solve_triangular(R, z)
         self._due = self.frames + 1 + min(self.frames // 10, 100)
         return R
 
@@ -299,51 +297,3 @@ class SequentialFit:
             rows[i] = Y.reshape(6 * _PHASES, -1)
         coordinates = tuple(names[j] for j in moving)
         return _Swings(coordinates, tuple(bodies.get(name, "") for name in coordinates), rows)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fold(R, rows):
-    """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in place.
-
-    `rows` is used up.
-    """
-    for j in range(R.shape[0]):
-        x0, x1, x2, x3, x4, x5 = rows[0, j], rows[1, j], rows[2, j], rows[3, j], rows[4, j], rows[5, j]
-        square = x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4 + x5 * x5
-        if square == 0.0:
-            continue
-        diagonal = R[j, j]
-        length = math.sqrt(diagonal * diagonal + square)
-        new = -length if diagonal > 0.0 else length
-        factor = (new - diagonal) / new
-        scale = 1.0 / (diagonal - new)
-        x0, x1, x2, x3, x4, x5 = x0 * scale, x1 * scale, x2 * scale, x3 * scale, x4 * scale, x5 * scale
-        R[j, j] = new
-        # Views that start at 0: only so does the compiler take several columns at a time, three times faster.
-        r = R[j, j + 1 :]
-        b0, b1, b2 = rows[0, j + 1 :], rows[1, j + 1 :], rows[2, j + 1 :]
-        b3, b4, b5 = rows[3, j + 1 :], rows[4, j + 1 :], rows[5, j + 1 :]
-        for k in range(r.shape[0]):
-            w = factor * (r[k] + x0 * b0[k] + x1 * b1[k] + x2 * b2[k] + x3 * b3[k] + x4 * b4[k] + x5 * b5[k])
-            r[k] -= w
-            b0[k] -= w * x0
-            b1[k] -= w * x1
-            b2[k] -= w * x2
-            b3[k] -= w * x3
-            b4[k] -= w * x4
-            b5[k] -= w * x5
-
-
-@njit(cache=True, nogil=True)
-def fold_prior(R, mean, sd, rows):
-    """Turn independent priors (n,) into a triangular factor (n, n + 1), six at a time, in place.
-
-    Without BLAS, whose threads disturb a loop that runs beside others. `rows` (6, n + 1) is used up.
-    """
-    n = R.shape[0]
-    for first in range(0, n, 6):
-        rows[:] = 0.0
-        for i in range(min(6, n - first)):
-            rows[i, first + i] = 1.0 / sd[first + i]
-            rows[i, n] = mean[first + i] / sd[first + i]
-        fold(R, rows)

@@ -10,10 +10,12 @@ import numpy as np
 
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.factors import absorb
+from myomorph.identify.householder import fold_frames
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array
+from myomorph.rigid.frames import over_frames
 from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 
 CONSTANTS = 6
@@ -122,14 +124,8 @@ def gather(
             if not frames:
                 _check_base(part.rows[used[0]], base)
             frames += len(used)
-            points = part.reference[used]
-            wrench, constants = _about(total[part.frames][used], points), _constants(points)
-            for i in range(6):
-                rows = np.empty((len(used), factors.shape[2]), order="F")
-                rows[:, :n] = part.rows[used[:, None], i, base.columns]
-                rows[:, n:-1] = constants[:, i]
-                rows[:, -1] = wrench[:, i]
-                factors[i] = absorb(factors[i], rows)
+            wrench, constants = _about(total[part.frames], part.reference), _constants(part.reference)
+            _fold(factors, part.rows, base.columns, constants, wrench, used)
     if not frames:
         told = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
         raise BadData(f"no frame can be used to identify ({told or 'there are none'})")
@@ -196,6 +192,19 @@ def _constants(points: Array) -> Array:
     for i, a, b in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rows[:, i, 3 + b], rows[:, i, 3 + a] = -points[:, a], points[:, b]
     return rows
+
+
+def _fold(factors: Array, Y: Array, columns: np.ndarray, constants: Array, wrench: Array, used: np.ndarray) -> None:
+    """Fold frames into the factor of each row of the wrench, the rows shared among the cores."""
+    # A copy, because a kernel is compiled anew for an array that is read-only.
+    chosen = columns.copy()
+
+    def some(start: int, stop: int) -> None:
+        scratch = np.empty((6, factors.shape[2]))
+        for i in range(start, stop):
+            fold_frames(factors[i], i, Y, chosen, constants, wrench, used, scratch)
+
+    over_frames(some, 6, chunk=1)
 
 
 def _check_base(rows: Array, base: BaseParameters) -> None:
