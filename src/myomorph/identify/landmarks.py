@@ -22,7 +22,7 @@ _SIDED = (
     ("lateral ankle", r"ank|ankle(_?lat(eral)?)?|lmal|lankle|latmal"),
     ("medial ankle", r"ank(le)?_?med(ial)?|mmal|mankle|anklemed"),
     ("heel", r"hee(l)?|cal(c)?(aneus)?"),
-    ("toe tip", r"toe_?tip|toe|toe_?ii|hallux"),
+    ("toe tip", r"toe_?tip|hallux"),
 )
 _MIDDLE = (
     ("C7", r"c7"),

@@ -246,7 +246,7 @@ def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], sparse.csr_
 
 def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, Array]:
     place = dict(zip(body.bones, heads, strict=True))
-    found = {"lumbar": place["spine04"], "neck": place["neck01"]}
+    found = {"lumbar": place["spine03"], "neck": place["neck01"]}
     for side, letter in _SIDES.items():
         found |= {f"{side} {name}": place[f"{bone}.{letter}"] for name, bone in _CENTERS.items()}
         found[f"{side} toes"] = np.mean([place[f"toe{i}-1.{letter}"] for i in range(1, 6)], axis=0)
