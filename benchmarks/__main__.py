@@ -16,6 +16,7 @@ COMPARISONS = {
     "identify": ("benchmarks.speed_identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
     "live": ("benchmarks.speed_live", "frames a second that live identification can take"),
     "masspoints": ("benchmarks.speed_masspoints", "the mass-point problem at full size, and general QP solvers"),
+    "calibrate": ("benchmarks.speed_calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 
