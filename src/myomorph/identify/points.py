@@ -107,8 +107,8 @@ def _from_moments(rotation: Array, origin: Array) -> Array:
 def links_of(model: Model, pose: Motion) -> Links:
     """The model's bodies in the first frame of a motion, with bones from joint center to joint center.
 
-    A link's bones go from its own joint to the joints of its children; a link without children has one
-    from its joint through its mass center, as far again beyond it.
+    A link's bones go from its own joint to the joints of its children, and from its joint through its mass
+    center as far again beyond it, which is where a trunk holds a head that is no link of its own.
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
@@ -124,7 +124,7 @@ def links_of(model: Model, pose: Motion) -> Links:
     pieces: list[tuple[int, Array, Array]] = []
     for i, name in enumerate(model.body_names):
         ends = [joints[joint.child] for joint in model.joints if joint.parent == name]
-        ends = ends or [2.0 * centers[i] - joints[name]]
+        ends.append(2.0 * centers[i] - joints[name])
         pieces += [(i, joints[name], end) for end in ends]
     return Links(
         names=model.body_names,

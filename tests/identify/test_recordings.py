@@ -1,0 +1,164 @@
+"""Which frames can be used: real recordings, and the same with one thing wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.identify.recordings import EDGE, NO_FORCE, OUTSIDE, UNMEASURED, RecordingOptions, check_excited, usable
+from myomorph.io.loads import read_external_loads
+from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.errors import BadData
+from myomorph.motion.sync import cut
+
+OPENCAP = "opencap-subject4-multitask"
+OPTIONS = RecordingOptions(cutoff=6.0)
+
+
+@pytest.fixture(scope="module")
+def opencap(data):
+    model = read_model(data(f"{OPENCAP}/models/manually_scaled.osim"))
+
+    def trial(name):
+        motion = motion_from_table(read_sto(data(f"{OPENCAP}/ik_manual_scaling/{name}_ik.mot")), model)
+        return motion, read_external_loads(data(f"{OPENCAP}/grf/{name}_external_forces.xml"))
+
+    return model, trial
+
+
+def used(found):
+    return found.recording.motion.time[found.use]
+
+
+def test_frames_on_the_chair_and_on_the_box_are_left_out(opencap):
+    """Sit-to-stand on a chair without a plate, and a jump from a box without one (README of the data)."""
+    model, trial = opencap
+    rising = usable(model, *trial("STS1"), name="STS1", options=OPTIONS)
+    assert rising.left_out[UNMEASURED] > 600
+    assert ((used(rising) > 4.0) & (used(rising) < 5.0)).sum() == 99
+    assert not ((used(rising) > 2.7) & (used(rising) < 3.3)).any()
+    jump = usable(model, *trial("DJ1"), name="DJ1", options=OPTIONS)
+    assert used(jump)[0] > 1.05
+    for found in (rising, jump):
+        assert sum(found.left_out.values()) + found.use.sum() == found.frames
+    assert rising.weighs == pytest.approx(60.0, abs=1.0)
+
+
+def test_a_walk_on_plates_keeps_all_but_its_ends(opencap):
+    model, trial = opencap
+    found = usable(model, *trial("walking1"), name="walking1", options=OPTIONS)
+    assert set(found.left_out) == {EDGE, UNMEASURED}
+    assert found.use.sum() > 90
+
+
+def test_missing_forces_are_left_out_with_what_the_filter_smears(opencap):
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    forces = np.array(wrenches.forces)
+    hole = (wrenches.time > 0.6) & (wrenches.time < 0.65)
+    forces[hole, 0] = np.nan
+    found = usable(model, motion, replace(wrenches, forces=forces), options=OPTIONS)
+    near = np.abs(found.recording.motion.time - 0.625) < 0.01 + 0.5 / 6.0
+    assert not found.use[near].any()
+    assert found.left_out[NO_FORCE] == pytest.approx(near.sum(), abs=4)
+    whole = usable(model, motion, wrenches, options=OPTIONS)
+    assert whole.use.sum() > found.use.sum()
+    with pytest.raises(BadData, match="no finite value"):
+        usable(model, motion, replace(wrenches, forces=np.full_like(forces, np.nan)))
+
+
+def test_motion_beyond_the_forces_is_counted(opencap):
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    early = wrenches.time <= 1.0
+    short = replace(
+        wrenches,
+        time=wrenches.time[early],
+        forces=wrenches.forces[early],
+        points=wrenches.points[early],
+        torques=wrenches.torques[early],
+    )
+    found = usable(model, motion, short, options=OPTIONS)
+    assert found.left_out[OUTSIDE] == (motion.time > 1.0 + 1e-9).sum()
+    with pytest.raises(BadData, match="no time in common"):
+        usable(model, motion, replace(wrenches, time=wrenches.time + 100.0))
+
+
+def test_one_leg_off_the_plates_is_left_out(opencap):
+    """A force that stops while the foot still stands, as on a step beside the plate."""
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    forces = np.array(wrenches.forces)
+    forces[wrenches.time > 0.7] = 0.0
+    found = usable(model, motion, replace(wrenches, forces=forces), options=OPTIONS)
+    assert used(found)[-1] < 0.7
+    assert found.left_out[UNMEASURED] > 40
+
+
+@pytest.mark.parametrize("lacking", [1.0, 0.8])
+def test_plates_tared_with_the_load_on_them_are_named(opencap, lacking):
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    motion = cut(motion, 0.15, 1.3)
+    forces = np.array(wrenches.forces)
+    forces[:, 0, 1] -= lacking * model.mass * 9.81
+    with pytest.raises(BadData, match="tared"):
+        usable(model, motion, replace(wrenches, forces=forces), options=OPTIONS)
+
+
+def test_standing_still_excites_nothing(opencap):
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    frames = len(motion)
+    still = replace(motion, values=np.repeat(motion.values[:1], frames, axis=0))
+    weight = np.zeros((frames, 1, 3))
+    weight[:, 0, 1] = 9.81 * model.mass
+    point = np.zeros((frames, 1, 3))
+    standing = replace(
+        wrenches,
+        time=motion.time,
+        names=("plate",),
+        bodies=("calcn_r",),
+        forces=weight,
+        points=point,
+        torques=0 * point,
+    )
+    found = usable(model, still, standing)
+    assert found.use.all()
+    with pytest.raises(BadData, match="excites nothing"):
+        check_excited(model, (found,))
+    walking = usable(model, motion, wrenches, options=OPTIONS)
+    check_excited(model, (walking,))
+    with pytest.raises(BadData, match=r"fewer than 5.*edge of the filter"):
+        check_excited(model, (walking,), RecordingOptions(least_time=5.0))
+
+
+def test_free_fall_is_used_and_counted(opencap):
+    """Nothing touches, and the true wrench is zero: that tells as much as any other frame."""
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    values = np.repeat(motion.values[:1], len(motion), axis=0)
+    values[:, motion.names.index("pelvis_ty")] -= 0.5 * 9.80665 * (motion.time - motion.time[0]) ** 2
+    none = np.zeros((len(motion), 1, 3))
+    empty = replace(wrenches, time=motion.time, names=("plate",), bodies=("calcn_r",), forces=none, points=none,
+                    torques=none)  # fmt: skip
+    found = usable(model, replace(motion, values=values), empty)
+    assert found.flight == found.use.sum() > 0.9 * len(motion)
+
+
+def test_a_mass_that_the_forces_do_not_say_is_told(opencap):
+    model, trial = opencap
+    found = usable(model, *trial("walking1"), mass=70.0, name="walk", options=OPTIONS)
+    assert "63." in found.notes[0]
+    assert "70.0" in found.notes[0]
+
+
+def test_a_mass_so_wrong_that_no_frame_is_left_is_told(opencap):
+    model, trial = opencap
+    found = usable(model, *trial("walking1"), mass=80.0, name="walk", options=OPTIONS)
+    assert not found.use.any()
+    with pytest.raises(BadData, match=r"the forces say 6\d\.\d kg where the subject is said to weigh 80"):
+        check_excited(model, (found,))

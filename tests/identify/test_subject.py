@@ -1,0 +1,165 @@
+"""The whole identification: truth found again, real forces explained better, and what the data did not say marked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.identify.subject import (
+    CONIC,
+    GENERIC,
+    SHAPE,
+    IdentificationOptions,
+    cross_validate,
+    identify,
+    shares_of_data,
+)
+from myomorph.io.loads import read_external_loads
+from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.series import Wrenches
+from myomorph.rigid.regressor import base_regressor, reference_points
+from myomorph.study.body_points import body_points
+from myomorph.study.body_shape import BodyOptions, BodyShape
+
+GAIT = "opensim-gait-subject01/ref_id"
+MASS = 72.6
+
+
+@pytest.fixture(scope="module")
+def walk(data):
+    """Model, its mass points, and a recorded walk with forces (OpenSim's subject01)."""
+    model = read_model(data(f"{GAIT}/subject01.osim"))
+    model = with_inertial_parameters(model, inertial_parameters(model) * (MASS / model.mass))
+    motion = motion_from_table(read_sto(data(f"{GAIT}/subject01_walk1_ik.mot")), model)
+    wrenches = read_external_loads(data(f"{GAIT}/subject01_walk1_grf.xml"))
+    found = usable(model, motion, wrenches, mass=MASS, options=RecordingOptions(cutoff=6.0))
+    points, _, _ = body_points(model, BodyShape(), MASS, BodyOptions(spacing=0.04))
+    return model, points, found
+
+
+def halves(found):
+    frames = np.flatnonzero(found.use)
+    first = found.use & (np.arange(len(found.use)) < frames[len(frames) // 2])
+    return [replace(found, recording=replace(found.recording, use=use)) for use in (first, found.use & ~first)]
+
+
+def forces_of(model, recording):
+    """What plates would measure if the body were this model: one wrench at the base's origin."""
+    wrench = base_regressor(model, recording.motion) @ inertial_parameters(model).ravel()
+    return Wrenches(
+        recording.motion.time,
+        ("plate",),
+        (model.body_names[0],),
+        wrench[:, None, 3:],
+        reference_points(model, recording.motion)[:, None],
+        wrench[:, None, :3],
+    )
+
+
+@pytest.fixture(scope="module")
+def real(walk):
+    model, points, found = walk
+    first, second = halves(found)
+    return model, second, identify(model, [first], points, mass=MASS)
+
+
+def test_the_half_that_was_not_seen_is_explained_better(real):
+    model, second, found = real
+    models = {name: with_inertial_parameters(model, one) for name, one in found.parameters.items()}
+    check = cross_validate(models, second.recording.motion, second.recording.wrenches, second.use)
+    moment, force = check.rms(found.chosen) / check.rms(GENERIC)
+    assert moment < 0.8
+    assert force < 1.02
+    assert check.rms(CONIC)[0] < 0.8 * check.rms(GENERIC)[0]
+
+
+def test_the_model_is_a_body_of_the_given_mass(real):
+    _, _, found = real
+    assert found.model.mass == pytest.approx(MASS, abs=1e-6)
+    np.testing.assert_allclose(inertial_parameters(found.model), found.parameters[found.chosen], atol=1e-9)
+    assert next(iter(found.parameters)) == found.chosen == "identified, own"
+    assert {CONIC, SHAPE, GENERIC} <= set(found.parameters)
+    for name in (found.chosen, CONIC):
+        assert all(link.eigenvalues[0] > 0.0 for link in found.consistency[name].links)
+    assert found.residuals[found.chosen][0] < found.residuals[GENERIC][0]
+    assert found.mass_sd == min(found.tried, key=lambda sd: np.square(found.tried[sd] / found.noise).sum())
+
+
+def test_what_the_data_do_not_show_is_marked(real):
+    """A second of walking shows the trunk, but not the moments of inertia of a toe."""
+    model, _, found = real
+    shares = dict(zip(model.body_names, found.shares, strict=True))
+    assert ((found.shares >= 0.0) & (found.shares <= 1.0)).all()
+    assert shares["torso"].max() > 0.5
+    assert shares["toes_r"][4:].max() < 0.1
+    assert {"I_xx", "I_yy", "I_zz"} <= set(found.from_shape["toes_r"])
+
+
+def test_without_data_nothing_is_shown(walk):
+    model, points, _ = walk
+    shares = shares_of_data(points["own"], np.zeros((1, 10 * len(model.bodies))), MASS, 0.1)
+    np.testing.assert_allclose(shares, 0.0, atol=1e-9)
+
+
+def test_truth_is_found_again_from_clean_forces(walk):
+    """Forces of a body with more trunk and less thigh: after 1.2 s of walking its model predicts the other 1.2 s."""
+    model, points, found = walk
+    parameters = inertial_parameters(model)
+    names = list(model.body_names)
+    parameters[names.index("torso")] *= 1.08
+    for side in "rl":
+        parameters[names.index(f"femur_{side}")] *= 0.8
+    truth = with_inertial_parameters(model, parameters)
+    mass = truth.mass
+    clean = replace(found, recording=replace(found.recording, wrenches=forces_of(truth, found.recording)))
+    first, second = halves(clean)
+    result = identify(model, [first], points, mass=mass, options=IdentificationOptions(compare=False))
+    models = {"identified": result.model, GENERIC: with_inertial_parameters(model, result.parameters[GENERIC])}
+    check = cross_validate(models, second.recording.motion, second.recording.wrenches, second.use)
+    moment, force = check.rms("identified") / check.rms(GENERIC)
+    assert moment < 0.4
+    assert force < 0.1
+    torso = inertial_parameters(result.model)[names.index("torso"), 0]
+    assert torso == pytest.approx(parameters[names.index("torso"), 0], rel=0.06)
+    assert list(result.parameters) == ["identified, own", SHAPE, GENERIC]
+
+
+def test_cross_validation_of_the_true_model_is_exact(walk):
+    model, _, found = walk
+    recording = replace(found.recording, wrenches=forces_of(model, found.recording))
+    check = cross_validate({"true": model}, recording.motion, recording.wrenches, found.use)
+    assert np.isnan(check.measured[~found.use]).all()
+    np.testing.assert_allclose(check.rms("true"), 0.0, atol=1e-9)
+    table = check.table()["true"]
+    assert set(table) == {"mean", "rms", "peak", "percent"}
+    assert check.weight == pytest.approx(MASS * 9.80665)
+    with pytest.raises(UnknownName, match="'true'"):
+        check.rms("false")
+    with pytest.raises(BadData, match="other bodies"):
+        cross_validate(
+            {"a": model, "b": replace(model, bodies=model.bodies[:-1])}, recording.motion, recording.wrenches
+        )
+
+
+def test_strength_can_be_given(walk):
+    model, points, found = walk
+    stiff = identify(
+        model,
+        [found],
+        points,
+        mass=MASS,
+        options=IdentificationOptions(mass_sd=1e-3, method="pseudo-inertia", compare=False),
+    )
+    assert stiff.chosen == CONIC
+    assert list(stiff.tried) == [1e-3]
+    np.testing.assert_allclose(stiff.parameters[CONIC][:, 0], stiff.parameters[SHAPE][:, 0], rtol=0.02)
+    with pytest.raises(BadData, match="mass_sd"):
+        IdentificationOptions(mass_sd=0.0)
+    with pytest.raises(BadData, match="mass points"):
+        identify(model, [found], {})
