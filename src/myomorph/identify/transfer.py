@@ -31,7 +31,7 @@ from myomorph.muscles.scaling import default_path_lengths
 FEWEST_CENTERS = 4
 AXIS_LENGTH, AXIS_WEIGHT = 0.05, 0.001
 """A point beside a knee or elbow on its axis [m], and its weight against a joint center's 1: it turns limbs."""
-ROOT, ROOT_WEIGHT = Region("pelvis"), 1e4
+ROOT, ROOT_WEIGHT = Region("pelvis"), 1e3
 """The pelvis has a shape of its own, so that it can take its place exactly; limbs then follow from it."""
 TRUNK = Region("torso")
 """The spine keeps its default shape while the trunk is stretched: it could bend to any length."""
@@ -467,7 +467,7 @@ class _Fit:
             weights[cue.name] = AXIS_WEIGHT
         names = tuple(marker.name for marker in virtual)
         seen = Markers(np.zeros(1), names, np.array(points)[None])
-        options = InverseKinematicsOptions(marker_weights=weights, tolerance=1e-9, iterations=500)
+        options = InverseKinematicsOptions(marker_weights=weights, tolerance=1e-9, iterations=500, posture_weight=1e-11)
         held = replace(model, markers=tuple(virtual), coordinates=coordinates)
         return inverse_kinematics(held, seen, options).motion
 
