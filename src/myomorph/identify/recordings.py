@@ -153,7 +153,9 @@ def usable(
     marks[UNMEASURED] = _unmeasured(common.time, needed - measured, known, weight)
     use = ~np.any(list(marks.values()), axis=0)
     flight = use & (np.abs(measured) < FLIGHT * weight)
-    weighs = mass * measured[use].mean() / needed[use].mean() if use.any() else float("nan")
+    # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
+    say = use if use.any() else _best_carried(common.time, needed, measured, known)
+    weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
     return Usable(
         Recording(common, at, use),
         MappingProxyType(_counted({OUTSIDE: frames - len(common)}, marks)),
@@ -178,6 +180,7 @@ def check_excited(model: Model, recordings: tuple[Usable, ...], options: Recordi
         raise BadData(
             f"{seconds:.2g} s of motion can be used, fewer than {options.least_time:g}: of {total} frames "
             f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"
+            + "".join(f"; {note}" for one in recordings for note in one.notes)
         )
     turn = max(_largest_turn(model, one.recording) for one in recordings)
     if turn < STILL:
@@ -263,6 +266,15 @@ def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -
     mean = uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
     found: np.ndarray = binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
     return found
+
+
+def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
+    """(frames,) the tenth of the known frames around which the plates carry most of what the body needs."""
+    frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
+    carried = uniform_filter1d(np.where(known, measured, 0.0), frames)
+    share = np.where(known, carried / np.maximum(uniform_filter1d(np.where(known, needed, 1.0), frames), 1.0), -np.inf)
+    best: np.ndarray = known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
+    return best
 
 
 def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[str, int]:
