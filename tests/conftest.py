@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+# The matrices of tests are small: threads of BLAS get into each other's way, and into that of what runs beside.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 pytest_plugins = ["arm_files"]
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -74,13 +74,14 @@ def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> Nu
     """
     tree = compile_tree(model)
     fixed = held_values(model, held)
-    moving = random_states(model, fixed, frames=64 + 4 * len(model.bodies))
+    together = clusters(tree, fixed)
+    moving = random_states(model, fixed, frames=24 + 4 * max(len(one.bodies) for one in together))
     c, cdot = np.array(moving.values), np.array(moving.velocities)
     poses = forward_kinematics(tree, c)
     twists = _twists(poses, cdot)
     vectors: list[Array] = []
     dependent: list[int] = []
-    for cluster in clusters(tree, fixed):
+    for cluster in together:
         if cluster.ancestor == 0:
             continue
         own, given = _cluster_null_space(poses, twists, cluster)
