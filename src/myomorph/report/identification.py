@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,30 +9,28 @@ import numpy as np
 from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import Motion
-from myomorph.report.chart import Line, Panel, number, time_plot
+from myomorph.report.calibration_section import calibration_section
+from myomorph.report.chart import number
+from myomorph.report.cross_validation import STYLES, validation_section
 from myomorph.report.dots import dot_plot, rank_plot
 from myomorph.report.identification_tables import (
     ATHLETES,
     Cell,
     Sheet,
-    length_sheet,
     link_sheet,
     mass_sheet,
     misfit_sheet,
     segment_share,
     segments_given,
     spine_sheet,
-    trial_sheet,
-    wrench_errors,
 )
-from myomorph.report.identified import COMPONENTS, IdentificationInput, IdentifiedBase, WrenchCheck
+from myomorph.report.identified import COMPONENTS, UNITS, IdentificationInput, IdentifiedBase
 from myomorph.report.image import LEVEL, data_uri, level_color, png
 from myomorph.report.pictures import pictures
 from myomorph.report.scene import make_scene
 from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.segment_words import plain_words, segment_words
 
-STYLES = ("first", "second", "third", "fourth", "left", "middle")
 WELL_KNOWN = 0.1
 """Relative standard deviation under which a base parameter counts as well known."""
 
@@ -41,17 +38,16 @@ LONGEST_TABLE = 30
 LIGHT = 0.002
 """Share of the body's mass under which a link of a model of many links is left out of a chart."""
 
-_FORCE_FIRST = (3, 4, 5, 0, 1, 2)
-
 
 def identification_sections(given: IdentificationInput) -> list[Section]:
     """All sections that what was given allows."""
+    styles = dict(zip(given.parameters, STYLES, strict=False))
     made = (
         body_section(given),
         mass_section(given),
         segment_section(given),
         base_section(given),
-        *(validation_section(check, _styles(given), i) for i, check in enumerate(given.validation)),
+        *(validation_section(check, styles, i) for i, check in enumerate(given.validation)),
         calibration_section(given),
     )
     return [one for one in made if one is not None]
@@ -65,10 +61,8 @@ def body_section(given: IdentificationInput) -> Section:
         order = np.argsort(-np.nan_to_num(given.share, nan=-1.0), kind="stable")
         order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > LONGEST_TABLE else order
         names = [given.model.body_names[i] for i in order]
-        figures.append(
-            Figure(dot_plot("Share from the data", "%", names, [100.0 * given.share[order]], ["first"], ["share"], 520),
-                   "medium")
-        )  # fmt: skip
+        share = [100.0 * given.share[order]]
+        figures.append(Figure(dot_plot("Share from the data", "%", names, share, ["first"], ["share"], 520), "medium"))
     lead = f"{number(given.model.mass)} kg in {len(given.model.bodies)} links"
     lead += f", masses “{given.chosen}”" if given.chosen else ""
     lead += f"; mass points: {given.source}" if given.source else ""
@@ -80,17 +74,18 @@ def body_section(given: IdentificationInput) -> Section:
         )
     wrong = [one for one in given.checks if not one.possible]
     if given.checks:
-        lead += (
-            f" All {len(given.checks)} links are physically possible." if not wrong
-            else f" {len(wrong)} of {len(given.checks)} links are not physically possible: "
-            + "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5]) + "."
-        )  # fmt: skip
+        told = "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5])
+        count = len(given.checks)
+        lead += f" {len(wrong)} of {count} links are not physically possible: {told}." if wrong else ""
+        lead += "" if wrong else f" All {count} links are physically possible."
     grids = []
     if given.left_out:
-        told = given.frames or sum(given.left_out.values())
-        rows = [(reason, number(count, 1.0), f"{number(100.0 * count / told)} %")
-                for reason, count in given.left_out.items()]  # fmt: skip
-        grids.append(Grid(("Reason", "Frames", "Of all"), tuple(rows), "Frames left out"))
+        frames = given.frames or sum(given.left_out.values())
+        rows = tuple(
+            (reason, number(count, 1.0), f"{number(100.0 * count / frames)} %")
+            for reason, count in given.left_out.items()
+        )
+        grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames left out"))
     if given.notes:
         grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "What identification had to say"))
     title = "The identified body" if given.parameters else "The body"
@@ -224,9 +219,7 @@ def base_section(given: IdentificationInput) -> Section | None:
     )
     grids = [_base_grid(base)]
     if np.isfinite(base.residual).any():
-        cells = tuple(
-            f"{number(float(one))} {_unit(name)}" for name, one in zip(COMPONENTS, base.residual, strict=True)
-        )
+        cells = tuple(f"{number(float(one))} {unit}" for unit, one in zip(UNITS, base.residual, strict=True))
         grids.insert(0, Grid(COMPONENTS, (cells,), "Misfit of the base parameters, root mean square"))
     misfit = misfit_sheet(given)
     if misfit.rows:
@@ -248,138 +241,8 @@ def _base_grid(base: IdentifiedBase) -> Grid:
     rows = []
     for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True):
         rows.append((name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not shown"))
-    return Grid(("Base parameter", "Estimate", "Relative standard deviation", ""), tuple(rows),
-                f"All {len(rows)} base parameters", True)  # fmt: skip
-
-
-def validation_section(check: WrenchCheck, styles: Mapping[str, str], number_of: int = 0) -> Section | None:
-    """Six components of the base wrench on a motion that was not used, [D] figure 3.3.
-
-    Parameters
-    ----------
-    styles : of each method's line
-    number_of : of the motion, 0 for the first
-    """
-    if not len(check.time) or not check.predicted:
-        return None
-    span = _busiest(check)
-    styles = {name: styles.get(name, STYLES[i % len(STYLES)]) for i, name in enumerate(check.predicted)}
-    figures = []
-    for k in _FORCE_FIRST:
-        lines = [Line(check.time, check.measured[:, k], "measured", "measured")]
-        # The first method is drawn last, over the others.
-        lines += [Line(check.time, values[:, k], styles[name], name) for name, values in
-                  reversed(list(check.predicted.items()))]  # fmt: skip
-        figures.append(Figure(time_plot(Panel(COMPONENTS[k], _unit(COMPONENTS[k]), lines, span, height=200))))
-    errors = wrench_errors(check)
-    methods = tuple(check.predicted)
-    by = {(one.component, one.method): one for one in errors}
-    order = tuple(COMPONENTS[k] for k in _FORCE_FIRST)
-
-    def grid(title: str, of: str, folded: bool) -> Grid:
-        rows = []
-        for component in order:
-            found = [by.get((component, method)) for method in methods]
-            rows.append(
-                (
-                    f"{component} [{_unit(component)}]",
-                    *("–" if one is None else number(float(getattr(one, of))) for one in found),
-                )
-            )
-        return Grid(("Component", *methods), tuple(rows), title, folded)
-
-    share = tuple(
-        (
-            component,
-            *("–" if (component, one) not in by else f"{number(by[component, one].share)} %" for one in methods),
-        )
-        for component in order
-    )
-    seen = int(np.isfinite(check.measured).all(axis=1).sum())
-    trial = check.trial or "a motion that identification did not see"
-    lead = (
-        f"The wrench on the base link, {trial}: {number(seen, 1.0)} frames. Errors are predicted less measured. "
-        "Moments are about the base link's origin, in ground axes."
-    )
-    if span[1] - span[0] < float(check.time[-1] - check.time[0]) - 1e-9:
-        lead += f" Charts show the {number(span[1] - span[0])} s in which it changes most; the tables cover all of it."
-    grids = (
-        grid("Error, root mean square", "rms", False),
-        grid("Error, mean of its size", "mean_absolute", False),
-        grid("Error, mean", "mean", True),
-        grid("Error, largest", "peak", True),
-        Grid(("Component", *methods), share, "Error, root mean square, over body weight (moments: × 1 m)", True),
-    )  # fmt: skip
-    legend = (("measured", "measured"), *((styles[name], name) for name in methods))
-    title = "Cross-validation" if not number_of else f"Cross-validation: {check.trial or number_of + 1}"
-    return Section(
-        f"cross-validation-{number_of + 1}" if number_of else "cross-validation",
-        title,
-        lead,
-        legend,
-        tuple(figures),
-        grids,
-    )
-
-
-def _busiest(check: WrenchCheck, longest: float = 10.0) -> tuple[float, float]:
-    """The whole time, or of a long motion the part in which the measured wrench changes most [s]."""
-    time = check.time
-    if time[-1] - time[0] <= 2.0 * longest:
-        return float(time[0]), float(time[-1])
-    size = np.maximum(np.nanmax(np.abs(check.measured), axis=0), 1e-12)
-    change = np.concatenate([[0.0], np.nansum(np.abs(np.diff(check.measured / size, axis=0)), axis=1).cumsum()])
-    last = np.minimum(np.searchsorted(time, time + longest), len(time) - 1)
-    start = int(np.argmax(np.where(time + longest <= time[-1], change[last] - change, -1.0)))
-    return float(time[start]), float(time[start] + longest)
-
-
-def _styles(given: IdentificationInput) -> dict[str, str]:
-    """One style for each method, the same in all charts."""
-    return dict(zip(given.parameters, STYLES, strict=False))
-
-
-def calibration_section(given: IdentificationInput) -> Section | None:
-    """Lengths, markers and marker errors before and after kinematic identification."""
-    found = given.calibration
-    if found is None:
-        return None
-    figures = []
-    if found.lengths:
-        values = [np.array([getattr(one, of) for one in found.lengths]) for of in ("after", "before")]
-        figures.append(
-            Figure(dot_plot("Lengths", "m", [one.name for one in found.lengths], values, ("first", "second"),
-                            ("after", "before"), 520), "medium")
-        )  # fmt: skip
-    if found.markers:
-        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:40])
-        far = [1000.0 * np.array(list(moved.values()))]
-        figures.append(
-            Figure(dot_plot("How far markers moved", "mm", list(moved), far, ("third",), ("moved",), 520),
-                   "medium")
-        )  # fmt: skip
-    grids = []
-    if found.errors:
-        head = ("Trial", "Used for calibration", "RMS before", "RMS after")
-        rows = tuple((str(name), str(used), *(f"{number(1000 * float(one or 0))} mm" for one in (before, after)))
-                     for name, used, before, after in trial_sheet(given).rows)  # fmt: skip
-        grids.append(Grid(head, rows, "Marker errors before and after"))
-    if found.lengths:
-        rows = tuple((str(name), *("–" if one is None else f"{number(1000 * float(one))} mm" for one in row))
-                     for name, *row in length_sheet(given).rows)  # fmt: skip
-        grids.append(
-            Grid(("Length", "Before", "After", "Standard deviation"), rows, "Lengths", len(rows) > LONGEST_TABLE)
-        )
-    if found.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "What calibration had to say"))
-    lead = "Lengths between joints and places of markers that fit the recordings"
-    lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
-    legend = (("first", "after"), ("second", "before")) if found.lengths else ()
-    return Section("calibration", "Lengths and markers", lead, legend, tuple(figures), tuple(grids))
-
-
-def _unit(component: str) -> str:
-    return "N·m" if component.startswith("N") else "N"
+    head = ("Base parameter", "Estimate", "Relative standard deviation", "")
+    return Grid(head, tuple(rows), f"All {len(rows)} base parameters", True)
 
 
 def _told(value: float | None) -> str:

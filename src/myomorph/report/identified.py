@@ -18,6 +18,9 @@ from myomorph.model.surface import Surface
 COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")
 """Of a wrench, in the order of its arrays: moment [N m], then force [N]."""
 
+UNITS = ("N·m",) * 3 + ("N",) * 3
+"""Of the components."""
+
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedBase:

@@ -1,0 +1,63 @@
+"""The part of the page on lengths and markers before and after kinematic identification."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.report.chart import number
+from myomorph.report.dots import dot_plot
+from myomorph.report.identified import CalibratedBody, IdentificationInput
+from myomorph.report.section import Figure, Grid, Section
+
+MOST_MARKERS = 40
+"""Markers in the chart, those that moved furthest."""
+
+LONGEST_TABLE = 30
+
+
+def calibration_section(given: IdentificationInput) -> Section | None:
+    """Lengths, markers and marker errors before and after kinematic identification."""
+    found = given.calibration
+    if found is None:
+        return None
+    lead = "Lengths between joints and places of markers that fit the recordings"
+    lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
+    legend = (("first", "after"), ("second", "before")) if found.lengths else ()
+    return Section("calibration", "Lengths and markers", lead, legend, _figures(found), _grids(found))
+
+
+def _figures(found: CalibratedBody) -> tuple[Figure, ...]:
+    figures = []
+    if found.lengths:
+        names = [one.name for one in found.lengths]
+        values = [np.array([getattr(one, of) for one in found.lengths]) for of in ("after", "before")]
+        figures.append(dot_plot("Lengths", "m", names, values, ("first", "second"), ("after", "before"), 520))
+    if found.markers:
+        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:MOST_MARKERS])
+        far = [1000.0 * np.array(list(moved.values()))]
+        figures.append(dot_plot("How far markers moved", "mm", list(moved), far, ("third",), ("moved",), 520))
+    return tuple(Figure(one, "medium") for one in figures)
+
+
+def _grids(found: CalibratedBody) -> tuple[Grid, ...]:
+    grids = []
+    if found.errors:
+        head = ("Trial", "Used for calibration", "RMS before", "RMS after")
+        errors = tuple(
+            (one.trial, "yes" if one.used else "no", _millimetres(one.before), _millimetres(one.after))
+            for one in found.errors
+        )
+        grids.append(Grid(head, errors, "Marker errors before and after"))
+    if found.lengths:
+        head = ("Length", "Before", "After", "Standard deviation")
+        rows = tuple(
+            (one.name, *(_millimetres(value) for value in (one.before, one.after, one.sd))) for one in found.lengths
+        )
+        grids.append(Grid(head, rows, "Lengths", len(rows) > LONGEST_TABLE))
+    if found.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "What calibration had to say"))
+    return tuple(grids)
+
+
+def _millimetres(value: float | None) -> str:
+    return "–" if value is None else f"{number(1000.0 * value)} mm"
