@@ -329,9 +329,11 @@ def _solve(problem: _Changes, limits: _Limits, residuals: bool) -> clarabel.Defa
 def _least_squares(problem: _Changes, mass: float | None) -> Array:
     """(10 moved links,) changes without the inequalities, by QR of the stacked rows."""
     root = linalg.cholesky(problem.prior)
-    rows, target = np.vstack([problem.A, root]), np.append(problem.b, np.zeros(len(root)))
-    Q, R = np.linalg.qr(rows)
-    x: Array = linalg.solve_triangular(R, Q.T @ target)
+    n = len(root)
+    rows = np.block([[problem.A, problem.b[:, None]], [root, np.zeros((n, 1))]])
+    factor: Array = np.linalg.qr(rows, mode="r")
+    R, right = factor[:n, :n], factor[:n, n]
+    x: Array = linalg.solve_triangular(R, right)
     if mass is not None:
         # The least change of the total in the metric of the problem: (R^T R)^-1 total.
         toward = linalg.solve_triangular(R, linalg.solve_triangular(R, problem.total, trans="T"))
