@@ -14,6 +14,7 @@ from benchmarks import (
     accuracy_muscles,
     accuracy_regressor,
     accuracy_scale,
+    accuracy_simulated,
     accuracy_tension,
 )
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
@@ -49,6 +50,7 @@ def run() -> list[Row]:
         "masspoints": accuracy_masspoints.measure_solvers,
         "masspoints_grid": accuracy_masspoints.measure_grid,
         "weight_maps": lambda: accuracy_masspoints.measure_maps(folder),
+        "simulated": lambda: accuracy_simulated.measure(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
