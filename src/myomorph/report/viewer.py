@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import redirect_stdout
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -46,7 +48,8 @@ class WebViewer:
         self._view = BodyView(model, surfaces)
         scene = self._view.scene
         try:
-            self._server = viser.ViserServer(host="127.0.0.1", port=port, label=title, verbose=False)
+            with redirect_stdout(StringIO()):
+                self._server = viser.ViserServer(host="127.0.0.1", port=port, label=title, verbose=False)
             self._server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         except OSError as error:
             raise BadData(
@@ -115,7 +118,8 @@ class WebViewer:
 
     def close(self) -> None:
         """Take the page down."""
-        self._server.stop()
+        with redirect_stdout(StringIO()):
+            self._server.stop()
 
 
 def quaternion(rotation: Array) -> tuple[float, float, float, float]:
