@@ -200,7 +200,22 @@ def measure_sequential(folder: Path) -> Iterator[Row]:
             "condition": batch.condition,
             "largest difference of an estimate": float((np.abs(state.estimate - batch.estimate) / scale).max()),
             "of a standard deviation": float(np.abs(state.sd / batch.sd - 1.0).max()),
+            "batch against LAPACK's least squares": float(
+                (np.abs(_dense(model, batch, given) - batch.estimate) / scale).max()
+            ),
         }
+
+
+def _dense(model: Model, batch: BaseFit, given: Recording) -> np.ndarray:
+    """(n,) the same estimate from all rows and the prior at once, by singular values."""
+    rows = base_regressor(model, given.motion)[:, :, batch.base.columns] / batch.sigma[:, None]
+    wrench = base_wrench(model, given.motion, given.wrenches) / batch.sigma
+    spread = NOISE.prior * batch.size
+    mean = batch.base.of(inertial_parameters(model))
+    # In units of the parameters' sizes, so that no singular value is taken for zero.
+    A = np.vstack([rows.reshape(-1, len(spread)) * batch.size, np.diag(batch.size / spread)])
+    solution = np.linalg.lstsq(A, np.concatenate([wrench.ravel(), mean / spread]), rcond=None)[0]
+    return solution * batch.size
 
 
 def _folded(model: Model, batch: BaseFit, given: Recording) -> SequentialFit:

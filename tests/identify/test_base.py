@@ -278,6 +278,20 @@ def test_rows_hold_the_information_for_standard_parameters(arm):
     assert compact(one) - compact(other) == pytest.approx(misfit(one) - misfit(other), rel=1e-7)
 
 
+def test_equals_dense_least_squares(arm):
+    """All rows and the prior at once, by LAPACK's singular values."""
+    given = recorded(arm, simulated(arm, 200), other_body(arm), noise=1.0)
+    fit = fit_base(arm, [given], options=BaseOptions(moment_noise=1.0, force_noise=2.0, correlated=False))
+    sigma = np.repeat([1.0, 2.0], 3)
+    rows = base_regressor(arm, given.motion)[:, :, fit.base.columns] / sigma[:, None]
+    wrench = base_wrench(arm, given.motion, given.wrenches) / sigma
+    mean, sd = fit.base.of(inertial_parameters(arm)), 100.0 * fit.size
+    A = np.vstack([rows.reshape(-1, len(sd)), np.diag(1.0 / sd)])
+    expected = np.linalg.lstsq(A, np.concatenate([wrench.ravel(), mean / sd]), rcond=None)[0]
+    np.testing.assert_allclose(fit.estimate, expected, atol=1e-9 * fit.size.max())
+    np.testing.assert_allclose(fit.sd, np.sqrt(np.diag(np.linalg.inv(A.T @ A))), rtol=1e-6)
+
+
 def test_blocks_do_not_matter(arm):
     given = [recorded(arm, simulated(arm, 333), other_body(arm), noise=0.3)]
     one, other = (fit_base(arm, given, options=BaseOptions(block=block)) for block in (50, 4096))
