@@ -67,10 +67,12 @@ def same_movement(lower: Model, motion: Motion, found: Transfer) -> tuple[Motion
     return fit.motion, fit.rms
 
 
-def wrench(model: Model, motion: Motion) -> np.ndarray:
-    """(frames, 6) external wrench about the ground's origin that a motion needs [N m, N]."""
+def wrench(model: Model, motion: Motion, points: np.ndarray) -> np.ndarray:
+    """(frames, 6) external wrench about points (frames, 3) that a motion needs [N m, N]."""
     rows = base_regressor(model, motion, np.zeros(3))
-    return np.einsum("fij,j->fi", rows, inertial_parameters(model).ravel())
+    needed = np.einsum("fij,j->fi", rows, inertial_parameters(model).ravel())
+    needed[:, :3] -= np.cross(points, needed[:, 3:])
+    return needed
 
 
 def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
@@ -81,11 +83,13 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     motion = Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
     followed, rms = same_movement(lower, motion, found)
     inside = slice(10, -10)
-    needed = wrench(lower, differentiate(motion, CUTOFF))
-    turn = np.kron(np.eye(2), found.rotation)
+    tree = compile_tree(lower)
+    pelvis = forward_kinematics(tree, tree.coordinates_of(motion)).origins[:, 1]
+    needed = wrench(lower, differentiate(motion, CUTOFF), pelvis)
+    turn, turned = np.kron(np.eye(2), found.rotation), pelvis @ found.rotation.T
     given = {
-        "transferred": wrench(found.model, differentiate(followed, CUTOFF)),
-        "generic": wrench(_masses_of(higher, found), differentiate(followed, CUTOFF)),
+        "transferred": wrench(found.model, differentiate(followed, CUTOFF), turned),
+        "generic": wrench(_masses_of(higher, found), differentiate(followed, CUTOFF), turned),
     }
     weight = lower.mass * float(np.linalg.norm(lower.gravity))
     row: dict[str, object] = {

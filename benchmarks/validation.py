@@ -16,6 +16,7 @@ from benchmarks import (
     accuracy_scale,
     accuracy_simulated,
     accuracy_tension,
+    accuracy_transfer,
 )
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
 
@@ -43,6 +44,7 @@ def run() -> list[Row]:
         "tension": lambda: accuracy_tension.measure(folder),
         "scale": lambda: accuracy_scale.measure(folder),
         "tools": lambda: accuracy_scale.measure_tools(folder),
+        "transfer": lambda: accuracy_transfer.measure(folder),
         "regressor": lambda: accuracy_regressor.measure_regressor(folder),
         "base_parameters": lambda: accuracy_regressor.measure_base_parameters(folder),
         "figaroh": accuracy_regressor.measure_figaroh,
