@@ -361,5 +361,6 @@ def _fewer_rows(A: Array, b: Array) -> tuple[Array, Array]:
     """Rows with the same |A x - b|^2 but for a constant, as many as A has columns at most."""
     if len(A) <= A.shape[1]:
         return A, b
-    R: Array = np.linalg.qr(np.column_stack([A, b]), mode="r")
-    return R[:-1, :-1], R[:-1, -1]
+    n = A.shape[1]
+    R = linalg.qr(np.column_stack([A, b]), mode="r")[0]
+    return R[:n, :n], R[:n, n]

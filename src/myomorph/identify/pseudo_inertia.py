@@ -331,7 +331,7 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
     root = linalg.cholesky(problem.prior)
     n = len(root)
     rows = np.block([[problem.A, problem.b[:, None]], [root, np.zeros((n, 1))]])
-    factor: Array = np.linalg.qr(rows, mode="r")
+    factor = linalg.qr(rows, mode="r")[0]
     R, right = factor[:n, :n], factor[:n, n]
     x: Array = linalg.solve_triangular(R, right)
     if mass is not None:
