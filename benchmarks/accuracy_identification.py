@@ -8,10 +8,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.held_out import parts_of
+from myomorph.identify.points import MassPoints
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import (
@@ -157,7 +159,7 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
     """The identification of a split, and parameters of every way of it."""
     model, trials = opened(folder, subject)
     body = BodyOptions(spacing=SPACING)
-    points = {}
+    points: dict[str, MassPoints] = {}
     for weights in (None, "bone", "cog", "nearest"):
         made, _, _ = body_points(model, BodyShape(), subject.mass, replace(body, weights=weights))
         points |= {MAPS[name]: one for name, one in made.items()}
@@ -194,6 +196,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
             yield row(folder, split)
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def row(folder: Path, split: Split) -> dict[str, object]:
     """What one split shows."""
     model, trials = opened(folder, split.subject)

@@ -62,13 +62,15 @@ class Parts:
 
 
 def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = LEAST_PARTS) -> Parts:
-    """Recordings cut into parts that are long in time: one a recording, or more until there are `least`.
+    """Recordings as parts; one alone is cut in time into `least`.
+
+    Halves of one motion are too much alike to tell how masses do on another, so that several are not cut.
 
     Raises
     ------
     BadData : no frame can be used
     """
-    pieces = -(-least // max(len(recordings), 1))
+    pieces = least if len(recordings) == 1 else 1
     n = len(base)
     factors, frames = [], []
     for recording in recordings:

@@ -157,7 +157,7 @@ def identify(
     parts = parts_of(generic, used, base)
     noise = parts.rms(inertial_parameters(generic))
     first = next(iter(points))
-    tried, best = _tried(parts, noise, points[first], mass, options)
+    tried, best = _tried(parts, noise, points[first], inertial_parameters(generic), options)
     A, b = parts.rows(noise)
     found: dict[str, Array] = {}
     for name, one in points.items():
@@ -199,10 +199,10 @@ def identify(
 
 
 def _tried(
-    parts: Parts, noise: Array, points: MassPoints, mass: float, options: IdentificationOptions
+    parts: Parts, noise: Array, points: MassPoints, generic: Array, options: IdentificationOptions
 ) -> tuple[dict[float, Array], float]:
     """Held-out misfit by strength of the prior, with few points that stand for all, and the strength with the least."""
-    few = _thinned(points)
+    few, mass = _thinned(points), float(generic[:, 0].sum())
     shape = possible_reference(few.parameters(few.reference))
 
     def fit_with(sd: float) -> Callable[[Sequence[int]], Array]:
@@ -214,26 +214,27 @@ def _tried(
 
         return fit
 
-    shares = parts.frames / parts.frames.mean()
+    before = held_out(parts, lambda _: generic)
     found: dict[float, Array] = {}
 
-    def scores(sd: float) -> Array:
+    def score(sd: float) -> float:
         if sd not in found:
-            found[sd] = held_out(parts, fit_with(sd)) * shares[:, None]
-        scored: Array = (found[sd] / np.square(noise)).sum(axis=1)
-        return scored
+            found[sd] = held_out(parts, fit_with(sd))
+        # Every part counts alike, as its misfit relative to the scaled model's.
+        return float((found[sd] / before).mean())
 
     if options.mass_sd is not None:
         best = options.mass_sd
-        scores(best)
+        score(best)
     else:
         # The misfit falls, then rises with the strength: walk down from the middle.
         at = STRENGTHS.index(0.2)
-        step = 1 if scores(STRENGTHS[at + 1]).sum() < scores(STRENGTHS[at]).sum() else -1
-        while 0 <= at + step < len(STRENGTHS) and scores(STRENGTHS[at + step]).sum() < scores(STRENGTHS[at]).sum():
+        step = 1 if score(STRENGTHS[at + 1]) < score(STRENGTHS[at]) else -1
+        while 0 <= at + step < len(STRENGTHS) and score(STRENGTHS[at + step]) < score(STRENGTHS[at]):
             at += step
         best = STRENGTHS[at]
-    return {sd: np.sqrt(found[sd].mean(axis=0)) for sd in sorted(found)}, best
+    weights = parts.frames / parts.frames.sum()
+    return {sd: np.sqrt(weights @ found[sd]) for sd in sorted(found)}, best
 
 
 def _thinned(points: MassPoints, most: int = FEW_POINTS) -> MassPoints:

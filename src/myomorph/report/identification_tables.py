@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.spatial import Array
@@ -74,8 +75,11 @@ _SPINE = (
 
 
 def segments_given(given: IdentificationInput) -> Mapping[str, Segment]:
-    """Segment of each body: as given, else by the bodies' names."""
-    return given.segments or segments_of(given.model)
+    """Segment of each body: as given, else by the bodies' names; none of a model whose names tell none."""
+    try:
+        return given.segments or segments_of(given.model)
+    except BadData:
+        return {}
 
 
 def mass_sheet(given: IdentificationInput) -> Sheet:
@@ -292,7 +296,7 @@ def identification_tables(given: IdentificationInput) -> dict[str, Sheet]:
         "masses.csv": mass_sheet(given) if given.parameters else None,
         "parameters.csv": parameter_sheet(given) if given.parameters else None,
         "spine.csv": spine_sheet(given) if given.parameters else None,
-        "segments.csv": segment_sheet(given) if given.parameters else None,
+        "segments.csv": segment_sheet(given) if given.parameters and segments_given(given) else None,
         "links.csv": link_sheet(given),
         "misfit.csv": misfit_sheet(given),
         "base_parameters.csv": base_sheet(given),

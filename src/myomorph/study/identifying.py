@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from myomorph import __version__
 from myomorph.identify.recordings import RecordingOptions, usable
@@ -205,7 +206,8 @@ def identify_subject(
         model, shape, mass, options.body, options.identification.compare, _surfaces(model)
     )
     ways = len(points) + 1 if options.identification.compare else 1
-    with progress("identification", ways, "solutions") as advance:
+    # The matrices are small: waking further threads of BLAS for them costs more than they save.
+    with progress("identification", ways, "solutions") as advance, threadpool_limits(limits=1, user_api="blas"):
         found = identify(
             model,
             seen,
