@@ -48,7 +48,7 @@ class Proposal:
     ----------
     coordinate : to move, about half a radian up and down once a second
     body : the body that it moves first
-    gain : information it would add, in nats: 0.7 halves the variance of one parameter
+    gain : information it would add, in nats: 0.35 halves the variance of one parameter
     """
 
     coordinate: str
