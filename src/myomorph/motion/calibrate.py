@@ -59,10 +59,11 @@ FEW_FRAMES = 10
 FAR = 0.1
 """A marker farther than this from its place on the model may be another one [m]."""
 
-NOISE_UNKNOWN = 0.005
-NOISE_LEAST = 1e-4
-NOISE_AT_FIRST = 0.02
-ALTERNATIONS = 50
+NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
+"""Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [m]."""
+
+TAIL = 3.0
+"""Degrees of freedom of Student's t, of which shifts of markers are a sample."""
 
 
 def calibrate(
@@ -80,8 +81,8 @@ def calibrate(
 
     where x is linear in (s, d) and the angles, bounded, locked and coupled as in inverse kinematics, are
     eliminated frame by frame. The prior keeps what no marker shows near the given model: every length near
-    the overall size, stretch across near that along, right near left, markers near their places. The noise
-    is taken from the residual unless given. [D] 3.2.1 step 1 (Ayusawa et al. 2011).
+    the overall size, stretch across near that along, right near left, markers near their places. [D] 3.2.1
+    step 1 (Ayusawa et al. 2011).
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def calibrate(
         search = _search(problem, names, size, [angles for _, angles in chosen], options, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
-    return _calibration(model, problem, search, names, chosen, options, path_lengths)
+    return _calibration(model, search.problem, search, names, chosen, options, path_lengths)
 
 
 def _check(options: CalibrationOptions) -> None:
@@ -182,7 +183,7 @@ def _problem(
         stretch=stretch_of(bare, lengths, names),
         markers=marker_arrays(tree, names, weights, InverseKinematicsOptions()),
         sets=tuple(sets),
-        prior=_prior(lengths, [model.marker(name).fixed for name in names], options, size),
+        prior=_prior(lengths, _usual_shifts(model, names, options), options, size),
         posture=tree.defaults,
         posture_weight=options.posture_weight,
     )
@@ -199,9 +200,14 @@ def _static_pose(model: Model, options: CalibrationOptions) -> Mapping[str, floa
     }
 
 
-def _prior(lengths: Sequence[Length], fixed: Sequence[bool], options: CalibrationOptions, size: float) -> Prior:
-    """Rows of the prior over lengths, shifts and the overall size."""
-    n, shifts = len(lengths), 3 * len(fixed)
+def _usual_shifts(model: Model, names: Sequence[str], options: CalibrationOptions) -> Array:
+    """(markers,) how far each lies from its place on the model, as a standard deviation along one axis [m]."""
+    return np.array([options.fixed_sd if model.marker(name).fixed else options.marker_sd for name in names])
+
+
+def _prior(lengths: Sequence[Length], shift_sd: Array, options: CalibrationOptions, size: float) -> Prior:
+    """Rows of the prior over lengths, shifts (markers,) and the overall size."""
+    n, shifts = len(lengths), 3 * len(shift_sd)
     main = {one.segment: i for i, one in enumerate(lengths) if one.along}
     rows, right = [], []
 
@@ -221,7 +227,7 @@ def _prior(lengths: Sequence[Length], fixed: Sequence[bool], options: Calibratio
     for i, j in mirrored_lengths(lengths):
         add({i: 1.0, j: -1.0}, 0.0, options.side_sd)
     for i in range(shifts):
-        add({n + i: 1.0}, 0.0, options.fixed_sd if fixed[i // 3] else options.marker_sd)
+        add({n + i: 1.0}, 0.0, float(shift_sd[i // 3]))
     return Prior(np.array(rows), np.array(right))
 
 
@@ -252,6 +258,7 @@ def _noise(problem: SharedProblem, found: Minimum, free: Bools, variance: float)
 
 @dataclass(frozen=True, eq=False)
 class _Search:
+    problem: SharedProblem
     found: Minimum
     start: Point
     noise: float
@@ -282,13 +289,17 @@ def _search(
         if progress and steps <= options.iterations:
             progress(1)
 
+    frames = sum(len(one) for one in angles)
     noise = options.noise or NOISE_UNKNOWN
+    if options.noise:
+        noise *= float(np.sqrt(max(1.0, frames / options.independent_frames)))
     root = root_coordinates(compile_tree(problem.model))
     # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
     stages = [noise] if noise >= NOISE_AT_FIRST else [NOISE_AT_FIRST, noise]
     start = point = settle(problem, x, angles, stages[0] ** 2)
-    costs: list[float] = []
     told = True
+    usual = _usual_shifts(problem.model, names, options)
+    stages.append(noise)
     while stages:
         noise = stages.pop(0)
         point = settle_anew(problem, point, root, noise**2)
@@ -297,13 +308,17 @@ def _search(
             found = minimise(problem, point, noise**2, free, left, 1e-3 if stages else 1e-5, one_more)
         else:
             found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
-        costs += found.costs
         point = found.point
+        if stages:
+            # The variance that Student's t gives each marker: one that lies far off is no longer pulled back.
+            shifts_now = np.linalg.norm(point.x[len(problem.lengths) : -1].reshape(-1, 3), axis=1)
+            released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
+            problem = replace(problem, prior=_prior(problem.lengths, released, options, size))
         if not stages and not options.noise:
             told_noise, told = _noise(problem, found, free, noise**2)
             if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [told_noise]
-    return _Search(found, start, noise, told, tuple(costs), steps, free)
+    return _Search(problem, found, start, noise, told, found.costs, steps, free)
 
 
 def _alternate(

@@ -28,10 +28,13 @@ class CalibrationOptions:
     length_sd : how much a segment's length differs from the overall size, as a standard deviation
     shape_sd : how much a segment's stretch across differs from that along
     side_sd : how much the right differs from the left
-    marker_sd : how far a marker lies from its place on the given model [m]
+    marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies much
+        farther is let go (Student's t with 3 degrees of freedom)
     fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]
-    noise : of a marker about its place on a rigid body, along one axis [m]: mostly movement of the skin, which
-        is alike in frames alike; 0 takes it from the residual, right for markers without skin
+    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin; 0 takes
+        it from the residual, right for markers without skin
+    independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
+        from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
     iterations : at most so many steps
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
@@ -48,9 +51,10 @@ class CalibrationOptions:
     length_sd: float = 0.05
     shape_sd: float = 0.05
     side_sd: float = 0.02
-    marker_sd: float = 0.05
+    marker_sd: float = 0.02
     fixed_sd: float = 0.01
     noise: float | None = 0.005
+    independent_frames: int = 12
     static_sd: float = 0.1
     iterations: int = 60
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -122,13 +126,13 @@ class Calibration:
     model : stretched, markers placed
     factors : (3,) of every body
     size : overall size relative to the given model
-    noise : of a marker along one axis, as assumed or found [m]
+    noise : of a marker along one axis, as counted for `independent_frames`, or found [m]
     frames : for each recording (the static one last) its chosen frames
     angles : for each recording (frames, coordinates) of the chosen frames [rad or m]
     before, after : for each recording (frames, markers) distances on the given model and on the found one [m]
     marker_names : of the columns of `before` and `after`
     converged : whether the last step was small
-    costs : the objective after every step [m^2]
+    costs : the objective after every step of the last stage [m^2]
     notes : what the recordings do not show, one line each
     """
 
