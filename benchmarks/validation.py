@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from benchmarks import (
+    accuracy_calibration,
     accuracy_kernels,
     accuracy_kinematics,
     accuracy_masspoints,
@@ -42,6 +43,8 @@ def run() -> list[Row]:
         "muscles": lambda: accuracy_muscles.measure(folder),
         "tendons": accuracy_kernels.measure_tendons,
         "tension": lambda: accuracy_tension.measure(folder),
+        "calibration": lambda: accuracy_calibration.measure(folder),
+        "calibration_lengths": lambda: accuracy_calibration.measure_lengths(folder),
         "scale": lambda: accuracy_scale.measure(folder),
         "tools": lambda: accuracy_scale.measure_tools(folder),
         "transfer": lambda: accuracy_transfer.measure(folder),
