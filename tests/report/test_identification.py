@@ -192,6 +192,8 @@ def test_the_page_prints_the_numbers() -> None:
     assert rms.xpath("tbody/tr[1]/td/text()") == ["Fx [N]", number(1.0), number(4.0)]
     assert "center outside <skin>" in page.xpath("string(//section[@id='body-identified']/p)")
     assert "42" in page.xpath("string(//section[@id='calibration'])")
+    sources = page.xpath("//ol[@class='references']/li/@id")
+    assert sources == ["ref-dissertation", "ref-ayusawa2014", "ref-ae1992", "ref-wensing2018"]
     for drawing in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
         etree.fromstring(drawing)
 

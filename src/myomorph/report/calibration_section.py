@@ -22,16 +22,17 @@ def calibration_section(given: IdentificationInput) -> Section | None:
         return None
     lead = "Lengths between joints and places of markers that fit the recordings"
     lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
-    legend = (("first", "after"), ("second", "before")) if found.lengths else ()
-    return Section("calibration", "Lengths and markers", lead, legend, _figures(found), _grids(found))
+    lead += " Bars are one standard deviation to both sides." if any(one.sd for one in found.lengths) else ""
+    return Section("calibration", "Lengths and markers", lead, (), _figures(found), _grids(found))
 
 
 def _figures(found: CalibratedBody) -> tuple[Figure, ...]:
     figures = []
     if found.lengths:
         names = [one.name for one in found.lengths]
-        values = [np.array([getattr(one, of) for one in found.lengths]) for of in ("after", "before")]
-        figures.append(dot_plot("Lengths", "m", names, values, ("first", "second"), ("after", "before"), 520))
+        change = 1000.0 * np.array([one.after - one.before for one in found.lengths])
+        sd = 1000.0 * np.array([np.nan if one.sd is None else one.sd for one in found.lengths])
+        figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
     if found.markers:
         moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:MOST_MARKERS])
         far = [1000.0 * np.array(list(moved.values()))]

@@ -21,6 +21,7 @@ def dot_plot(
     styles: Sequence[str],
     labels: Sequence[str],
     width: int = 680,
+    spread: Array | None = None,
 ) -> str:
     """One row a name, one dot a value, joined by a line, so that many names compare at a glance.
 
@@ -28,13 +29,17 @@ def dot_plot(
     ----------
     values : (names,) of each kind, NaN where there is none
     styles, labels : of each kind
+    spread : (names,) drawn as a bar to both sides of the first kind's dot, NaN where there is none
     """
     top, left = 26.0, 10.0 + 6.1 * max((len(name) for name in names), default=1)
     height = int(top + ROW * len(names) + 24)
-    finite = [one[np.isfinite(one)] for one in values]
+    reach = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
+    reached = [values[0] - reach, values[0] + reach, *values[1:]]
+    finite = [one[np.isfinite(one)] for one in reached]
     low = min(0.0, *(float(one.min(initial=0.0)) for one in finite))
     high = max((float(one.max(initial=0.0)) for one in finite), default=1.0) or 1.0
-    frame = Frame(left, top, width - 14, top + ROW * len(names), low, low + 1.05 * (high - low), 0.0, 1.0)
+    air = 0.05 * (high - low)
+    frame = Frame(left, top, width - 14, top + ROW * len(names), low - air * (low < 0.0), high + air, 0.0, 1.0)
     parts = [
         f'<svg class="chart dots" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title, True)}">',
         heading(title, unit),
@@ -50,6 +55,9 @@ def dot_plot(
         if len(known) > 1:
             ends = frame.x([min(known), max(known)])
             parts.append(f'<path class="grid" d="M{ends[0]:.1f} {y:.1f}H{ends[1]:.1f}"/>')
+        if reach[i] > 0.0:
+            ends = frame.x([row[0] - reach[i], row[0] + reach[i]])
+            parts.append(f'<path class="line {styles[0]}" d="M{ends[0]:.1f} {y:.1f}H{ends[1]:.1f}"/>')
         for one, style in reversed(list(zip(row, styles, strict=True))):
             if np.isfinite(one):
                 parts.append(

@@ -115,7 +115,7 @@ def references(
     kinematics: bool, dynamics: bool, tension: bool, jump: bool, identification: bool = False
 ) -> tuple[Reference, ...]:
     """Those that a report with these parts relies on."""
-    wanted = {"hicks2015", "opensim"}
+    wanted = set() if identification and not (kinematics or dynamics or tension) else {"hicks2015", "opensim"}
     wanted |= {"lu1999"} if kinematics else set()
     wanted |= {"featherstone2008", "woltring1986"} if dynamics else set()
     wanted |= {"crowninshield1981", "millard2013"} if tension else set()
