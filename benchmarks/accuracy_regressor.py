@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.cases import FORCE_CASES, ForceCase, data_folder
+from benchmarks.speed_identify import RATE, other_masses, simulated
 from myomorph.identify.base import BaseFit, BaseOptions, Recording, base_parameters, fit_base
 from myomorph.identify.null_space import held_values, numerical_null_space, random_states, tree_null_space
 from myomorph.identify.sequential import SequentialFit
@@ -21,10 +22,10 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
-from myomorph.motion.filters import differentiate
+from myomorph.motion.filters import differentiate, lowpass
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.regressor import base_regressor, base_wrench, reference_points
+from myomorph.rigid.regressor import base_regressor, base_wrench, reference_points, regressor_blocks
 from myomorph.rigid.tree import compile_tree
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
@@ -236,6 +237,35 @@ def recording(folder: Path, case: ForceCase) -> tuple[Model, Recording]:
     return model, Recording(motion, wrenches)
 
 
+def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) -> Iterator[Row]:
+    """Errors in standard deviations on a simulated motion of a real model, with white and with filtered noise."""
+    model = read_model(folder / "opencap-subject4-multitask/models/manually_scaled.osim")
+    base = base_parameters(model)
+    given = simulated(model, frames)
+    zero = np.zeros((frames, 1, 3))
+    clean = np.empty((frames, 6))
+    for block in regressor_blocks(model, given.motion, np.zeros(3)):
+        clean[block.frames] = block.rows @ other_masses(model).ravel()
+    for filtered in (False, True):
+        for correlated in (True, False):
+            scores, samples = [], []
+            for seed in range(recordings):
+                noise = 5.0 * np.random.default_rng(seed).normal(size=clean.shape)
+                wrench = clean + (lowpass(noise, RATE, 6.0) if filtered else noise)
+                forces, torques = wrench[:, None, 3:], wrench[:, None, :3]
+                plate = Wrenches(given.motion.time, ("plate",), (model.body_names[0],), forces, zero, torques)
+                fit = fit_base(model, [Recording(given.motion, plate)], base, BaseOptions(correlated=correlated))
+                scores.append((fit.estimate - base.of(other_masses(model))) / fit.sd)
+                samples.append(fit.frames / fit.samples.mean())
+            yield {
+                "noise": "low-pass filtered at 6 Hz" if filtered else "white",
+                "frames count": "as the autocorrelation says" if correlated else "each by itself",
+                "frames a sample": float(np.mean(samples)),
+                "within 2 SD": float(np.mean(np.abs(scores) < 2.0)),
+                "within 3 SD": float(np.mean(np.abs(scores) < 3.0)),
+            }
+
+
 if __name__ == "__main__":
     from benchmarks.__main__ import print_rows
 
@@ -243,3 +273,4 @@ if __name__ == "__main__":
     print_rows(list(measure_base_parameters(data_folder())))
     print_rows(list(measure_figaroh()))
     print_rows(list(measure_sequential(data_folder())))
+    print_rows(list(measure_deviations(data_folder())))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmarks import (
     accuracy_calibration,
+    accuracy_identification,
     accuracy_kernels,
     accuracy_kinematics,
     accuracy_masspoints,
@@ -52,10 +53,13 @@ def run() -> list[Row]:
         "base_parameters": lambda: accuracy_regressor.measure_base_parameters(folder),
         "figaroh": accuracy_regressor.measure_figaroh,
         "sequential": lambda: accuracy_regressor.measure_sequential(folder),
+        "deviations": lambda: accuracy_regressor.measure_deviations(folder),
         "masspoints": accuracy_masspoints.measure_solvers,
         "masspoints_grid": accuracy_masspoints.measure_grid,
         "weight_maps": lambda: accuracy_masspoints.measure_maps(folder),
         "simulated": lambda: accuracy_simulated.measure(folder),
+        "identification": lambda: accuracy_identification.measure(folder),
+        "identification_segments": lambda: accuracy_identification.measure_segments(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
