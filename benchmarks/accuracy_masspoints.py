@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,11 +17,15 @@ from scipy.optimize import nnls
 
 from benchmarks.speed_masspoints import LINKS, MASS, Program, made_body, measured
 from myomorph.identify.envelope import envelope_points
+from myomorph.identify.fit_pose import pose_model_to_skin
+from myomorph.identify.grid import fill
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.identify.points import MassPoints, links_of
+from myomorph.identify.points import Links, MassPoints, links_of
+from myomorph.identify.shape import body_shape
 from myomorph.identify.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.io.models import read_model
 from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
@@ -127,38 +132,58 @@ PUBLISHED = {
 OPEN = {"shoulder_elv_r": 1.0, "shoulder_elv_l": 1.0, "hip_adduction_r": -0.2, "hip_adduction_l": -0.2}
 """Coordinates that open arms and legs, as [D] does before mass is shared out [rad]."""
 
+OWN = "the model's envelopes"
+SUBJECT = (1.822, 0.870, 66.8)
+"""Height [m], chest [m] and mass [kg] of the subject of [D]."""
+
 SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
 
 
 def measure_maps(folder: Path) -> Iterator[Row]:
-    """Where a body's mass goes by each weight map: the 171-coordinate model, in the envelopes of its own bodies."""
+    """Where a body's mass goes by each weight map: the 171-coordinate model in two bodies, and what is published."""
     model = read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
-    values = np.array([[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]])
-    pose = Motion(np.zeros(1), model.coordinate_names, values)
-    links, taking, segments = links_of(model, pose), links_with_mass(model), segments_of(model)
-    body = envelope_points(model, pose)
+    taking, segments = links_with_mass(model), segments_of(model)
     maps: dict[str, WeightMap] = {
         "w_d": partial(cog_weights, taking=taking),
         "w_n": partial(nearest_weights, taking=taking),
         "w_b": partial(bone_weights, taking=taking),
         "w_b, exponent 8": partial(bone_weights, taking=taking, exponent=8.0),
     }
-    found = {name: weights(body.points, links).T @ body.masses for name, weights in maps.items()}
-    whole = cog_weights(body.points, links, taking=taking, smallest=0.0).T @ body.masses
-    for name, masses in {"the model itself": inertial_parameters(model)[:, 0], **found}.items():
+
+    def row(body: str, name: str, links: Links, masses: Array, change: float | str = "") -> Row:
         of = dict(zip(links.names, masses, strict=True))
-        yield {
+        return {
+            "body": body,
             "masses": name,
             "SD of lumbar vertebrae [kg]": float(np.std([of[f"lumbar{i}"] for i in range(1, 6)])),
             "SD of thoracic vertebrae [kg]": float(np.std([of[f"thoracic{i}"] for i in range(1, 13)])),
             **{f"{segment} [%]": _share(of, segments, segment) for segment in SEGMENTS},
-            "most that dropping small shares changes a link [g]": 1e3 * float(np.abs(masses - whole).max())
-            if name == "w_d"
-            else "",
+            "most that dropping small shares changes a link [g]": change,
         }
+
+    for body, points, reference, links in _bodies(model):
+        if body == OWN:
+            yield row(body, "the model itself", links, inertial_parameters(model)[:, 0])
+        for name, weights in maps.items():
+            masses = weights(points, links).T @ reference
+            whole = cog_weights(points, links, taking=taking, smallest=0.0).T @ reference if name == "w_d" else masses
+            yield row(body, name, links, masses, 1e3 * float(np.abs(masses - whole).max()) if name == "w_d" else "")
     for name, numbers in PUBLISHED.items():
         keys = ("SD of lumbar vertebrae [kg]", "SD of thoracic vertebrae [kg]", *(f"{one} [%]" for one in SEGMENTS))
-        yield {"masses": f"published, {name}", **dict(zip(keys, numbers, strict=True))}
+        yield {"body": "published", "masses": name, **dict(zip(keys, numbers, strict=True))}
+
+
+def _bodies(model: Model) -> Iterator[tuple[str, Array, Array, Links]]:
+    """What the points fill, the points, their masses, and the links in the same pose."""
+    values = np.array([[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]])
+    pose = Motion(np.zeros(1), model.coordinate_names, values)
+    envelope = envelope_points(model, pose)
+    yield OWN, envelope.points, envelope.masses, links_of(model, pose)
+    if importlib.util.find_spec("anny"):
+        height, chest, mass = SUBJECT
+        fitted = pose_model_to_skin(model, body_shape(height, chest, mass, "male"))
+        points = fill(fitted.skin)
+        yield "statistical body", points, np.full(len(points), mass / len(points)), links_of(model, fitted.motion)
 
 
 def _share(masses: dict[str, float], segments: Mapping[str, Segment], name: str) -> float:
