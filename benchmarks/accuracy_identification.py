@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.held_out import parts_of
+from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
 from myomorph.identify.points import MassPoints
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
@@ -35,13 +36,15 @@ from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.report.identification_given import identification_input
 from myomorph.report.identification_tables import segment_sheet
-from myomorph.study.body_points import body_points
+from myomorph.study.body_points import OWN, body_points
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.identifying import MAPS
 from myomorph.study.inputs import force_table
 
 CUTOFF = 6.0
 SPACING = 0.02
+LOOSE = 5.0
+"""A prior that hardly holds masses."""
 OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
 GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
 FEET = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
@@ -173,7 +176,9 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
         mass=subject.mass,
         options=PseudoInertiaOptions(mass_sd=found.mass_sd),
     )
-    return found, {"ridge": ridge.parameters, **found.parameters}
+    first = points[MAPS[OWN]]
+    loose = solve_mass_points(first, A, b, mass=subject.mass, options=MassPointOptions(mass_sd=LOOSE)).parameters
+    return found, {"ridge": ridge.parameters, "loose": loose, **found.parameters}
 
 
 def misfit(model: Model, parameters: dict[str, np.ndarray], recording: Recording) -> dict[str, np.ndarray]:
@@ -222,6 +227,7 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "points, w_d": told("identified, w_d"),
         "points, w_n": told("identified, w_n"),
         "pseudo-inertia": told(CONIC),
+        f"points, own link, mass SD {LOOSE:g}": told("loose"),
         "mass SD of the prior": found.mass_sd,
         "parameters shown": f"{int((found.shares >= 0.5).sum())} of {found.shares.size}",
         "possible": found.consistency[found.chosen].ok,

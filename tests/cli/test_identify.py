@@ -73,7 +73,6 @@ def test_another_motion_is_compared(plate, command):
         (("--height", 182, "--chest", 0.9), "182"),
         (("--height", 1.8), "--height needs --chest"),
         (("--skin", "nobody.obj"), "nobody.obj"),
-        (("--spacing", 5), "metres from"),
         (("--mass-sd", -1), "mass_sd"),
         (("--time", 5, 6), "nothing in --time"),
         (("--time", 0.1, 0.3), "fewer than 0.5"),
