@@ -117,6 +117,7 @@ def test_standing_still_excites_nothing(opencap):
     weight = np.zeros((frames, 1, 3))
     weight[:, 0, 1] = 9.81 * model.mass
     point = np.zeros((frames, 1, 3))
+    point[:, 0, 0], point[:, 0, 2] = still["pelvis_tx"][0], still["pelvis_tz"][0]
     standing = replace(
         wrenches,
         time=motion.time,
@@ -162,3 +163,11 @@ def test_a_mass_so_wrong_that_no_frame_is_left_is_told(opencap):
     assert not found.use.any()
     with pytest.raises(BadData, match=r"the forces say 6\d\.\d kg where the subject is said to weigh 80"):
         check_excited(model, (found,))
+
+
+def test_forces_of_another_place_are_refused(opencap):
+    model, trial = opencap
+    motion, wrenches = trial("walking1")
+    away = replace(wrenches, points=np.array(wrenches.points) + np.array([0.5, 0.0, 0.0]))
+    with pytest.raises(BadData, match="belong to this recording"):
+        usable(model, motion, away, name="walk", options=OPTIONS)

@@ -42,6 +42,9 @@ FLIGHT = 0.05
 AGREED = 0.03
 """Share of the body's weight by which plates and stated mass may differ without a word."""
 
+ELSEWHERE = 0.25
+"""Distance of forces from where they should act, over the body's extent from its base, that no masses explain."""
+
 STILL = 0.1
 """Largest turn of any body against the base over which a motion counts as standing still [rad]."""
 
@@ -136,8 +139,9 @@ def usable(
     at = resample_wrenches(_filled(wrenches, lacking), common.time, options.cutoff)
 
     margin = 0.0 if options.cutoff is None else 0.5 / options.cutoff
-    needed = _needed(model, common) * (mass / model.mass)
-    measured = _up(model, base_wrench(model, common, at))
+    wanted = _needed(model, common) * (mass / model.mass)
+    given = base_wrench(model, common, at)
+    needed, measured = _up(model, wanted), _up(model, given)
     weight = mass * float(np.linalg.norm(model.gravity))
     marks = {
         NO_MOTION: ~np.isfinite(needed),
@@ -152,6 +156,7 @@ def usable(
     known = ~(marks[NO_MOTION] | marks[NO_FORCE])
     marks[UNMEASURED] = _unmeasured(common.time, needed - measured, known, weight)
     use = ~np.any(list(marks.values()), axis=0)
+    _refuse_elsewhere(name, model, common, (wanted - given)[:, :3], weight, use)
     flight = use & (np.abs(measured) < FLIGHT * weight)
     # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
     say = use if use.any() else _best_carried(common.time, needed, measured, known)
@@ -191,10 +196,9 @@ def check_excited(model: Model, recordings: tuple[Usable, ...], options: Recordi
 
 
 def _needed(model: Model, motion: Motion) -> Array:
-    """(frames,) vertical force that the motion needs with the model's own masses [N]."""
+    """(frames, 6) moment about the base and force that the motion needs with the model's own masses [N m], [N]."""
     parameters = inertial_parameters(model).ravel()
-    wrench = np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
-    return _up(model, wrench)
+    return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
 
 
 def _up(model: Model, wrench: Array) -> Array:
@@ -256,6 +260,21 @@ def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> N
         "they were set to zero (tared) with the load on them, or nothing stands on them; record again with empty "
         "plates at the start, or add the missing weight to the forces"
     )
+
+
+def _refuse_elsewhere(name: str, model: Model, motion: Motion, missing: Array, weight: float, use: np.ndarray) -> None:
+    """Forces so far from the body that they are another recording's, or in another frame."""
+    if not use.any():
+        return
+    arm = float(np.median(np.linalg.norm(missing[use], axis=1))) / weight
+    tree = compile_tree(model)
+    origins = forward_kinematics(tree, tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]).origins[0, 1:]
+    size = float(np.linalg.norm(origins - origins[0], axis=1).max())
+    if arm > ELSEWHERE * size:
+        raise BadData(
+            f"{name}: the forces act {arm:.2f} m from where the body of this motion could stand on them: do they "
+            "belong to this recording, and have motion and forces the same ground and clock?"
+        )
 
 
 def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -> np.ndarray:
