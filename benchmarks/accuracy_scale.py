@@ -59,6 +59,7 @@ class ScaleCase:
     ----------
     outputs : names of the scaled model, the model with placed markers, and the pose
     tasks : where the benchmark writes the setup itself, the file whose weights it takes
+    edits : changes of the setup, so that both steps and the pose are written
     """
 
     name: str
@@ -66,6 +67,7 @@ class ScaleCase:
     files: tuple[str, ...]
     outputs: tuple[str, str, str]
     tasks: str = ""
+    edits: tuple[tuple[str, str], ...] = ()
 
 
 GAIT = "opensim-gait-subject01/"
@@ -117,6 +119,20 @@ CASES = (
         SUBJECT01,
     ),
     ScaleCase(
+        "full body, 25 bodies, a laboratory's own setup",
+        "wholebody.xml",
+        (
+            "c3d-functional-joints/models/wholebody.xml",
+            "c3d-functional-joints/models/wholebody.osim",
+            "c3d-functional-joints/static.trc",
+        ),
+        ("scaled_only.osim", "scaled.osim", "pose.mot"),
+        edits=(
+            ("<output_model_file>scaled.osim", "<output_model_file>scaled_only.osim"),
+            ("<output_motion_file>Unassigned", "<output_motion_file>pose.mot"),
+        ),
+    ),
+    ScaleCase(
         "Rajagopal2016, setup of this benchmark",
         "walker_Setup_Scale.xml",
         RAJAGOPAL,
@@ -145,6 +161,10 @@ def prepare(data: Path, case: ScaleCase, folder: Path) -> Path:
     setup = folder / case.setup
     if case.tasks:
         setup.write_text(rajagopal_setup(read_ik_tasks(data / case.tasks).marker_weights))
+    for before, after in case.edits:
+        # The copy keeps the read-only mode of the collection.
+        setup.chmod(0o644)
+        setup.write_text(setup.read_text().replace(before, after, 1))
     return setup
 
 
@@ -197,8 +217,10 @@ def minimum_of_opensim(setup: Path, scaled: Path, start_pose: dict[str, float]) 
         model = opensim.Model(scaled.name)
         start, end = placer.getTimeRange().get(0), placer.getTimeRange().get(1)
         table = opensim.TimeSeriesTableVec3(placer.getMarkerFileName())
-        labels, row = table.getColumnLabels(), table.averageRow(start, end)
-        seen = {name: row[i].to_numpy() / 1000.0 for i, name in enumerate(labels)}
+        times = table.getIndependentColumn()
+        labels, row = table.getColumnLabels(), table.averageRow(max(start, times[0]), min(end, times[-1]))
+        size = {"mm": 0.001, "m": 1.0}[table.getTableMetaDataString("Units")]
+        seen = {name: row[i].to_numpy() * size for i, name in enumerate(labels)}
         tasks = [placer.getIKTaskSet().get(i) for i in range(placer.getIKTaskSet().getSize())]
     state = model.initSystem()
     markers = {one.getName(): one for one in model.getMarkerSet() if one.getName() in seen}

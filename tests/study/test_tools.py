@@ -80,10 +80,23 @@ def test_nothing_is_overwritten_that_was_read(scale_folder):
     before = sorted(one.name for one in scale_folder.iterdir())
     with pytest.raises(BadFile, match=r"gait2354_simbody\.osim: is both read and written by this setup"):
         run_tool(path)
-    path.write_text(path.read_text().replace("./gait2354_simbody.osim", "subject01_simbody.osim"))
+    path.write_text(path.read_text().replace("./gait2354_simbody.osim", "subject01_scaleSet_applied.xml"))
     with pytest.raises(BadFile, match="is the name of two results"):
         run_tool(path)
     assert sorted(one.name for one in scale_folder.iterdir()) == before
+
+
+def test_both_steps_may_write_one_model(scale_folder):
+    """The placer's model stays, as in OpenSim."""
+    path = scale_folder / "subject01_Setup_Scale.xml"
+    run_tool(path)
+    placed = read_model(scale_folder / "subject01_simbody.osim")
+    path.write_text(path.read_text().replace("subject01_scaledOnly.osim", "subject01_simbody.osim"))
+    result = run_tool(path)
+    assert sum(one.name == "subject01_simbody.osim" for one in result.written) == 1
+    again = read_model(scale_folder / "subject01_simbody.osim")
+    for one in placed.markers:
+        np.testing.assert_allclose(again.marker(one.name).location, one.location, atol=1e-12)
 
 
 def test_a_failure_while_writing_leaves_nothing(tmp_path):

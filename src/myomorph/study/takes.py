@@ -206,6 +206,24 @@ def with_tasks(
     return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
 
 
+def task_values(tasks: IkTasks, path: Path | None, model: Model, source: Path) -> Motion | None:
+    """The motion that coordinate tasks take their values from; None where none does, whatever file is named.
+
+    Raises
+    ------
+    BadData
+        where a task takes its value from a file, but none is named
+    """
+    wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]
+    if not wanted:
+        return None
+    if path is None:
+        raise BadData(
+            f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
+        )
+    return inputs.open_motion(path, model)
+
+
 def derivative_options(settings: Settings) -> Differentiation:
     """The low-pass filter: one for all steps that differentiate, so the last that names it counts."""
     options = Differentiation()

@@ -23,7 +23,7 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.measurements import frames_around, measure, with_measured
 from myomorph.motion.place import Placement, place_on_pose
 from myomorph.study import inputs
-from myomorph.study.takes import with_tasks
+from myomorph.study.takes import task_values, with_tasks
 from myomorph.study.tool_outputs import ToolResult, check_outputs, write_outputs
 
 
@@ -40,12 +40,15 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     told, warnings = [], list(setup.warnings)
     read: list[Path | None] = [source, setup.model, setup.marker_set]
     writers: dict[Path, Callable[[Path], object]] = {}
-    targets: list[Path | None] = []
+    targets: list[Path] = []
     for part in (setup.scaler, setup.placer):
         read += [] if part is None else [part.markers, getattr(part, "coordinates", None)]
         names = ("output_model", "output_factors", "output_motion", "output_markers")
-        targets += [getattr(part, name, None) for name in names]
-    check_outputs([path for path in targets if path is not None], read)
+        targets += [path for name in names if (path := getattr(part, name, None)) is not None]
+    if _one_model(setup) and setup.scaler is not None and setup.scaler.output_model is not None:
+        # Both steps may write the same file, as many setups say: the placer's model is the one that stays.
+        targets.remove(setup.scaler.output_model)
+    check_outputs(targets, read)
 
     model = with_marker_set(inputs.open_model(setup.model), setup.marker_set)
     model = replace(model, name=setup.name or model.name)
@@ -56,7 +59,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         model, factors, notes = scaled(model, setup.scaler, setup.mass, source)
         warnings += notes
         told.append(_told_factors(factors, model))
-        if setup.scaler.output_model is not None:
+        if setup.scaler.output_model is not None and not _one_model(setup):
             writers[setup.scaler.output_model] = partial(_write_model, model, warnings)
         if setup.scaler.output_factors is not None:
             writers[setup.scaler.output_factors] = partial(write_scale_set, factors)
@@ -74,6 +77,12 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
             writers[setup.placer.output_motion] = partial(write_sto, pose_table(placement.fit.motion, model))
     written = write_outputs(writers)
     return ToolResult("ScaleTool", tuple(told), written, tuple(dict.fromkeys(warnings)))
+
+
+def _one_model(setup: ScaleSetup) -> bool:
+    """Whether scaling and placing want to write one file."""
+    paths = [part.output_model for part in (setup.scaler, setup.placer) if part is not None and part.output_model]
+    return len(paths) == 2 and paths[0].resolve() == paths[1].resolve()
 
 
 def with_marker_set(model: Model, path: Path | None) -> Model:
@@ -125,8 +134,7 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
     notes: list[str] = []
     trial = _markers(setup.markers, model, notes)
     options = with_tasks(InverseKinematicsOptions(), setup.tasks, model, str(source))
-    if setup.coordinates is not None:
-        options = replace(options, coordinates=inputs.open_motion(setup.coordinates, model))
+    options = replace(options, coordinates=task_values(setup.tasks, setup.coordinates, model, source))
     with inputs.about(setup.markers):
         placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)
     return replace(placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes)))

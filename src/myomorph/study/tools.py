@@ -25,7 +25,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study import inputs
 from myomorph.study.progress import progress
 from myomorph.study.steps import torque_table
-from myomorph.study.takes import with_tasks
+from myomorph.study.takes import task_values, with_tasks
 from myomorph.study.tool_outputs import ToolResult, Writers, check_outputs, write_outputs
 
 
@@ -68,10 +68,7 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
     options = with_tasks(InverseKinematicsOptions(), setup.tasks, model, str(source))
-    if setup.coordinates is not None:
-        options = replace(options, coordinates=inputs.open_motion(setup.coordinates, model))
-    elif any(aim.source == "table" for aim in setup.tasks.coordinates):
-        raise BadData(f"{source}: a coordinate task takes its value from a file, but there is no coordinate_file")
+    options = replace(options, coordinates=task_values(setup.tasks, setup.coordinates, model, source))
     with inputs.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
         fit = inverse_kinematics(model, markers, options, advance)
     tables = {setup.output: table_from_motion(fit.motion, model), errors: error_table(fit)}
