@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.identify.recordings import EDGE, NO_FORCE, OUTSIDE, UNMEASURED, RecordingOptions, check_excited, usable
+from myomorph.identify.recordings import (
+    EDGE,
+    NO_FORCE,
+    OUTSIDE,
+    REACH,
+    UNMEASURED,
+    RecordingOptions,
+    check_excited,
+    usable,
+)
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
@@ -61,7 +70,7 @@ def test_missing_forces_are_left_out_with_what_the_filter_smears(opencap):
     hole = (wrenches.time > 0.6) & (wrenches.time < 0.65)
     forces[hole, 0] = np.nan
     found = usable(model, motion, replace(wrenches, forces=forces), options=OPTIONS)
-    near = np.abs(found.recording.motion.time - 0.625) < 0.01 + 0.5 / 6.0
+    near = np.abs(found.recording.motion.time - 0.625) < 0.01 + REACH / 6.0
     assert not found.use[near].any()
     assert found.left_out[NO_FORCE] == pytest.approx(near.sum(), abs=4)
     whole = usable(model, motion, wrenches, options=OPTIONS)

@@ -42,6 +42,9 @@ FLIGHT = 0.05
 AGREED = 0.03
 """Share of the body's weight by which plates and stated mass may differ without a word."""
 
+REACH = 0.75
+"""How far a filter's ends and gaps reach, times 1 / cutoff: nearer, motion and forces disagree by more than noise."""
+
 ELSEWHERE = 0.25
 """Distance of forces from where they should act, over the body's extent from its base, that no masses explain."""
 
@@ -138,7 +141,7 @@ def usable(
         raise BadData(f"{name}: the forces hold no finite value: give the file that the plates wrote")
     at = resample_wrenches(_filled(wrenches, lacking), common.time, options.cutoff)
 
-    margin = 0.0 if options.cutoff is None else 0.5 / options.cutoff
+    margin = 0.0 if options.cutoff is None else REACH / options.cutoff
     wanted = _needed(model, common) * (mass / model.mass)
     given = base_wrench(model, common, at)
     needed, measured = _up(model, wanted), _up(model, given)
