@@ -13,6 +13,7 @@ from myomorph.identify.subject import (
     GENERIC,
     SHAPE,
     IdentificationOptions,
+    _far_from_shape,
     cross_validate,
     identify,
     shares_of_data,
@@ -146,6 +147,14 @@ def test_cross_validation_of_the_true_model_is_exact(walk):
         cross_validate(
             {"a": model, "b": replace(model, bodies=model.bodies[:-1])}, recording.motion, recording.wrenches
         )
+
+
+def test_masses_that_are_hard_to_believe_are_told():
+    masses, shape = np.array([30.0, 5.0, 0.05]), np.array([31.0, 3.0, 0.5])
+    (note,) = _far_from_shape(("trunk", "thigh", "hand"), masses, shape, 0.5)
+    assert "2 of 3 links" in note
+    assert "'thigh' 5.00 kg (shape 3.00), 'hand' 0.05 kg (shape 0.50)" in note
+    assert _far_from_shape(("trunk", "thigh", "hand"), shape, shape, 0.5) == ()
 
 
 def test_strength_can_be_given(walk):

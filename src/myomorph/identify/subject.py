@@ -36,6 +36,9 @@ every step are then blamed on hands and forearms.
 FEW_POINTS = 60
 """Points a link that stand for all of them while strengths are tried."""
 
+FAR, LIGHT = 0.6, 0.003
+"""Change of a link's mass, of itself, that is told; and the share of the body under which a link does not count."""
+
 ROUNDS = 5
 """Times that the noise is taken anew from what the fit leaves of unseen parts."""
 
@@ -208,7 +211,23 @@ def identify(
             {name: _checked(model, one, points[first], inside) for name, one in found.items()}
         ),
         recordings=tuple(recordings),
-        notes=tuple(note for one in recordings for note in one.notes),
+        notes=(
+            *_far_from_shape(model.body_names, found[chosen][:, 0], shape[:, 0], best),
+            *(note for one in recordings for note in one.notes),
+        ),
+    )
+
+
+def _far_from_shape(names: Sequence[str], masses: Array, shape: Array, mass_sd: float) -> tuple[str, ...]:
+    """Which links got a mass that is hard to believe, as one line."""
+    far = np.flatnonzero((shape > LIGHT * shape.sum()) & (np.abs(masses - shape) > FAR * shape))
+    if not len(far):
+        return ()
+    worst = far[np.argsort(-np.abs(masses - shape)[far])][:3]
+    told = ", ".join(f"'{names[i]}' {masses[i]:.2f} kg (shape {shape[i]:.2f})" for i in worst)
+    return (
+        f"{len(far)} of {len(names)} links weigh far from what their shape says: {told}; faults of the motion that "
+        f"return with every step may be in them: move more, or hold masses with a mass_sd below {mass_sd:g}",
     )
 
 
