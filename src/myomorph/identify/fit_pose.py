@@ -30,6 +30,10 @@ FAR = 0.03
 """Root mean square of the errors above which the model is not of this body's size [m]."""
 
 SHARE_INSIDE = 0.8
+ITERATIONS = 300
+POSTURE = 1e-3
+"""Pull towards the default pose, which keeps the head and the spine straight where no point shows them."""
+
 TRUNK = ("hip", "lumbar", "neck", "shoulder", "pelvis", "ASIS", "PSIS", "C7", "sternum", "acromion")
 
 
@@ -96,7 +100,8 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
     weights = {name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in targets}
     if landmarks is not None:
         weights = dict.fromkeys(targets, 1.0)
-    fit = inverse_kinematics(virtual, recorded, InverseKinematicsOptions(marker_weights=weights))
+    options = InverseKinematicsOptions(marker_weights=weights, iterations=ITERATIONS, posture_weight=POSTURE)
+    fit = inverse_kinematics(virtual, recorded, options)
     errors = frozen_array(fit.errors[0])
     notes = []
     if missed:
@@ -211,7 +216,7 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
         axes = f"; it stands along {skin.up}" if skin.up else ""
         raise BadData(
             f"the skin is not where model '{model.name}' stands in its default pose: {len(outside)} of {len(heavy)} "
-            f"mass centers are outside of it, as that of '{outside[0]}'{axes}; give landmarks (name,x,y,z) on the skin, or "
+            f"mass centers are outside of it, as that of '{outside[0]}'{axes}; give landmarks on the skin, or "
             "move it into the model's ground and default pose"
         )
     notes = ["the skin was taken to be in the model's default pose and ground"]

@@ -18,7 +18,7 @@ TALLEST = 3.0
 
 UNITS = (("decimeters", 10.0), ("centimeters", 100.0), ("millimeters", 1000.0))
 CHUNK = 200_000
-SPECK = 0.002
+SPECK = 0.004
 """Closed pieces of less than this share of the body's volume are no part of it; a hand is 0.005."""
 
 COARSE = 60

@@ -1,0 +1,94 @@
+"""Mass points without a skin: they weigh, balance and turn as the model's bodies do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from skins import sphere
+
+from myomorph.identify.envelope import HULL, INERTIA, TISSUE, envelope_points
+from myomorph.identify.points import MassPoints, links_of
+from myomorph.io.models import read_model
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Body, Mesh
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+
+
+def default_pose(model):
+    return Motion(np.zeros(1), (), np.zeros((1, 0)))
+
+
+def own_parameters(model, found, spacing):
+    from scipy import sparse
+
+    count = len(found.points)
+    weights = sparse.csr_array((np.ones(count), (np.arange(count), found.link)), (count, len(model.bodies)))
+    points = MassPoints(found.points, found.masses, weights, links_of(model, default_pose(model)), spacing)
+    return points.parameters(points.reference)
+
+
+def test_ellipsoids_have_the_bodies_own_parameters(data):
+    model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    found = envelope_points(model, default_pose(model), 0.005)
+    expected, got = inertial_parameters(model), own_parameters(model, found, 0.005)
+    number = {name: i for i, name in enumerate(model.body_names)}
+    for name in ("femur_r", "tibia_l", "pelvis", "calcn_r", "humerus_l"):
+        i = number[name]
+        mass, center = expected[i, 0], expected[i, 1:4] / expected[i, 0]
+        assert got[i, 0] == pytest.approx(mass, rel=1e-9)
+        np.testing.assert_allclose(got[i, 1:4] / mass, center, atol=3e-4)
+        np.testing.assert_allclose(got[i, 4:], expected[i, 4:], atol=0.03 * expected[i, 4:7].max())
+    assert INERTIA in found.words
+    assert found.masses.sum() == pytest.approx(model.mass, rel=1e-9)
+
+
+def test_hulls_have_the_volume_of_the_bodys_mass(data):
+    model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    i = model.body_names.index("femur_r")
+    mesh = Mesh("ball", Transform(np.eye(3), np.array([0.0, -0.1, 0.0])), np.ones(3))
+    # A guessed inertia, as that of vertebrae in many models, tells no size.
+    ball = Body("femur_r", 8.0, np.array([0.0, -0.1, 0.0]), 1e-4 * np.eye(3), (mesh,))
+    bodies = (*model.bodies[:i], ball, *model.bodies[i + 1 :])
+    model = replace(model, bodies=bodies)
+    for radius in (0.05, 0.3):
+        found = envelope_points(model, default_pose(model), 0.005, {"ball": sphere(radius)})
+        assert HULL in found.words
+        count = (found.link == i).sum()
+        assert count * 0.005**3 == pytest.approx(8.0 / TISSUE, rel=0.01)
+        links = links_of(model, default_pose(model))
+        center = links.origins[i] + links.rotations[i] @ [0.0, -0.1, 0.0]
+        reach = np.linalg.norm(found.points[found.link == i] - center, axis=1).max()
+        assert reach == pytest.approx((8.0 / TISSUE * 0.75 / np.pi) ** (1 / 3), rel=0.06)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "fullbody-many-muscles/cyclistFullBodyMuscle.osim",
+        "opensim-reference-small/arm26_bounds.osim",
+        "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim",
+    ],
+)
+def test_every_body_with_mass_has_points_inside_any_model(data, name):
+    model = read_model(data(name))
+    found = envelope_points(model, default_pose(model), 0.02)
+    heavy = {i for i, body in enumerate(model.bodies) if body.mass >= 1e-3}
+    assert set(found.link.tolist()) == heavy
+    masses = np.bincount(found.link, found.masses, len(model.bodies))
+    np.testing.assert_allclose(masses[list(heavy)], [model.bodies[i].mass for i in heavy], rtol=1e-12)
+    assert np.isfinite(found.points).all()
+
+
+def test_what_cannot_be(data):
+    model = read_model(data("opensim-reference-small/arm26_bounds.osim"))
+    with pytest.raises(BadData, match="above 0"):
+        envelope_points(model, default_pose(model), 0.0)
+    with pytest.raises(BadData, match="wider spacing"):
+        envelope_points(model, default_pose(model), 1e-4)
+    light = replace(model, bodies=tuple(replace(body, mass=0.0) for body in model.bodies))
+    with pytest.raises(BadData, match="nothing to fill"):
+        envelope_points(light, default_pose(model))
