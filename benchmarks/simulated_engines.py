@@ -71,10 +71,16 @@ def put_inertia(compiled: Any, model: Model) -> None:
         moments, axes = np.linalg.eigh(body.inertia)
         axes = axes * np.sign(np.linalg.det(axes))
         compiled.body_mass[b], compiled.body_ipos[b], compiled.body_inertia[b] = body.mass, body.mass_center, moments
-        compiled.body_iquat[b] = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+        compiled.body_iquat[b] = quaternions_of(axes)
     # MuJoCo spares itself work where frames coincided in the file.
     compiled.body_sameframe[:] = 0
     compiled.body_simple[:] = 0
+
+
+def quaternions_of(rotations: Array) -> Array:
+    """Quaternions (..., 4), w first, of rotations (..., 3, 3)."""
+    found: Array = Rotation.from_matrix(rotations).as_quat()[..., [3, 0, 1, 2]]
+    return found
 
 
 class TreeEngine:
@@ -117,7 +123,7 @@ class TreeEngine:
         qvel, qacc = first.copy(), second.copy()
         qvel[:, 3:6] = np.einsum("fji,fj->fi", body_turns, spin)
         qacc[:, 3:6] = np.einsum("fji,fj->fi", body_turns, turning)
-        quaternions = Rotation.from_matrix(body_turns).as_quat(scalar_first=True)
+        quaternions = quaternions_of(body_turns)
         qpos = np.hstack([values[MARGIN:-MARGIN, :3], quaternions, values[MARGIN:-MARGIN, 6:]])
         numbers = [m.body(one.body).id for one in person.markers]
         local = np.array([one.location for one in person.markers])
@@ -193,7 +199,7 @@ class SimbodyEngine:
                 origins[frame, b] = pose.p().to_numpy()
             if progress and frame % 1000 == 999:
                 progress(1000)
-        turns = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
+        turns = Rotation.from_quat(quaternions.reshape(-1, 4)[:, [1, 2, 3, 0]]).as_matrix()
         return turns.reshape(*quaternions.shape[:2], 3, 3), origins
 
     def measure(self, values: Array, rate: float, center: Array, progress: Progress = None) -> tuple[Array, Array]:
@@ -208,7 +214,7 @@ class SimbodyEngine:
         def in_body(x: Array) -> Array:
             return (back @ x[..., None])[..., 0]
 
-        quaternions = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat(scalar_first=True)
+        quaternions = quaternions_of(rotations.reshape(-1, 3, 3))
         qpos = np.concatenate([origins, quaternions.reshape(frames, bodies, 4)], axis=2).reshape(frames, -1)
         qvel = np.concatenate([velocity, in_body(spin)], axis=2).reshape(frames, -1)
         qacc = np.concatenate([acceleration, in_body(turning)], axis=2).reshape(frames, -1)
