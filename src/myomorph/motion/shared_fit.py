@@ -20,6 +20,9 @@ from myomorph.rigid.tree import TreeArrays, compile_tree
 LEAST_GAIN = 1e-7
 """A step that lowers the cost by a smaller share is the last."""
 
+SETTLED = 1e-6
+"""A frame is settled when its last step moves no coordinate further [rad or m]."""
+
 KINK = 1e-4
 """Where no step lowers the cost although one promised at most this share, angles at their bounds bend it there."""
 
@@ -149,7 +152,7 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
         def part(first: int, last: int, K=K, one=one, c=c, cost=cost, converged=converged) -> None:
             span = slice(first, last)
             settle_frames(
-                tree, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight, 1e-7, most,
+                tree, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight, SETTLED, most,
                 c[span], cost[span], converged[span],
             )  # fmt: skip
 
