@@ -157,6 +157,18 @@ def test_masses_that_are_hard_to_believe_are_told():
     assert _far_from_shape(("trunk", "thigh", "hand"), shape, shape, 0.5) == ()
 
 
+def test_forces_of_another_moment_gain_nothing(walk):
+    """The walk's own forces half a second late."""
+    model, points, found = walk
+    wrenches, shift = found.recording.wrenches, 30
+    late = replace(
+        wrenches, **{name: np.roll(getattr(wrenches, name), shift, axis=0) for name in ("forces", "torques")}
+    )
+    first, _ = halves(replace(found, recording=replace(found.recording, wrenches=late)))
+    result = identify(model, [first], points, mass=MASS, options=IdentificationOptions(compare=False))
+    assert any("no better than the generic model" in note for note in result.notes)
+
+
 def test_strength_can_be_given(walk):
     model, points, found = walk
     stiff = identify(

@@ -213,8 +213,20 @@ def identify(
         recordings=tuple(recordings),
         notes=(
             *_far_from_shape(model.body_names, found[chosen][:, 0], shape[:, 0], best),
+            *_no_gain(floor, parts.rms(found[GENERIC])),
             *(note for one in recordings for note in one.notes),
         ),
+    )
+
+
+def _no_gain(held_out: Array, generic: Array) -> tuple[str, ...]:
+    """A line where what was identified from parts of the recordings explains the others no better than before."""
+    if float(np.mean(np.square(held_out / generic))) < 1.0:
+        return ()
+    return (
+        f"masses identified from parts of the recordings explain the others no better than the generic model "
+        f"({held_out[1]:.1f} N, {held_out[0]:.1f} N m against {generic[1]:.1f} N, {generic[0]:.1f} N m): the motion is "
+        "too short or too uniform, or forces and motion do not belong together",
     )
 
 
