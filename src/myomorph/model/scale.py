@@ -94,7 +94,7 @@ def _travel(joint: Joint, sizes: Mapping[str, Array]) -> dict[str, float]:
     return {
         axis.coordinates[0]: float(np.linalg.norm(axis.vector * sizes[joint.parent]))
         for axis in joint.axes
-        if axis.kind == "translation" and axis.coordinates and _is_own(axis.function)
+        if axis.kind == "translation" and axis.coordinates and slides_freely(axis.function)
     }
 
 
@@ -182,7 +182,7 @@ def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) 
     moved = replace(axis, origin=axis.origin * child)
     if axis.kind == "rotation":
         return moved
-    if not _is_own(axis.function):
+    if not slides_freely(axis.function):
         return replace(moved, function=axis.function.scaled(_along(axis, parent)))
     factor = travel.get(axis.coordinates[0], 1.0)
     return replace(moved, function=_stretched(axis.function, factor, factor)) if factor != 1.0 else moved
@@ -197,7 +197,7 @@ def _stretched(function: Function, factor: float, source: float) -> Function:
     return PiecewisePolynomial(grown.breaks * source, grown.coefficients * powers)
 
 
-def _is_own(function: Function) -> bool:
+def slides_freely(function: Function) -> bool:
     """Whether an axis's motion is its coordinate, up to a constant: a degree of freedom of its own."""
     if isinstance(function, SineProduct) or len(function.breaks) != 1:
         return False

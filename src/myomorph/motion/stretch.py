@@ -18,9 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import GROUND, Axis, Model
-from myomorph.model.scale import scale
+from myomorph.model.scale import scale, slides_freely
 from myomorph.model.spatial import Array
 from myomorph.motion.least_squares import hold, solve_frame
 from myomorph.motion.lengths import Length
@@ -104,7 +103,7 @@ def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
         if axis.kind != "translation":
             continue
         size = padded[stretch.column[tree.arrays.parent[tree.arrays.axis_body[k]]]]
-        if not _slides_freely(axis):
+        if not slides_freely(axis.function):
             travel[k] = np.abs(axis.vector) / float(np.abs(axis.vector) @ size)
         elif axis.coordinates[0] in model.dependent_coordinates:
             travel[k] = axis.vector**2 * size / float((axis.vector * size) @ (axis.vector * size))
@@ -114,13 +113,6 @@ def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
 def _in_tree_order(model: Model) -> list[tuple[Axis, ...]]:
     joints = {joint.child: joint.axes for joint in model.joints}
     return [joints[body] for body in model.body_names if body != GROUND]
-
-
-def _slides_freely(axis: Axis) -> bool:
-    function = axis.function
-    if not isinstance(function, PiecewisePolynomial) or len(function.breaks) != 1:
-        return False
-    return function.coefficients.shape[1] == 2 and function.coefficients[0, 1] == 1.0
 
 
 @njit(cache=True, nogil=True)
