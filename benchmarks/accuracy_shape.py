@@ -72,10 +72,11 @@ def measure_poses(folder: Path) -> Iterator[dict[str, object]]:
         sided = [e for n, e in zip(fit.names, fit.errors, strict=True) if n.startswith(("right ", "left "))]
         links = links_of(model, fit.motion)
         heavy = links_with_mass(model)
+        within = inside(fit.skin, links.centers[heavy])
         yield {
             "model": name,
             "virtual markers": len(fit.names),
             "joint centers of limbs, RMS [mm]": float(1e3 * np.sqrt(np.mean(np.square(sided)))),
             "worst of all [mm]": f"{1e3 * fit.errors.max():.0f} ({fit.names[int(fit.errors.argmax())]})",
-            "mass centers inside the skin": f"{int(inside(fit.skin, links.centers[heavy]).sum())} of {int(heavy.sum())}",
+            "mass centers inside the skin": f"{int(within.sum())} of {len(within)}",
         }

@@ -28,6 +28,7 @@ AGE = 25.0
 SPREAD = 0.15
 """Standard deviation of a trait around the average before anything is measured, twice that of a trunk's."""
 
+MOST_STEPS = 60
 LEGS_APART = np.radians(10.0)
 """Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs touch."""
 
@@ -120,7 +121,10 @@ def body_shape(
         errors = [(got[name] - value) / scales[name] for name, value in measured.items()]
         return np.array([*errors, *((values - average) / spread)])
 
-    found = least_squares(misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread)
+    # The measures have kinks where a trait passes an average, at which steps may shrink without end.
+    found = least_squares(
+        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MOST_STEPS
+    )
     vertices = vertices_of(found.x)
     reached = measurements(body, vertices, trunk)
     notes = [f"statistical shape (anny), {_person(sex, age)}, volume times {DENSITY:g} kg/m^3 is its mass"]
@@ -168,15 +172,14 @@ def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | Non
     }
 
 
-def girth(vertices: Array, faces: np.ndarray, level: float) -> float:
-    """Length of a tape around faces (faces, 3) at a height y [m]: the convex hull of their section.
+def girth(vertices: Array, edges: np.ndarray, level: float) -> float:
+    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of its section.
 
     Raises
     ------
-    BadData : no face is at that height
+    BadData : nothing is at that height
     """
     above = vertices[:, 1] > level
-    edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
     cut = edges[above[edges[:, 0]] != above[edges[:, 1]]]
     if len(cut) < 3:
         raise BadData(f"nothing to measure around at a height of {level:.4g} m")
@@ -217,9 +220,11 @@ def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Ar
 
 
 def _trunk(body: StatisticalBody) -> np.ndarray:
-    """Faces that are no part of the arms."""
+    """(edges, 2) of faces that are no part of the arms; each edge once for the two faces beside it."""
     arms = _share(body, _ARMS) > 0.5
-    return body.faces[~arms[body.faces].any(axis=1)]
+    faces = body.faces[~arms[body.faces].any(axis=1)]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return edges[edges[:, 0] < edges[:, 1]]
 
 
 def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[Array, Array]:
