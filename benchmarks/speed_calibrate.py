@@ -53,7 +53,7 @@ def _rows() -> list[dict[str, object]]:
                 "seconds": seconds,
                 "CPU seconds": time.process_time() - cpu,
                 "ms/frame": 1e3 * seconds / used,
-                "steps": len(found.costs),
+                "steps of the last stage": len(found.costs),
                 "converged": found.converged,
                 "RMSE before [mm]": 1e3 * found.rms_before,
                 "after [mm]": 1e3 * found.rms_after,
