@@ -69,7 +69,8 @@ def test_bad_input_is_named(files, command):
     refused(command("calibrate", "--model", model, "--markers", folder / "no.trc", "--out", out), "no.trc")
     refused(command("calibrate", "--model", model, "--markers", markers, "--out", folder / "x.mot"), ".osim")
     refused(
-        command("calibrate", "--model", model, "--markers", markers, "--time", 50, 60, "--out", out), "nothing in --time"
+        command("calibrate", "--model", model, "--markers", markers, "--time", 50, 60, "--out", out),
+        "nothing in --time",
     )
     refused(command("calibrate", "--model", model, "--markers", markers, "--mass", -3, "--out", out), "mass")
     large = Markers(one.markers.time, one.markers.names, 1e3 * one.markers.values)
