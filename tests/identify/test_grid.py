@@ -26,8 +26,8 @@ def test_volume_by_count(surface, volume):
 
 def test_the_points_are_all_of_the_grid_that_are_inside():
     skin = check_skin(capsule())
-    spacing = 0.0083
-    steps = (np.arange(-40, 40) + 0.5) * spacing
+    spacing = 0.0183
+    steps = (np.arange(-18, 18) + 0.5) * spacing
     every = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
     expected = every[inside(skin, every)]
     np.testing.assert_allclose(fill(skin, spacing), expected, atol=1e-12)
