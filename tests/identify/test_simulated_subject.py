@@ -135,7 +135,7 @@ def test_lengths_markers_and_masses_are_found_from_markers_and_plate(trials):
 def test_full_body_is_found_again():
     pytest.importorskip("musclemimic_models")
     case = next(one for one in CASES if one.name == "MyoFullBody")
-    judged = [row for row in from_markers(case, Path(), Size(40.0, 15.0)) if row[2]]
+    judged = [row for row in from_markers(case, Path(), Size(90.0, 15.0)) if row[2]]
     assert len(judged) > 6
     for name, value, target in judged:
         sign, bound = target.split()
