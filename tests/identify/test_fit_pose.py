@@ -30,6 +30,7 @@ CASES = {
     "lenhart-knee-contact-walk/lenhart2015.osim": 18,
     "fullbody-many-muscles/cyclistFullBodyMuscle.osim": 18,
 }
+SHOWN = ("hip", "knee", "ankle", "toes")
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,12 @@ def test_the_pose_does_not_depend_on_the_skins_axes(data, shape):
     upright = {name: point for name, point in shape.centers.items() if name in centers}
     one = pose_model_to_skin(model, shape.skin, upright)
     other = pose_model_to_skin(model, shape.skin.moved(turn, np.zeros(3)), centers)
-    np.testing.assert_allclose(other.motion.values, one.motion.values, atol=1e-4)
+    # The rotation of a nearly straight leg about itself is soft; the places of the joint centers are not.
+    np.testing.assert_allclose(other.errors, one.errors, atol=1e-5)
+    inner = centers_of(model, regions_of(model))
+    places, moved = (center_places(model, inner, fit.motion) for fit in (one, other))
+    for name in upright:
+        np.testing.assert_allclose(moved[name], places[name], atol=1e-4)
     np.testing.assert_allclose(other.skin.surface.vertices, one.skin.surface.vertices, atol=1e-6)
     assert straight.skin.volume == pytest.approx(shape.skin.volume)
 

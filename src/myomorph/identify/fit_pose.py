@@ -32,7 +32,8 @@ FAR = 0.03
 SHARE_INSIDE = 0.8
 ITERATIONS = 300
 POSTURE = 1e-3
-"""Pull towards the default pose, which keeps the head and the spine straight where no point shows them."""
+"""Pull towards the default pose in a statistical body, which keeps spines of many joints from buckling; a user's
+landmarks are followed without it."""
 
 TRUNK = ("hip", "lumbar", "neck", "shoulder", "pelvis", "ASIS", "PSIS", "C7", "sternum", "acromion")
 
@@ -100,7 +101,8 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
     weights = {name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in targets}
     if landmarks is not None:
         weights = dict.fromkeys(targets, 1.0)
-    options = InverseKinematicsOptions(marker_weights=weights, iterations=ITERATIONS, posture_weight=POSTURE)
+    pull = POSTURE if landmarks is None else InverseKinematicsOptions.posture_weight
+    options = InverseKinematicsOptions(marker_weights=weights, iterations=ITERATIONS, posture_weight=pull)
     fit = inverse_kinematics(virtual, recorded, options)
     errors = frozen_array(fit.errors[0])
     notes = []
