@@ -98,6 +98,7 @@ def test_everything_wrong_is_told_at_once(folder):
         (SMALLEST.replace('"ik", ', ""), ("lack 'ik'",)),
         (SMALLEST.replace('["walk*.trc"]', "[]"), ("has no trials",)),
         (SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'), ("markers' is missing",)),
+        (SMALLEST.replace("mass = 72.6", "height = 1.8"), ("'height' and 'chest'", "'chest' is missing")),
         (SMALLEST.replace("mass = 72.6", "time = [2, 1]"), ("start before an end",)),
         ("[study]\nname = 'x'\n", ("'subject' is missing",)),
         ("[[study\n", ("is not TOML",)),

@@ -211,6 +211,9 @@ def _subject(subject: _Subject, takes: list[FileTake], folder: Path, problems: l
         role: _existing(folder, name, f"{where}: {role}", problems)
         for role, name in (("static", subject.static), ("skin", subject.skin), ("landmarks", subject.landmarks))
     }
+    if subject.skin is None and (subject.height is None) != (subject.chest is None):
+        lacking = "chest" if subject.chest is None else "height"
+        problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
     shape = BodyShape(files["skin"], files["landmarks"], subject.height, subject.chest, subject.sex, subject.age)
     return SubjectFiles(subject.name, folder / subject.model, subject.mass, files["static"], shape, tuple(takes))
 
