@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.base import Recording
@@ -36,6 +37,7 @@ from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.report.identification_given import identification_input
 from myomorph.report.identification_tables import segment_sheet
+from myomorph.rigid.regressor import base_regressor, base_wrench
 from myomorph.study.body_points import OWN, body_points
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.identifying import MAPS
@@ -43,6 +45,8 @@ from myomorph.study.inputs import force_table
 
 CUTOFF = 6.0
 SPACING = 0.02
+PULLS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
+"""Pulls to the generic model that plain least squares is tried with."""
 LOOSE = 5.0
 """A prior that hardly holds masses."""
 OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
@@ -232,6 +236,62 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "parameters shown": f"{int((found.shares >= 0.5).sum())} of {found.shares.size}",
         "possible": found.consistency[found.chosen].ok,
     }
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def measure_prototype(folder: Path) -> Iterator[dict[str, object]]:
+    """Halves of a run by plain least squares that only keeps masses positive, about two points, beside `identify`."""
+    for subject in SUBJECTS:
+        if not subject.name.startswith("Hamner") or not (folder / subject.model).exists():
+            continue
+        model, trials = opened(folder, subject)
+        for split in (one for one in splits(subject) if one.test.startswith("run200") and "half" in one.test):
+            found, _ = identified(folder, subject, split.train)
+            seen, test = (part(trials, name).recording for name in (*split.train, split.test))
+            generic = inertial_parameters(model).ravel()
+            for point, reference in (("pelvis", None), ("ground's origin", np.zeros(3))):
+                rows, wrench = used_rows(model, test, reference)
+                misfit = partial(rms_of, rows, wrench)
+                squares = [positive_least_squares(model, *used_rows(model, seen, reference), pull) for pull in PULLS]
+                best = min(squares, key=lambda phi: float((misfit(phi) / misfit(generic)).sum()))
+                of = {"least squares, masses positive": best} | {
+                    name: found.parameters[name].ravel() for name in (found.chosen, CONIC)
+                }
+                yield {
+                    "model": subject.name,
+                    "held against": split.test,
+                    "moments about": point,
+                    "generic scaled": "{1:.1f} N, {0:.1f} N m".format(*misfit(generic)),
+                } | {name: "{1:.2f}, {0:.2f}".format(*(misfit(phi) / misfit(generic))) for name, phi in of.items()}
+
+
+def used_rows(model: Model, recording: Recording, reference: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Regressor (frames, 6, parameters) and measured wrench (frames, 6) of the frames that are used."""
+    wrench = base_wrench(model, recording.motion, recording.wrenches, reference)
+    use = np.isfinite(wrench).all(axis=1) & (True if recording.use is None else np.asarray(recording.use))
+    return base_regressor(model, recording.motion, reference)[use], wrench[use]
+
+
+def rms_of(rows: np.ndarray, wrench: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """(moment, force) root mean square misfit of parameters [N m], [N]."""
+    error = rows @ parameters - wrench
+    return np.array([np.sqrt(np.square(half).sum(axis=1).mean()) for half in (error[:, :3], error[:, 3:])])
+
+
+def positive_least_squares(model: Model, rows: np.ndarray, wrench: np.ndarray, pull: float) -> np.ndarray:
+    """Parameters by least squares with a pull to the model's, that keep only the masses positive."""
+    generic = inertial_parameters(model).ravel()
+    noise = np.repeat(rms_of(rows, wrench, generic), 3)
+    size = np.abs(generic) + 0.02 * np.repeat(generic[::10], 10) + 1e-4
+    table = np.column_stack([rows.reshape(-1, rows.shape[2]) * size, (wrench - rows @ generic).ravel()])
+    factor = np.linalg.qr(table / np.tile(noise, len(rows))[:, None], mode="r")
+    weak = np.sqrt(pull * len(rows)) * np.eye(len(size))
+    least = np.full(len(size), -np.inf)
+    least[::10] = (1e-3 - generic[::10]) / size[::10]
+    found = lsq_linear(
+        np.vstack([factor[:, :-1], weak]), np.append(factor[:, -1], np.zeros(len(size))), (least, np.inf)
+    )
+    return generic + size * found.x
 
 
 def measure_segments(folder: Path, chosen: Sequence[int] = (0, 5)) -> Iterator[dict[str, object]]:

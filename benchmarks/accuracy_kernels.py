@@ -24,9 +24,9 @@ TESTS = Path(__file__).resolve().parents[1] / "tests"
 sys.path[:0] = [str(TESTS), str(TESTS / "rigid"), str(TESTS / "muscles")]
 
 from test_tendons import compare  # noqa: E402
-from trees import random_tree, to_mujoco, to_pinocchio  # noqa: E402
 
 from mujoco_models import MYO_SIM, load, random_motion  # noqa: E402
+from trees import random_tree, to_mujoco, to_pinocchio  # noqa: E402
 
 TREES = 20
 

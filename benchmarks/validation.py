@@ -63,6 +63,7 @@ def run() -> list[Row]:
         "shape_poses": lambda: accuracy_shape.measure_poses(folder),
         "simulated": lambda: accuracy_simulated.measure(folder),
         "identification": lambda: accuracy_identification.measure(folder),
+        "identification_prototype": lambda: accuracy_identification.measure_prototype(folder),
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
     }
     document = (TEXT / "head.md").read_text()

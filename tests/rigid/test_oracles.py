@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trees import random_tree, to_mujoco, to_pinocchio
 
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from trees import random_tree, to_mujoco, to_pinocchio
 
 TOLERANCE = 1e-9
 SEEDS = range(6)
