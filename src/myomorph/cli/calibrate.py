@@ -32,7 +32,7 @@ def calibrate_command(
 ) -> int:
     """Link lengths and marker positions of the body that the recordings show."""
     from myomorph.study import calibrating
-    from myomorph.study.identifying import check_out_model
+    from myomorph.study.made_model import check_out_model
     from myomorph.study.settings import with_settings
 
     use_threads(threads)

@@ -57,9 +57,10 @@ def identify_command(
     from myomorph.study import identifying
     from myomorph.study.body_shape import BodyShape
     from myomorph.study.inputs import open_model
+    from myomorph.study.made_model import check_out_model
 
     use_threads(threads)
-    identifying.check_out_model(out)
+    check_out_model(out)
     settings = given(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)

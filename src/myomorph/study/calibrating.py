@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,8 +18,9 @@ from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.study import inputs
+from myomorph.study.made_model import write_made_model
 from myomorph.study.progress import progress
-from myomorph.study.results import file_source, provenance_of, whole_folder
+from myomorph.study.results import file_source, provenance_of
 from myomorph.study.settings import plain_settings, with_settings
 
 if TYPE_CHECKING:
@@ -168,23 +167,17 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
     -------
     what the model's file could not hold, one line each
     """
-    from myomorph.io.osim_write import write_osim
-    from myomorph.study.calibration_report import calibration_page
-    from myomorph.study.identifying import PROVENANCE, check_out_model
-    from myomorph.study.reporting import REPORT
-
-    check_out_model(out)
     found = calibrated.found
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
-        path = Path(temporary) / out.name
-        lost = write_osim(found.model, path)
-        with whole_folder(tables or tables_folder(out)) as folder:
-            _write_rows(length_rows(found), folder / "lengths.csv")
-            _write_rows(marker_rows(found), folder / "markers.csv")
-            (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
-            (folder / PROVENANCE).write_text(calibrated.provenance.to_json() + "\n", encoding="utf-8")
-        os.replace(path, out)
-    return lost
+
+    def fill(folder: Path) -> None:
+        from myomorph.study.calibration_report import calibration_page
+        from myomorph.study.reporting import REPORT
+
+        _write_rows(length_rows(found), folder / "lengths.csv")
+        _write_rows(marker_rows(found), folder / "markers.csv")
+        (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
+
+    return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)
 
 
 def length_rows(found: Calibration) -> list[dict[str, object]]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,7 +23,7 @@ from myomorph.identify.subject import (
     cross_validate,
     identify,
 )
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -34,8 +32,9 @@ from myomorph.model.surface import Surface
 from myomorph.study import inputs
 from myomorph.study.body_points import OWN, body_points
 from myomorph.study.body_shape import BodyOptions, BodyShape
+from myomorph.study.made_model import write_made_model
 from myomorph.study.progress import progress
-from myomorph.study.results import file_source, provenance_of, whole_folder
+from myomorph.study.results import file_source, provenance_of
 from myomorph.study.settings import plain_settings, with_settings
 from myomorph.study.takes import load_tables
 
@@ -44,8 +43,6 @@ MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 
 LIGHTEST, HEAVIEST = 1e-3, 1e4
 """Masses of a body that is not mistyped [kg]: from a mouse to an elephant."""
-
-REPORT, PROVENANCE = "report.html", "provenance.json"
 
 
 @dataclass(frozen=True)
@@ -248,16 +245,6 @@ def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], s
     return sources
 
 
-def check_out_model(out: Path) -> None:
-    """Raise `BadFile` where a model cannot be written under this name."""
-    if out.suffix.lower() != ".osim":
-        raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
-    if out.is_dir():
-        raise BadFile(out, "is a folder, but the result is a file", "give a name that ends in .osim")
-    if not out.parent.is_dir():
-        raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
-
-
 def tables_folder(out: Path) -> Path:
     """Where the tables and the report of an identified model go: beside it."""
     return out.with_name(f"{out.stem}_identification")
@@ -276,17 +263,14 @@ def write_identified(
     -------
     what the model's file could not hold, one line each
     """
-    from myomorph.io.osim_write import write_osim
-
-    check_out_model(out)
     found = identified.found
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
-        path = Path(temporary) / out.name
-        warnings = write_osim(found.model, path)
-        with whole_folder(tables or tables_folder(out)) as folder:
-            _write_tables(identified, folder, subject or found.model.name)
-        os.replace(path, out)
-    return warnings
+    return write_made_model(
+        found.model,
+        identified.provenance,
+        out,
+        tables or tables_folder(out),
+        lambda folder: _write_tables(identified, folder, subject or found.model.name),
+    )
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
@@ -294,13 +278,13 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     from myomorph.report.identification_given import identification_input
     from myomorph.report.identification_tables import identification_tables
     from myomorph.report.page import report_page
+    from myomorph.study.reporting import REPORT
 
     found = identified.found
     surfaces = _surfaces(found.model)
     given = identification_input(found, validation=identified.validation, surfaces=surfaces)
     for name, sheet in identification_tables(given).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
-    (folder / PROVENANCE).write_text(identified.provenance.to_json(), encoding="utf-8")
     made = identified.provenance
     sources = tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
     page = report_page(

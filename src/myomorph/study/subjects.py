@@ -11,6 +11,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.study.body_shape import BodyShape
 from myomorph.study.inputs import open_model
+from myomorph.study.made_model import PROVENANCE
 from myomorph.study.results import file_source, provenance_of
 from myomorph.study.steps import Take, solve_kinematics
 from myomorph.study.takes import FileTake, Settings, open_take
@@ -108,8 +109,6 @@ def _provenance(step: str, files: SubjectFiles, prepared: Prepared, settings: Se
 
 
 def _stored_key(tables: Path) -> str:
-    from myomorph.study.identifying import PROVENANCE
-
     try:
         return Provenance.from_json((tables / PROVENANCE).read_text(encoding="utf-8")).key
     except (OSError, ValueError):
