@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.identify.cross_validation import cross_validate
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import (
     CONIC,
@@ -14,7 +15,6 @@ from myomorph.identify.subject import (
     SHAPE,
     IdentificationOptions,
     _far_from_shape,
-    cross_validate,
     identify,
     shares_of_data,
 )

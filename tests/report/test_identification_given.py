@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from myomorph.identify.cross_validation import CrossValidation, cross_validate
 from myomorph.identify.points import MassPoints, links_of
 from myomorph.identify.recordings import RecordingOptions, usable
-from myomorph.identify.subject import CrossValidation, Identification, IdentificationOptions, cross_validate, identify
+from myomorph.identify.subject import Identification, IdentificationOptions, identify
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.report.identification_given import identification_input

@@ -14,16 +14,19 @@ from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.consistency import Consistency, Inside, consistency
 from myomorph.identify.held_out import Parts, held_out, parts_of
-from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.identify.mass_points import MassPointFit, MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.points import MassPoints, point_moments
-from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
+from myomorph.identify.pseudo_inertia import (
+    PseudoInertiaFit,
+    PseudoInertiaOptions,
+    possible_reference,
+    solve_pseudo_inertia,
+)
 from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array, frozen_array
-from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5)
@@ -176,21 +179,22 @@ def identify(
         noise = noise * better
         tried, best = _tried(parts, noise, points[first], inertial_parameters(generic), options)
     A, b = parts.rows(noise)
-    found: dict[str, Array] = {}
+    solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
     for name, one in points.items():
         if options.compare or (name == first and options.method == "points"):
-            found[f"identified, {name}"] = solve_mass_points(
+            solved[f"identified, {name}"] = solve_mass_points(
                 one, A, b, mass=mass, options=MassPointOptions(mass_sd=best)
-            ).parameters
+            )
             advance(1)
     shape = points[first].parameters(points[first].reference)
     if options.compare or options.method == "pseudo-inertia":
-        found[CONIC] = solve_pseudo_inertia(
+        solved[CONIC] = solve_pseudo_inertia(
             A, b, possible_reference(shape), mass=mass, options=PseudoInertiaOptions(mass_sd=best)
-        ).parameters
+        )
         advance(1)
     chosen = f"identified, {first}" if options.method == "points" else CONIC
-    found = {chosen: found[chosen], **found, SHAPE: shape, GENERIC: inertial_parameters(generic)}
+    found = {name: solved[name].parameters for name in dict.fromkeys((chosen, *solved))}
+    found |= {SHAPE: shape, GENERIC: inertial_parameters(generic)}
     floor = tried[best]
     fit = fit_base(
         generic, used, base, BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
@@ -212,6 +216,7 @@ def identify(
         ),
         recordings=tuple(recordings),
         notes=(
+            *(f"{name}: not proven to be the optimum" for name, one in solved.items() if not one.converged),
             *_far_from_shape(model.body_names, found[chosen][:, 0], shape[:, 0], best),
             *_no_gain(floor, parts.rms(found[GENERIC])),
             *(note for one in recordings for note in one.notes),
@@ -335,91 +340,3 @@ def _conditioned(covariance: Array, rows: Array) -> Array:
 
 def _checked(model: Model, parameters: Array, points: MassPoints, inside: Inside | None) -> Consistency:
     return consistency(model.body_names, parameters, links=points.links, inside=inside, points=points)
-
-
-@dataclass(frozen=True, eq=False)
-class CrossValidation:
-    """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3.
-
-    Attributes
-    ----------
-    time : (frames,) [s]
-    measured : (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
-    predicted : (frames, 6) by name
-    weight : of the body [N]
-    """
-
-    time: Array
-    measured: Array
-    predicted: Mapping[str, Array]
-    weight: float
-
-    @property
-    def errors(self) -> Mapping[str, Array]:
-        """(frames, 6) predicted less measured, by name."""
-        return {name: one - self.measured for name, one in self.predicted.items()}
-
-    def rms(self, name: str) -> Array:
-        """(2,) root mean square of the moment's and the force's error vectors [N m], [N].
-
-        Raises
-        ------
-        UnknownName : no model of that name was compared
-        """
-        if name not in self.predicted:
-            raise UnknownName("model", name, tuple(self.predicted), "the cross-validation")
-        error = self.errors[name]
-        error = error[np.isfinite(error).all(axis=1)]
-        halves = (error[:, :3], error[:, 3:])
-        return np.array([np.sqrt(np.mean(np.square(half).sum(axis=1))) for half in halves])
-
-    def table(self) -> Mapping[str, Mapping[str, Array]]:
-        """By name: mean of the absolute error, RMS and peak of the six components, and RMS as percent of body weight.
-
-        The percentage of a moment is of body weight times 1 m.
-        """
-        found = {}
-        for name, error in self.errors.items():
-            rms = np.sqrt(np.nanmean(np.square(error), axis=0))
-            found[name] = {
-                "mean": np.nanmean(np.abs(error), axis=0),
-                "rms": rms,
-                "peak": np.nanmax(np.abs(error), axis=0),
-                "percent": 100.0 * rms / self.weight,
-            }
-        return found
-
-
-def cross_validate(
-    models: Mapping[str, Model], motion: Motion, wrenches: Wrenches, use: np.ndarray | None = None
-) -> CrossValidation:
-    """Measured and predicted base wrench of models that share their bodies and joints.
-
-    Parameters
-    ----------
-    motion : with derivatives, through the same filter as the wrenches, on the same clock
-    use : (frames,) which frames count, as `Usable.recording.use`
-
-    Raises
-    ------
-    BadData : no model, or models with other bodies
-    """
-    if not models:
-        raise BadData("cross-validation needs at least one model")
-    one = next(iter(models.values()))
-    for name, other in models.items():
-        if other.body_names != one.body_names:
-            raise BadData(f"model '{name}' has other bodies than the rest: cross-validate models of one skeleton")
-    measured = base_wrench(one, motion, wrenches)
-    if use is not None:
-        measured[~np.asarray(use)] = np.nan
-    parameters = np.stack([inertial_parameters(other).ravel() for other in models.values()], axis=1)
-    blocks = [np.array(block.rows @ parameters) for block in regressor_blocks(one, motion)]
-    predicted = np.concatenate(blocks)
-    weight = one.mass * float(np.linalg.norm(one.gravity))
-    return CrossValidation(
-        motion.time,
-        frozen_array(measured),
-        MappingProxyType({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
-        weight,
-    )
