@@ -18,8 +18,8 @@ from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, 
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array, Transform
-from myomorph.motion.calibrate import place_markers
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.place import place_markers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -7,7 +7,7 @@ from mujoco_models import compiled, random_motion
 from myomorph.io.mjcf import model_from_mujoco
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.calibrate import place_markers
+from myomorph.motion.place import place_markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
