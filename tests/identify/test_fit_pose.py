@@ -20,7 +20,7 @@ from myomorph.model.surface import Surface
 from myomorph.rigid.tree import compile_tree
 
 absent = importlib.util.find_spec("anny") is None
-needs_anny = pytest.mark.skipif(absent, reason="needs the optional package anny: pip install 'myomorph[shape]'")
+needs_anny = pytest.mark.skipif(absent, reason="needs the optional package anny: pip install --no-deps anny")
 RAJAGOPAL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 CASES = {
     RAJAGOPAL: 17,

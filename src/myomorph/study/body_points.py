@@ -16,6 +16,7 @@ from myomorph.identify.points import Links, MassPoints, links_of
 from myomorph.identify.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
+from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
@@ -121,8 +122,17 @@ def _in_skin(
     first = options.weights or "bone"
     names = (first, *(one for one in WEIGHTS if one != first and compare))
     weights = _weights(model, points, links, names)
-    made = _made(points, reference_masses(points, mass), weights, links, options.spacing, source)
+    regions = _regions(model, weights[first]) if options.density == "segments" else None
+    made = _made(points, reference_masses(points, mass, regions), weights, links, options.spacing, source)
     return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
+
+
+def _regions(model: Model, weights: sparse.csr_array) -> np.ndarray:
+    """(points,) segment of the body that has the largest share of each point."""
+    segments = segments_of(model)
+    names = np.array([segments[body].name for body in model.body_names])
+    regions: np.ndarray = names[np.asarray(weights.argmax(axis=1)).ravel()]
+    return regions
 
 
 def _read_skin(path: Path, height: float | None) -> Skin:

@@ -19,10 +19,13 @@ class BodyOptions:
     weights : which links a mass point belongs to: by its distance to the bones, to the links' mass centers ([D] eq.
         3.14), or to the nearest mass center only (3.15); by default to the bones in a skin, and each link's own
         points where only its envelope is known
+    density : inside a skin, the same everywhere ([D]), or that of each segment, the trunk light with its lungs
+        (Dempster 1955)
     """
 
     spacing: float = 0.005
     weights: Literal["bone", "cog", "nearest"] | None = None
+    density: Literal["even", "segments"] = "even"
 
 
 @dataclass(frozen=True)
