@@ -138,6 +138,7 @@ def identify(
     mass: float | None = None,
     inside: Inside | None = None,
     options: IdentificationOptions | None = None,
+    recording: RecordingOptions | None = None,
     advance: Callable[[int], None] = lambda done: None,
 ) -> Identification:
     """Inertial parameters of every link that explain the measured forces and that a body can have.
@@ -154,17 +155,18 @@ def identify(
     points : mass points of the body by the name of their weight map, the one to use first
     mass : of the whole body, kept exactly [kg]; the model's by default
     inside : tells whether points are inside the skin, in the pose of the mass points
+    recording : as the recordings were made usable; tells the least time that is asked of them
     advance : called with the number of ways solved, as they are
 
     Raises
     ------
-    BadData : nothing can be used, or nothing moves
+    BadData : too little can be used, or nothing moves
     """
     options = options or IdentificationOptions()
     mass = model.mass if mass is None else mass
     if not points:
         raise BadData("identification needs mass points: give those of at least one weight map")
-    check_excited(model, tuple(recordings), RecordingOptions())
+    check_excited(model, tuple(recordings), recording)
     used = [one.recording for one in recordings]
     generic = with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
     base = base_parameters(model, held=held_in(model, [one.motion for one in used]))

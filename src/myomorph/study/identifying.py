@@ -205,6 +205,7 @@ def identify_subject(
             mass=mass,
             inside=inside,
             options=options.identification,
+            recording=options.recording,
             advance=advance,
         )
     found = replace(found, notes=(*told, *_doubts(options), *found.notes))
