@@ -171,15 +171,8 @@ def identify(
     generic = with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
     base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
     parts = parts_of(generic, used, base)
-    noise = parts.rms(inertial_parameters(generic))
     first = next(iter(points))
-    tried, best = _tried(parts, noise, points[first], inertial_parameters(generic), options)
-    for _ in range(ROUNDS):
-        better = float(np.sqrt(np.mean(np.square(tried[best] / noise))))
-        if better > 0.8:
-            break
-        noise = noise * better
-        tried, best = _tried(parts, noise, points[first], inertial_parameters(generic), options)
+    noise, tried, best = _noise_and_strength(parts, points[first], inertial_parameters(generic), options)
     A, b = parts.rows(noise)
     solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
     for name, one in points.items():
@@ -248,6 +241,21 @@ def _far_from_shape(names: Sequence[str], masses: Array, shape: Array, mass_sd: 
         f"{len(far)} of {len(names)} links weigh far from what their shape says: {told}; faults of the motion that "
         f"return with every step may be in them: move more, or hold masses with a mass_sd below {mass_sd:g}",
     )
+
+
+def _noise_and_strength(
+    parts: Parts, points: MassPoints, generic: Array, options: IdentificationOptions
+) -> tuple[Array, dict[float, Array], float]:
+    """Noise (2,) of moments and forces, held-out misfit by strength of the prior with it, and the strength to use."""
+    noise = parts.rms(generic)
+    tried, best = _tried(parts, noise, points, generic, options)
+    for _ in range(ROUNDS):
+        better = float(np.sqrt(np.mean(np.square(tried[best] / noise))))
+        if better > 0.8:
+            break
+        noise = noise * better
+        tried, best = _tried(parts, noise, points, generic, options)
+    return noise, tried, best
 
 
 def _tried(
