@@ -132,6 +132,8 @@ class Muscle:
     optimal_fiber_length, tendon_slack_length : [m]
     pennation_at_optimal : [rad]
     max_contraction_velocity : [optimal fiber lengths / s]
+    viscosity : of a damper along the whole path, force = viscosity * lengthening velocity [N s/m]; part of
+        the passive force ([S] eq. 3)
     min_activation, max_activation : bounds of the activation
     parameters : what else the class has, by the file's own names, e.g. "KshapeActive"
     enabled : false where the file switches it off (`appliesForce`)
@@ -152,3 +154,4 @@ class Muscle:
     groups: tuple[str, ...] = ()
     enabled: bool = True
     curves: Mapping[str, Function] = field(default_factory=lambda: MappingProxyType({}))
+    viscosity: float = 0.0

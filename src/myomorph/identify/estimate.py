@@ -1,0 +1,34 @@
+"""A number with its interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and the interval that holds it.
+
+    Attributes
+    ----------
+    value : the estimate
+    low, high : its 95 % interval
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Estimate:
+        """The percentile interval of bootstrap draws (draws,)."""
+        low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        return cls(float(value), float(low), float(high))
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= truth <= self.high
