@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import Field, create_model
 
-from myomorph.model.errors import BadFile, listing
+from myomorph.model.errors import listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.settings import Differentiation, Setting, settings_of
+from myomorph.study.study_file import (
+    Strict,
+    StudyTable,
+    check_time,
+    checked,
+    existing,
+    matching,
+    options_table,
+    read_toml,
+    refuse,
+)
 from myomorph.study.subjects import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.takes import FileTake
 
@@ -21,20 +31,6 @@ STEPS = ("calibrate", "ik", "identify", "id", "muscles", "tension", "report")
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
 LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 EMG = ("emg", "EMG", "electromyography", "envelopes")
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-def _options_model() -> type[BaseModel]:
-    """The table `[options]`: one table a step, its keys the settings of the step's option dataclass."""
-    tables: dict[str, Any] = {}
-    for step, settings in step_settings().items():
-        keys: dict[str, Any] = {one.name: (one.kind, one.default) for one in settings}
-        made = create_model(f"{step.capitalize()}Options", __base__=_Strict, **keys)
-        tables[step] = (made, Field(default_factory=made))
-    return create_model("StepOptions", __base__=_Strict, **tables)
 
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
@@ -58,28 +54,24 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
     }
 
 
-class _Study(_Strict):
-    name: str
-
-
-class _Trial(_Strict):
+class _Trial(Strict):
     """A trial given by a table, where its files do not follow the rule of names."""
 
     markers: str
     name: str = ""
     loads: str | None = None
-    bodies: dict[str, str] = {}
-    plates: list[str] = []
+    bodies: dict[str, str] = Field(default_factory=dict)
+    plates: list[str] = Field(default_factory=list)
     emg: str | None = None
     time: tuple[float, float] | None = None
 
 
-class _Subject(_Strict):
+class _Subject(Strict):
     name: str
     model: str
     mass: float | None = Field(default=None, gt=0.0)
     trials: list[str | _Trial]
-    steps: list[str] = [step for step in STEPS if step not in SUBJECT_STEPS]
+    steps: list[str] = Field(default_factory=lambda: [step for step in STEPS if step not in SUBJECT_STEPS])
     static: str | None = None
     skin: str | None = None
     landmarks: str | None = None
@@ -87,7 +79,7 @@ class _Subject(_Strict):
     chest: float | None = Field(default=None, gt=0.0)
     sex: Literal["female", "male"] | None = None
     age: float | None = Field(default=None, gt=0.0)
-    emg_muscles: dict[str, list[str]] = {}
+    emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
     tasks: str | None = None
     actuators: str | None = None
     time: tuple[float, float] | None = None
@@ -124,16 +116,15 @@ def read_plan(path: str | Path) -> Plan:
         wrong kind, files that do not exist, patterns that no file matches
     """
     path = Path(path)
-    try:
-        text = path.read_bytes().decode("utf-8")
-        raw = tomllib.loads(text)
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-    except UnicodeDecodeError:
-        raise BadFile(path, "is not text", "give a study file in TOML") from None
-    except tomllib.TOMLDecodeError as error:
-        raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
-    found, problems = _checked(raw)
+    options = options_table(step_settings())
+    file = create_model(
+        "StudyFile",
+        __base__=Strict,
+        study=(StudyTable, ...),
+        subject=(list[_Subject], Field(min_length=1)),
+        options=(options, Field(default_factory=options)),
+    )
+    found, problems = checked(file, read_toml(path))
     takes: list[FileTake] = []
     steps: list[tuple[str, ...]] = []
     remarks: list[str] = []
@@ -147,55 +138,12 @@ def read_plan(path: str | Path) -> Plan:
                 problems.append(f"subject '{subject.name}' is there twice: put its trials into one table")
             subjects[subject.name] = _subject(subject, own, path.parent, problems)
         _distinct(takes, problems)
-    if problems:
-        count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
-        raise BadFile(path, f"{count}: " + " | ".join(problems))
+    refuse(path, problems)
     assert found is not None
     settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
     return Plan(
         found.study.name, path, tuple(takes), tuple(steps), MappingProxyType(settings), tuple(remarks), subjects
     )
-
-
-def _checked(raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
-    """The file as checked values, or None and what is wrong."""
-    options = _options_model()
-    file = create_model(
-        "StudyFile",
-        __base__=_Strict,
-        study=(_Study, ...),
-        subject=(list[_Subject], Field(min_length=1)),
-        options=(options, Field(default_factory=options)),
-    )
-    try:
-        return file.model_validate(raw), []
-    except ValidationError as error:
-        found = [one for one in error.errors() if not (one["loc"][-1] == "str" and isinstance(one["input"], dict))]
-        return None, list(dict.fromkeys(_sentence(one, file) for one in found))
-
-
-def _sentence(error: Any, file: type[BaseModel]) -> str:
-    """One validation error: where it is, what was given, what exists."""
-    where = [one for one in error["loc"] if one not in ("str", "_Trial")]
-    name = ".".join(f"{one + 1}" if isinstance(one, int) else str(one) for one in where)
-    if error["type"] == "extra_forbidden":
-        return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
-    if error["type"] == "missing":
-        return f"'{name}' is missing"
-    return f"'{name}' = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
-
-
-def _keys(file: type[BaseModel], where: list[Any]) -> tuple[str, ...]:
-    """Keys that exist in the table at a place of the file."""
-    inner = next((one for one in reversed(where) if one in ("subject", "trials")), "")
-    table: Any = {"subject": _Subject, "trials": _Trial}.get(str(inner))
-    if where and where[0] == "study":
-        table = _Study
-    if where and where[0] == "options":
-        table = file.model_fields["options"].annotation
-        if len(where) > 1:
-            table = table.model_fields[where[1]].annotation
-    return tuple((table or file).model_fields)
 
 
 def _subject(subject: _Subject, takes: list[FileTake], folder: Path, problems: list[str]) -> SubjectFiles:
@@ -208,7 +156,7 @@ def _subject(subject: _Subject, takes: list[FileTake], folder: Path, problems: l
         if early:
             problems.append(f"{where}: steps: '{step}' comes after '{early[0]}', which uses the model that it makes")
     files = {
-        role: _existing(folder, name, f"{where}: {role}", problems)
+        role: existing(folder, name, f"{where}: {role}", problems)
         for role, name in (("static", subject.static), ("skin", subject.skin), ("landmarks", subject.landmarks))
     }
     if subject.skin is None and (subject.height is None) != (subject.chest is None):
@@ -226,7 +174,7 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
     if "ik" not in subject.steps:
         problems.append(f"{where}: steps lack 'ik', which every other step needs")
     shared = {
-        role: _existing(folder, name, f"{where}: {role}", problems)
+        role: existing(folder, name, f"{where}: {role}", problems)
         for role, name in (("model", subject.model), ("tasks", subject.tasks), ("actuators", subject.actuators))
     }
     if not subject.trials:
@@ -236,7 +184,7 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
             remarks_before = len(remarks)
             loads = _companion(folder, trial.loads, markers, "loads", f"{where}: loads", problems, remarks)
             emg = _companion(folder, trial.emg, markers, "emg", f"{where}: emg", problems, remarks)
-            _check_time(trial.time or subject.time, f"{where}: time", problems)
+            check_time(trial.time or subject.time, f"{where}: time", problems)
             if loads is not None and loads.suffix.lower() != ".xml" and not trial.bodies:
                 if trial.loads is None:
                     del remarks[remarks_before:]
@@ -262,33 +210,11 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
             )
 
 
-def _check_time(time: tuple[float, float] | None, where: str, problems: list[str]) -> None:
-    if time is not None and not time[0] < time[1]:
-        problems.append(f"{where} = [{time[0]:g}, {time[1]:g}]: expected a start before an end [s]")
-
-
 def _matches(given: str | _Trial, folder: Path, where: str, problems: list[str]) -> list[tuple[_Trial, Path]]:
     """The recordings that an entry of `trials` names: a pattern, a file, or a table."""
     pattern = given if isinstance(given, str) else given.markers
     table = _Trial(markers=pattern) if isinstance(given, str) else given
-    if any(sign in pattern for sign in "*?["):
-        found = sorted(path for path in folder.glob(pattern) if path.is_file())
-        if not found:
-            problems.append(f"{where}: no file matches '{pattern}' in {folder}")
-        return [(table, path) for path in found]
-    path = _existing(folder, pattern, f"{where}: trial", problems)
-    return [] if path is None else [(table, path)]
-
-
-def _existing(folder: Path, name: str | None, what: str, problems: list[str]) -> Path | None:
-    if name is None:
-        return None
-    path = folder / name
-    if path.is_file():
-        return path
-    near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if path.parent.is_dir() else []
-    problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
-    return None
+    return [(table, path) for path in matching(folder, pattern, where, problems)]
 
 
 def _companion(
@@ -296,7 +222,7 @@ def _companion(
 ) -> Path | None:
     """The forces or EMG of a trial: as given, or found by its stem."""
     if given is not None:
-        return _existing(folder, given, what, problems)
+        return existing(folder, given, what, problems)
     found = companion(markers, kind)
     if found is not None:
         remarks.append(f"{markers.name}: {kind} from {found.name}")
