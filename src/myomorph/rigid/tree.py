@@ -64,6 +64,27 @@ class TreeArrays(NamedTuple):
     gravity: Array
 
 
+class LoopArrays(NamedTuple):
+    """The constraints that close loops: a point of one body stays on a point of another, of a weld turned alike.
+
+    Attributes
+    ----------
+    body_1, body_2 : (loops,)
+    point_1, point_2 : (loops, 3) tied points in their bodies [m]
+    turn_1, turn_2 : (loops, 3, 3) tied frames in their bodies
+    row : (loops + 1,) loop i has the rows row[i] ... row[i + 1] - 1: three of a point [m], or of a weld
+        three of its turning [rad], then three of its point [m]
+    """
+
+    body_1: Ints
+    body_2: Ints
+    point_1: Array
+    point_2: Array
+    turn_1: Array
+    turn_2: Array
+    row: Ints
+
+
 @dataclass(frozen=True, eq=False)
 class Tree:
     """A model and its arrays.
@@ -97,6 +118,21 @@ class Tree:
             table[body] = table[arrays.parent[body]]
             table[body, arrays.axis_start[body] : arrays.axis_start[body + 1]] = True
         return table
+
+    @cached_property
+    def loops(self) -> LoopArrays:
+        """The constraints that close loops."""
+        loops = self.model.loops
+        sizes = [6 if loop.kind.lower().startswith("weld") else 3 for loop in loops]
+        return LoopArrays(
+            np.array([self.body_index[loop.body_1] for loop in loops], np.int64),
+            np.array([self.body_index[loop.body_2] for loop in loops], np.int64),
+            _stack([loop.pose_1.translation for loop in loops], (3,)),
+            _stack([loop.pose_2.translation for loop in loops], (3,)),
+            _stack([loop.pose_1.rotation for loop in loops], (3, 3)),
+            _stack([loop.pose_2.rotation for loop in loops], (3, 3)),
+            np.cumsum([0, *sizes]),
+        )
 
     def coordinates_of(self, motion: Motion) -> Array:
         """(frames, coordinates) a motion's values in the model's order.

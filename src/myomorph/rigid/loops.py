@@ -1,0 +1,306 @@
+"""Closed kinematic loops: errors of closure, coordinates and rates that keep them closed, and who follows whom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kinematics import couple_frames, couple_rates_frames
+from myomorph.rigid.loop_kernels import loop_frames, loop_rate_frames
+from myomorph.rigid.tree import Tree
+
+CLOSED = 1e-10
+"""A loop is closed when no error is larger [m or rad]."""
+
+RANK = 1e-8
+"""A direction of a Jacobian counts where its singular value is at least this share of the largest."""
+
+STEPS = 200
+"""Steps of a projection."""
+
+FRAMES_AT_ONCE = 256
+
+
+def closure(tree: Tree, coordinates: Array) -> Array:
+    """How far the loops stand open, (frames, rows).
+
+    Of every loop the second tied frame is seen from the first. A point constraint has three rows, the second point
+    [m]; a weld has before them three of turning, 2 sin(angle / 2) axis [rad]. What moves both bodies together
+    changes nothing.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) in the model's order, dependent ones consistent [rad or m]
+    """
+    return _closures(tree, coordinates)[0]
+
+
+def closure_jacobian(tree: Tree, coordinates: Array) -> Array:
+    """Derivatives of `closure` in the coordinates, (frames, rows, coordinates).
+
+    Columns of independent coordinates include what reaches the loop through the coordinates that follow them;
+    columns of those stand as they are by themselves (`gather_dependents`).
+    """
+    return _closures(tree, coordinates)[1]
+
+
+def closure_rates(tree: Tree, coordinates: Array, velocities: Array, accelerations: Array) -> tuple[Array, Array]:
+    """First and second time derivative of `closure`: G qdot and G qddot + Gdot qdot, (frames, rows) each.
+
+    Parameters
+    ----------
+    coordinates, velocities, accelerations : (frames, coordinates), dependent ones consistent
+    """
+    c, cdot, cddot = (_copy(one) for one in (coordinates, velocities, accelerations))
+    first, second = np.empty((2, len(c), tree.loops.row[-1]))
+
+    def part(start: int, stop: int) -> None:
+        span = slice(start, stop)
+        loop_rate_frames(tree.arrays, tree.loops, c[span], cdot[span], cddot[span], first[span], second[span])
+
+    over_frames(part, len(c))
+    return first, second
+
+
+def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, held: Sequence[int] | Ints = ()) -> Array:
+    """The coordinates nearest to those given that close every loop.
+
+    min sum_j w_j (c_j - given_j)^2 so that closure(c) = 0, by Gauss-Newton steps on the linearized constraint.
+    Locked, prescribed and `held` coordinates stay, coupled ones follow; ranges are not looked at.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) [rad or m]; frames that hold NaN stay as they are
+    weights : (coordinates,) above 0, 1 each by default
+    held : indices of coordinates that stay
+
+    Raises
+    ------
+    BadData
+        where loops cannot be closed: the frame and the loop are named
+    """
+    given = _copy(coordinates)
+    couple_frames(tree.arrays, given)
+    if not tree.model.loops:
+        return given
+    free = free_coordinates(tree, held)
+    scale = 1.0 / np.sqrt(_weights(tree, weights)[free])
+    closed = given.copy()
+    good = np.flatnonzero(np.isfinite(given).all(axis=1))
+    for start in range(0, len(good), FRAMES_AT_ONCE):
+        frames = good[start : start + FRAMES_AT_ONCE]
+        closed[frames] = _project(tree, given[frames], free, scale)
+    error = np.abs(closure(tree, closed[good]))
+    if error.size and error.max() > CLOSED:
+        worst, row = np.unravel_index(int(np.argmax(error)), error.shape)
+        loop = tree.model.loops[int(np.searchsorted(tree.loops.row, row, side="right")) - 1]
+        raise BadData(
+            f"frame {good[worst]}: {loop.kind} '{loop.name}' cannot be closed, {error[worst, row]:.2g} are left of "
+            f"{_opening(tree, given[good[worst]]):.2g} m or rad; do the coordinates belong to this model, and is enough "
+            f"of {', '.join(_movers(tree))} free to move?"
+        )
+    return closed
+
+
+def project_rates(
+    tree: Tree,
+    coordinates: Array,
+    velocities: Array,
+    accelerations: Array,
+    weights: Array | None = None,
+    held: Sequence[int] | Ints = (),
+) -> tuple[Array, Array]:
+    """Velocities and accelerations nearest to those given with which closed loops stay closed.
+
+    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible in the weighted norm. Locked,
+    prescribed and `held` coordinates keep their rates, coupled ones follow.
+
+    Parameters
+    ----------
+    coordinates, velocities, accelerations : (frames, coordinates), the coordinates closed (`close_loops`)
+    weights : (coordinates,) above 0, 1 each by default
+    held : indices of coordinates whose rates stay
+
+    Returns
+    -------
+    velocities, accelerations : (frames, coordinates)
+
+    Raises
+    ------
+    BadData
+        where coordinates that stay already move what a loop ties
+    """
+    c, v, a = (_copy(one) for one in (coordinates, velocities, accelerations))
+    couple_rates_frames(tree.arrays, c, v, a)
+    good = np.isfinite(c + v + a).all(axis=1)
+    if not tree.model.loops or not good.any():
+        return v, a
+    free = free_coordinates(tree, held)
+    scale = 1.0 / np.sqrt(_weights(tree, weights)[free])
+    inverse = _pseudo_inverse(closure_jacobian(tree, c[good])[:, :, free] * scale)
+    for order, rates in enumerate((v, a)):
+        wrong = closure_rates(tree, c[good], v[good], a[good])[order]
+        rates[np.ix_(good, free)] -= scale * np.einsum("fjr,fr->fj", inverse, wrong)
+        couple_rates_frames(tree.arrays, c, v, a)
+        left = np.abs(closure_rates(tree, c[good], v[good], a[good])[order])
+        if left.max() > 1e-9 * (1.0 + np.abs(wrong).max() + np.abs(rates[good]).max()):
+            raise BadData(
+                f"rates cannot keep the loops closed: {left.max():.2g} are left of {np.abs(wrong).max():.2g}; "
+                f"is enough of {', '.join(_movers(tree))} free to move?"
+            )
+    return v, a
+
+
+@dataclass(frozen=True, eq=False)
+class LoopBasis:
+    """Which coordinates follow which where loops stay closed: qdot[dependent] = slopes @ qdot[independent].
+
+    Attributes
+    ----------
+    independent, dependent : indices of coordinates, together all that were free
+    slopes : (frames, dependent, independent)
+    rank : how many directions the loops take, over all frames (dependent coordinates)
+    margin : (frames,) smallest singular value of the dependent columns relative to the largest of all free
+        columns; near 0 the choice is singular and the slopes are large
+    """
+
+    independent: Ints
+    dependent: Ints
+    slopes: Array
+    rank: int
+    margin: Array
+
+
+def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None = None) -> LoopBasis:
+    """Dependent and independent coordinates of closed loops, the same in all frames, and the slopes between them.
+
+    One dependent coordinate after the other is taken, each the one whose column of the Jacobian stays largest in
+    the frame where it is smallest, after the columns taken before are projected off (QR with column pivoting
+    over all frames at once); a clamped coordinate counts half, so that it rather stays independent.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates), closed; frames that hold NaN get slopes of NaN
+    free : indices of the coordinates that may move, by default all that are neither coupled, locked nor prescribed
+    """
+    free = free_coordinates(tree) if free is None else np.asarray(free, np.int64)
+    good = np.isfinite(coordinates).all(axis=1)
+    G = closure_jacobian(tree, coordinates[good])[:, :, free]
+    chosen = _pivots(tree, G, free)
+    rest = np.setdiff1d(np.arange(len(free)), chosen)
+    slopes = np.full((len(coordinates), len(chosen), len(rest)), np.nan)
+    margin = np.full(len(coordinates), np.nan)
+    if len(chosen):
+        slopes[good] = -_pseudo_inverse(G[:, :, chosen]) @ G[:, :, rest]
+        largest = np.linalg.svd(G, compute_uv=False)[:, 0]
+        margin[good] = np.linalg.svd(G[:, :, chosen], compute_uv=False)[:, -1] / np.maximum(largest, 1e-300)
+    return LoopBasis(free[rest], free[chosen], slopes, len(chosen), margin)
+
+
+def free_coordinates(tree: Tree, held: Sequence[int] | Ints = ()) -> Ints:
+    """Indices of the coordinates that are neither coupled, locked, prescribed nor `held`."""
+    stay = set(int(j) for j in held)
+    coordinates = tree.model.coordinates
+    return np.array(
+        [
+            j
+            for j in tree.independent
+            if not coordinates[j].locked and coordinates[j].prescribed is None and int(j) not in stay
+        ],
+        np.int64,
+    )
+
+
+def _closures(tree: Tree, coordinates: Array) -> tuple[Array, Array]:
+    c = _copy(coordinates)
+    rows = int(tree.loops.row[-1])
+    errors, jacobian = np.empty((len(c), rows)), np.empty((len(c), rows, c.shape[1]))
+    if not rows:
+        return errors, jacobian
+
+    def part(start: int, stop: int) -> None:
+        span = slice(start, stop)
+        loop_frames(tree.arrays, tree.loops, c[span], errors[span], jacobian[span])
+
+    over_frames(part, len(c))
+    return errors, jacobian
+
+
+def _copy(array: Array) -> Array:
+    """A copy, because a kernel is compiled anew for an array that is read-only."""
+    return np.array(array, dtype=np.float64, order="C")
+
+
+def _weights(tree: Tree, weights: Array | None) -> Array:
+    n = len(tree.model.coordinates)
+    found = np.ones(n) if weights is None else np.asarray(weights, np.float64)
+    if found.shape != (n,) or not (found > 0.0).all():
+        raise BadData(f"weights of {n} coordinates: expected as many numbers above 0, got shape {found.shape}")
+    return found
+
+
+def _pseudo_inverse(G: Array) -> Array:
+    """(frames, n, rows) Moore-Penrose inverse of (frames, rows, n), directions below `RANK` left out."""
+    inverse: Array = np.linalg.pinv(G, rcond=RANK)
+    return inverse
+
+
+def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
+    """Nearest closed coordinates of frames: steps back to those given, along the constraint, until none moves."""
+    c = given.copy()
+    moving = np.arange(len(c))
+    for _ in range(STEPS):
+        now = c[moving]
+        error, G = _closures(tree, now)
+        scaled = G[:, :, free] * scale
+        back = (given[moving][:, free] - now[:, free]) / scale
+        wanted = error + np.einsum("frj,fj->fr", scaled, back)
+        step = scale * (back - np.einsum("fjr,fr->fj", _pseudo_inverse(scaled), wanted))
+        # A step of more than a radian leaves the range in which the constraint is nearly linear.
+        step /= np.maximum(1.0, np.abs(step).max(axis=1))[:, None]
+        now[:, free] += step
+        couple_frames(tree.arrays, now)
+        c[moving] = now
+        going = (np.abs(step).max(axis=1) > 1e-9) | (np.abs(error).max(axis=1) > CLOSED)
+        moving = moving[going]
+        if not len(moving):
+            break
+    return c
+
+
+def _pivots(tree: Tree, G: Array, free: Ints) -> Ints:
+    """Columns of (frames, rows, free) that span its range in every frame, best conditioned first."""
+    left = G.copy()
+    favour = np.array([0.5 if tree.model.coordinates[j].clamped else 1.0 for j in free])
+    size = np.sqrt((G**2).sum(axis=(1, 2))).max(initial=0.0)
+    chosen: list[int] = []
+    while len(chosen) < min(G.shape[1:]):
+        norms = np.sqrt((left**2).sum(axis=1))
+        usual = np.median(norms, axis=0)
+        if not usual.max(initial=0.0) > RANK * size:
+            break
+        k = int(np.argmax(favour * (norms.min(axis=0) + 1e-3 * usual)))
+        unit = left[:, :, k] / np.maximum(norms[:, k], 1e-300)[:, None]
+        for _ in range(2):
+            left -= unit[:, :, None] * np.einsum("fr,frj->fj", unit, left)[:, None]
+        left[:, :, k] = 0.0
+        chosen.append(k)
+    return np.array(sorted(chosen), np.int64)
+
+
+def _opening(tree: Tree, coordinates: Array) -> float:
+    return float(np.abs(closure(tree, coordinates[None])).max())
+
+
+def _movers(tree: Tree) -> list[str]:
+    """Names of the free coordinates that move a loop's closure at the default pose."""
+    defaults = tree.defaults[None].copy()
+    couple_frames(tree.arrays, defaults)
+    moved = np.abs(closure_jacobian(tree, defaults)[0]).max(axis=0)
+    return [tree.model.coordinate_names[j] for j in free_coordinates(tree) if moved[j] > RANK]
