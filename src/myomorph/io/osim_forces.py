@@ -9,6 +9,7 @@ from myomorph.io.osim_document import Node, unique
 from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_kept import kept_force
 from myomorph.io.osim_muscles import PathReader, is_muscle, read_muscle
+from myomorph.io.osim_viscosity import with_dampers
 from myomorph.model.model import Actuator, Kept
 from myomorph.model.paths import Muscle
 
@@ -26,19 +27,20 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
     """Muscles, actuators and the rest of a model's forces."""
     paths = PathReader(frames, coordinates, wraps)
     groups = _groups(model)
-    muscles, actuators, kept = [], [], []
+    muscles, actuators, others = [], [], []
     for one in (*model.items("ForceSet"), *model.items("ActuatorSet")):
         if is_muscle(one):
             muscles.append(read_muscle(one, paths, groups.get(one.name, ())))
         elif one.kind in KINDS:
             actuators.append(placed_actuator(one, read_actuator(one), frames, coordinates))
         else:
-            kept.append(kept_force(one))
+            others.append(one)
     names = unique([one.name for one in muscles], "muscle", model.document)
     muscles = [replace(one, name=name) for one, name in zip(muscles, names, strict=True)]
+    muscles, others = with_dampers(muscles, others, paths)
     names = unique([one.name for one in actuators], "actuator", model.document)
     actuators = [replace(one, name=name) for one, name in zip(actuators, names, strict=True)]
-    return Forces(tuple(muscles), tuple(actuators), tuple(kept))
+    return Forces(tuple(muscles), tuple(actuators), tuple(kept_force(one) for one in others))
 
 
 def _groups(model: Node) -> dict[str, tuple[str, ...]]:

@@ -15,6 +15,7 @@ EFFECTS = {
     "SpringGeneralizedForce": HARMLESS,
     "Blankevoort1991Ligament": "the ligament's force is left out",
     "Ligament": "the ligament's force is left out",
+    "ExpressionBasedPathForce": "the force along its path is left out",
     "PathSpring": "the spring's force is left out",
     "BushingForce": "the bushing's force is left out",
     "FunctionBasedBushingForce": "the bushing's force is left out",

@@ -11,7 +11,14 @@ from lxml import etree
 
 from myomorph.io.marker_set import put_marker
 from myomorph.io.osim_document import NEWEST
-from myomorph.io.osim_write_forces import write_actuator, write_coupler, write_loop, write_muscle, write_passive
+from myomorph.io.osim_write_forces import (
+    write_actuator,
+    write_coupler,
+    write_loop,
+    write_muscle,
+    write_passive,
+    write_viscosity,
+)
 from myomorph.io.osim_write_functions import child, legal, number, numbers
 from myomorph.io.osim_write_joints import body_path, euler, is_still, plan_joints, write_joint, write_offset_frame
 from myomorph.io.text import written
@@ -90,6 +97,9 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
         write_loop(sets["ConstraintSet"], loop, warnings)
     for muscle in model.muscles:
         write_muscle(sets["ForceSet"], muscle, joints, warnings)
+    for muscle in model.muscles:
+        if muscle.viscosity:
+            write_viscosity(sets["ForceSet"], muscle, joints)
     for actuator in model.actuators:
         write_actuator(sets["ForceSet"], actuator)
     for passive in model.passive_torques:

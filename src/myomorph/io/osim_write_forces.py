@@ -5,6 +5,7 @@ from __future__ import annotations
 from lxml import etree
 
 from myomorph.io.osim_muscles import DEFAULTS
+from myomorph.io.osim_viscosity import DAMPER, damper_expression
 from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.io.osim_write_joints import body_path, write_offset_frame
 from myomorph.model.functions import PiecewisePolynomial
@@ -43,6 +44,15 @@ def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str],
         _write_parameters(element, muscle)
         for tag, curve in muscle.curves.items():
             write_function(child(element, tag), curve, f"muscle '{muscle.name}' {tag}", warnings)
+
+
+def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, str]) -> None:
+    """The damper along a muscle's path: a force of its own, which every class of muscle can have beside it."""
+    element = child(parent, "ExpressionBasedPathForce", name=f"{muscle.name}{DAMPER}")
+    child(element, "appliesForce", str(muscle.enabled).lower())
+    _write_path(element, muscle, joints, [])
+    child(element, "expression", damper_expression(muscle.viscosity))
+    child(element, "clamp_stretch", "false")
 
 
 def _write_parameters(element: etree._Element, muscle: Muscle) -> None:

@@ -1,0 +1,102 @@
+"""Identified passive dynamics put into a model: springs and dampers of coordinates, dampers along muscles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.functions import constant, linear
+from myomorph.model.model import Model, PassiveTorque, index_of
+
+NOTHING: Mapping[str, float] = {}
+PASSIVE = "passive_"
+
+
+def with_passive_dynamics(
+    model: Model,
+    damping: Mapping[str, float] = NOTHING,
+    stiffness: Mapping[str, float] = NOTHING,
+    rest: Mapping[str, float] = NOTHING,
+    viscosity: Mapping[str, float] = NOTHING,
+) -> Model:
+    """The model with passive torques at coordinates and viscosity along muscles.
+
+        tau_passive = -stiffness (q - rest) - damping qdot,    f = viscosity * lengthening velocity
+
+    A coordinate's torque is named "passive_<coordinate>" and replaces an earlier one of that name; springs
+    and limits that the model has under other names stay. A muscle's viscosity replaces what it had.
+
+    Parameters
+    ----------
+    damping : of coordinates [N m s/rad or N s/m]; `identify.coordinate_damping` makes them from the
+        damping of a ball joint
+    stiffness, rest : of coordinates [N m/rad or N/m], [rad or m]; at rest by default where the coordinate's
+        default is
+    viscosity : of muscles [N s/m]; see `strand_viscosity`
+
+    Raises
+    ------
+    UnknownName
+        for a coordinate or muscle that the model does not have
+    BadData
+        for a value that is negative or not finite, a coordinate that follows others, or a rest position
+        without a stiffness
+    """
+    for what, given in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
+        for name, value in given.items():
+            if not (np.isfinite(value) and value >= 0.0):
+                raise BadData(
+                    f"{what} of '{name}' is {value:g}: a passive part cannot give energy, so expected 0 or more"
+                )
+    springless = [name for name in rest if name not in stiffness]
+    if springless:
+        raise BadData(f"a rest position is given for '{springless[0]}', but no stiffness")
+    added = [_spring(model, name, damping, stiffness, rest) for name in dict.fromkeys((*damping, *stiffness))]
+    for name in viscosity:
+        index_of("muscle", name, model.muscle_names)
+    names = {one.name for one in added}
+    return replace(
+        model,
+        passive_torques=(*(one for one in model.passive_torques if one.name not in names), *added),
+        kept=tuple(one for one in model.kept if one.name not in names),
+        muscles=tuple(replace(one, viscosity=viscosity.get(one.name, one.viscosity)) for one in model.muscles),
+    )
+
+
+def _spring(
+    model: Model, name: str, damping: Mapping[str, float], stiffness: Mapping[str, float], rest: Mapping[str, float]
+) -> PassiveTorque:
+    coordinate = model.coordinate(name)
+    if name in model.dependent_coordinates:
+        raise BadData(f"coordinate '{name}' follows {model.dependent_coordinates[name].independents}: damp those")
+    k = stiffness.get(name, 0.0)
+    at = rest.get(name, coordinate.default)
+    return PassiveTorque(f"{PASSIVE}{name}", name, linear(-k, k * at), constant(damping.get(name, 0.0)))
+
+
+def strand_viscosity(viscosity: Mapping[str, float], strands: Mapping[str, Sequence[str]]) -> dict[str, float]:
+    """Viscosity of each of a model's strands: those that are one muscle share its viscosity evenly.
+
+    Parameters
+    ----------
+    viscosity : by muscle [N s/m]
+    strands : the model's muscles that each muscle is made of
+
+    Raises
+    ------
+    BadData
+        where a muscle has no strands, or two muscles share one
+    """
+    found: dict[str, float] = {}
+    for muscle, value in viscosity.items():
+        own = strands.get(muscle, ())
+        if not own:
+            raise BadData(f"muscle '{muscle}' has no strands: there are strands of {', '.join(strands) or 'none'}")
+        for strand in own:
+            if strand in found:
+                raise BadData(f"strand '{strand}' belongs to '{muscle}' and to another muscle")
+            found[strand] = value / len(own)
+    return found
