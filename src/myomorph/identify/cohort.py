@@ -68,16 +68,16 @@ class CohortLine:
 
 def specimen_row(found: SpecimenViscosity) -> Row:
     """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
-    known: dict[str, Estimate | None] = {
-        "mass_without": found.without and found.without.mass,
-        "com_without": found.without and found.without.com,
-        "joint_viscosity": found.without and found.without.viscosity,
-        "mass_with": found.intact and found.intact.mass,
-        "com_with": found.intact and found.intact.com,
-        "total_viscosity": found.intact and found.intact.viscosity,
-        "muscle_viscosity": found.muscles and found.muscles.common,
-        "estimated_muscle_mass": found.muscle_mass,
-    }
+    known: dict[str, Estimate | None] = {}
+    if found.without is not None:
+        one = found.without
+        known |= {"mass_without": one.mass, "com_without": one.com, "joint_viscosity": one.viscosity}
+    if found.intact is not None:
+        one = found.intact
+        known |= {"mass_with": one.mass, "com_with": one.com, "total_viscosity": one.viscosity}
+    if found.muscles is not None:
+        known["muscle_viscosity"] = found.muscles.common
+    known["estimated_muscle_mass"] = found.muscle_mass
     if found.measured_muscle_mass is not None:
         known["measured_muscle_mass"] = exactly(found.measured_muscle_mass)
     return MappingProxyType({name: one for name, one in known.items() if one is not None})

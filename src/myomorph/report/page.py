@@ -19,6 +19,7 @@ from myomorph.report.player import frames_to_play, player
 from myomorph.report.prepared import Prepared, prepare
 from myomorph.report.references import Reference, references
 from myomorph.report.scene import make_scene
+from myomorph.report.section import Section
 from myomorph.report.sections import sections
 from myomorph.report.tables import Verdict
 
@@ -40,6 +41,15 @@ class Instant:
     height: int
 
 
+@dataclass(frozen=True)
+class Tile:
+    """One number of the summary: value, what it is, whether it is within its limit."""
+
+    value: str
+    name: str
+    state: str
+
+
 def report_page(given: ReportInput) -> str:
     """One self-contained HTML page: no network, every style, script and picture inside.
 
@@ -57,25 +67,60 @@ def report_page(given: ReportInput) -> str:
     prepared = prepare(given)
     parts, missing = sections(prepared)
     instants, motion = _body(prepared)
+    return rendered(
+        given,
+        parts,
+        _numbered(prepared),
+        facts=_facts(prepared),
+        tiles=_tiles(prepared),
+        verdicts=prepared.verdicts,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+    )
+
+
+def rendered(
+    given: ReportInput,
+    sections: Sequence[Section],
+    references: Sequence[Reference],
+    *,
+    facts: Sequence[tuple[str, str]] = (),
+    tiles: Sequence[Tile] = (),
+    verdicts: Sequence[Verdict] = (),
+    missing: Sequence[str] = (),
+    instants: Sequence[Instant] = (),
+    motion: str = "",
+) -> str:
+    """The page of given sections, as HTML text.
+
+    Parameters
+    ----------
+    given : title, notes, sources, steps and warnings
+    facts : lines of the heading, name and text
+    tiles : the few numbers to see first
+    verdicts : quantities held against a limit
+    missing : what is absent, a sentence each
+    instants, motion : pictures of the body, and the moving skeleton
+    """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(_text("report.html.j2"))
-    return template.render(
+    return environment.from_string(_text("report.html.j2")).render(
         given=given,
         date=_date(given.date),
         style=_text("report.css"),
         script=_text("report.js"),
-        facts=_facts(prepared),
-        tiles=_tiles(prepared),
+        facts=facts,
+        tiles=tiles,
         kinds=_KINDS,
-        verdicts=[_printed(one) for one in _ordered(prepared.verdicts)],
-        over=sum(1 for one in prepared.verdicts if one.state == "over"),
-        judged=sum(1 for one in prepared.verdicts if one.limit is not None),
-        sections=parts,
+        verdicts=[_printed(one) for one in _ordered(verdicts)],
+        over=sum(1 for one in verdicts if one.state == "over"),
+        judged=sum(1 for one in verdicts if one.limit is not None),
+        sections=sections,
         missing=missing,
         instants=instants,
         motion=motion,
         muscles_colored=given.tension is not None,
-        references=_numbered(prepared),
+        references=references,
     )
 
 
@@ -138,15 +183,6 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
         told = kind.get(prepared.movement.kind, prepared.movement.kind)
         rows.append(("Movement", f"{told}, {len(prepared.events)} events"))
     return rows
-
-
-@dataclass(frozen=True)
-class Tile:
-    """One number of the summary: value, what it is, whether it is within its limit."""
-
-    value: str
-    name: str
-    state: str
 
 
 def _tiles(prepared: Prepared) -> list[Tile]:
