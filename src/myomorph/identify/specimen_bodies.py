@@ -1,0 +1,212 @@
+"""The bones of a specimen out of a larger model: who hangs on whom, and what else moves with each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.errors import BadModel
+from myomorph.model.functions import linear
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model, index_of
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, Transform
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import ROTATION, compile_tree
+
+ASTRAY = 1e-3
+"""Distance of a joint's axes from its center from which it is told that they do not meet [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """A source model in its default pose, with what of it belongs to a specimen.
+
+    Attributes
+    ----------
+    model : the source
+    bones : base, limb's first body, and the others, in tree order
+    poses : of the default pose
+    homes : for every body of the source that moves with a bone, that bone and its pose in it
+    """
+
+    model: Model
+    bones: tuple[str, ...]
+    poses: Poses
+    homes: dict[str, tuple[str, Transform]]
+
+    def pose(self, body: str) -> Transform:
+        """Default pose of a body in ground."""
+        b = self.poses.tree.body_index[body]
+        return Transform(self.poses.rotations[0, b], self.poses.origins[0, b])
+
+
+def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatomy:
+    """Where every body of a model belongs: bodies beyond a bone, and between two, move with the nearer bone.
+
+    Bodies between base and limb (phantoms of a joint) and all that does not hang on the limb belong nowhere.
+
+    Raises
+    ------
+    UnknownName : a bone is no body of the model
+    BadModel : the limb does not hang on the base, or a bone not on the limb
+    """
+    for name in (base, first, *bones):
+        index_of("body", name, model.body_names)
+    parents = {joint.child: joint.parent for joint in model.joints}
+    if base not in ancestors(parents, first):
+        raise BadModel(
+            f"model '{model.name}': '{first}' does not hang on '{base}', but on {_chain(parents, first)}: "
+            "name the base that carries the joint"
+        )
+    for name in bones:
+        if name not in (base, first) and first not in ancestors(parents, name):
+            raise BadModel(f"model '{model.name}': bone '{name}' does not hang on '{first}': {_chain(parents, name)}")
+    named = {base, first, *bones}
+    kept = tuple(name for name in model.body_names if name in named)
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    found = Anatomy(model, kept, poses, {})
+    for body in model.body_names:
+        home = _home(model, parents, body, base, first, kept)
+        if home:
+            found.homes[body] = home, found.pose(home).inverse() @ found.pose(body)
+    return found
+
+
+def ancestors(parents: dict[str, str], body: str) -> list[str]:
+    """Bodies between a body and the ground, the nearest first."""
+    found = []
+    while body in parents and parents[body] != GROUND:
+        body = parents[body]
+        found.append(body)
+    return found
+
+
+def _chain(parents: dict[str, str], body: str) -> str:
+    return ", ".join(f"'{name}'" for name in ancestors(parents, body)[:6]) or "the ground"
+
+
+def _home(model: Model, parents: dict[str, str], body: str, base: str, first: str, kept: tuple[str, ...]) -> str:
+    if body in kept:
+        return body
+    above = ancestors(parents, body)
+    if first not in above:
+        return ""
+    below = [name for name in kept if body in ancestors(parents, name)]
+    return below[0] if below else next(name for name in above if name in kept)
+
+
+def joint_center(source: Anatomy, base: str, first: str) -> tuple[Array, Array, float]:
+    """The point in ground that all axes of rotation between two bodies go through, in the default pose.
+
+    Returns
+    -------
+    center : (3,) the point nearest to all the axes; where they are parallel, that nearest to the first
+        body's origin [m]
+    directions : (axes, 3) of the axes in ground
+    distance : of the axis farthest from it [m]
+
+    Raises
+    ------
+    BadModel : there is no axis of rotation
+    """
+    poses, tree = source.poses, source.poses.tree
+    between = tree.supports[tree.body_index[first]] & ~tree.supports[tree.body_index[base]]
+    axes = np.flatnonzero(between & (tree.arrays.axis_kind == ROTATION))
+    if not len(axes):
+        raise BadModel(f"model '{source.model.name}': no joint turns '{first}' against '{base}'")
+    directions, points = poses.axis_directions[0, axes], poses.axis_points[0, axes]
+    away = np.eye(3) - np.einsum("ai,aj->aij", directions, directions)
+    origin = source.pose(first).translation
+    # The pull towards the origin decides only where the axes leave a direction open.
+    pull = 1e-9 * np.eye(3)
+    center = np.linalg.solve(away.sum(axis=0) + pull, np.einsum("aij,aj->i", away, points) + pull @ origin)
+    distance = np.linalg.norm(np.einsum("aij,aj->ai", away, center - points), axis=1).max()
+    return center, directions, float(distance)
+
+
+def lumped_bodies(source: Anatomy) -> tuple[Body, ...]:
+    """The bones, each with the mass and the meshes of what moves with it."""
+    table = inertial_parameters(source.model)
+    totals = {name: np.zeros(10) for name in source.bones}
+    meshes: dict[str, list] = {name: [] for name in source.bones}
+    for body, row in zip(source.model.bodies, table, strict=True):
+        if body.name in source.homes:
+            home, pose = source.homes[body.name]
+            totals[home] += moved_parameters(row, pose)
+            meshes[home] += [replace(mesh, pose=pose @ mesh.pose) for mesh in body.meshes]
+    bones = tuple(replace(source.model.body(name), meshes=tuple(meshes[name])) for name in source.bones)
+    loose = tuple(
+        Joint(name, "weld", GROUND, name, Transform.identity(), Transform.identity()) for name in source.bones
+    )
+    carrier = Model("bones", bones, loose, (), source.model.gravity)
+    return with_inertial_parameters(carrier, np.array([totals[name] for name in source.bones])).bodies
+
+
+def moved_parameters(parameters: Array, pose: Transform) -> Array:
+    """(10,) inertial parameters of a body seen from a frame in which it has this pose, [D] order."""
+    mass, h = parameters[0], parameters[1:4]
+    inertia = np.diag(parameters[4:7])
+    inertia[1, 2] = inertia[2, 1] = parameters[7]
+    inertia[2, 0] = inertia[0, 2] = parameters[8]
+    inertia[0, 1] = inertia[1, 0] = parameters[9]
+    r, p = pose.rotation, pose.translation
+    turned = r @ h
+    cross = 2.0 * (turned @ p) * np.eye(3) - np.outer(turned, p) - np.outer(p, turned)
+    about = r @ inertia @ r.T + cross + mass * (p @ p * np.eye(3) - np.outer(p, p))
+    return np.array([mass, *(turned + mass * p), *np.diag(about), about[1, 2], about[2, 0], about[0, 1]])
+
+
+def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...]]:
+    """The joint that holds a bone on the bone before it: joints of bodies between them as one chain of axes.
+
+    A bone that the source welds gets three rotations, because the wires may hold it at another angle than
+    the model.
+    """
+    model = source.model
+    by_child = {joint.child: joint for joint in model.joints}
+    chain = [by_child[bone]]
+    while chain[0].parent not in source.bones:
+        chain.insert(0, by_child[chain[0].parent])
+    joint = joined(chain)
+    used = {name for axis in joint.axes if axis.function.arity for name in axis.coordinates}
+    owned = [name for one in chain for name in one.coordinates]
+    names = tuple(name for name in model.coordinate_names if name in used or name in owned)
+    if names:
+        coordinates = tuple(replace(model.coordinate(name), locked=False, clamped=False) for name in names)
+        return replace(joint, coordinates=names), coordinates
+    names = tuple(f"{bone}_r{axis}" for axis in "xyz")
+    return replace(joint, kind="ball", axes=joint.axes + turns(names), coordinates=names), free(names)
+
+
+def joined(chain: Sequence[Joint]) -> Joint:
+    """Several joints in a row as one: later axes are seen from the frame of the first."""
+    first, last = chain[0], chain[-1]
+    axes, behind = list(first.axes), first.child_frame.inverse()
+    for joint in chain[1:]:
+        middle = behind @ joint.parent_frame
+        axes += [_seen_from(axis, middle) for axis in joint.axes]
+        behind = middle @ joint.child_frame.inverse()
+    return Joint(last.name, last.kind, first.parent, last.child, first.parent_frame, behind.inverse(), tuple(axes))
+
+
+def _seen_from(axis: Axis, pose: Transform) -> Axis:
+    return replace(axis, vector=pose.rotation @ axis.vector, origin=pose.apply(axis.origin))
+
+
+def turns(names: Sequence[str], order: Sequence[int] = (0, 1, 2)) -> tuple[Axis, ...]:
+    """Body-fixed rotations about x, y, z axes in an order, one coordinate each."""
+    return tuple(Axis("rotation", np.eye(3)[k], linear(1.0), (name,)) for k, name in zip(order, names, strict=True))
+
+
+def shifts(names: Sequence[str]) -> tuple[Axis, ...]:
+    """Translations along x, y, z, one coordinate each."""
+    return tuple(Axis("translation", axis, linear(1.0), (name,)) for axis, name in zip(np.eye(3), names, strict=True))
+
+
+def free(names: Sequence[str], motion: str = "rotational") -> tuple[Coordinate, ...]:
+    """Coordinates without bounds."""
+    return tuple(Coordinate(name, motion) for name in names)  # type: ignore[arg-type]
