@@ -25,7 +25,9 @@ class Estimate:
 
     @classmethod
     def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Estimate:
-        """The percentile interval of bootstrap draws (draws,)."""
+        """The percentile interval of bootstrap draws (draws,); NaN where no draw is finite."""
+        if not np.isfinite(draws).any():
+            return cls(float(value), float("nan"), float("nan"))
         low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
         return cls(float(value), float(low), float(high))
 

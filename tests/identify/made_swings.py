@@ -1,0 +1,142 @@
+"""Swings of a made limb on a hinge or a ball, integrated here, as recordings with known truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from myomorph.identify.mass_map import parameters_of
+from myomorph.identify.swings import SwingRecording
+from myomorph.model.inertia import inertia_matrices
+
+GRAVITY = np.array([0.0, -9.81, 0.0])
+MUSCLES = tuple(f"muscle {i}" for i in range(11))
+
+
+@dataclass(frozen=True)
+class Made:
+    """A limb: damping and stiffness of every axis, viscosities of the muscles and how they pull."""
+
+    damping: float = 0.05
+    stiffness: float = 0.0
+    viscosity: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    arms: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    bend: float = 0.0
+    axis: np.ndarray | None = None
+    mass: float = 2.0
+
+    @property
+    def parameters(self) -> np.ndarray:
+        c = np.array([0.03, -0.42, 0.02])
+        spread = np.array([[0.004, 0.001, 0.0], [0.001, 0.05, 0.002], [0.0, 0.002, 0.003]])
+        pseudo = self.mass * np.block([[spread + np.outer(c, c), c[:, None]], [c[None], np.ones((1, 1))]])
+        return parameters_of(pseudo)
+
+    def lengthening(self, angles: np.ndarray) -> np.ndarray:
+        """(..., muscles, 3) arms that change with the pose."""
+        turn = self.bend * np.roll(self.arms, 1, axis=1) * np.arange(1, len(self.arms) + 1)[:, None]
+        return (
+            self.arms
+            + np.einsum("...a,ma->...m", angles, np.cos(np.arange(3 * len(self.arms))).reshape(-1, 3))[..., None] * turn
+        )
+
+    def passive(self, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        J = self.lengthening(angles)
+        speeds = np.einsum("...ma,...a->...m", J, rates)
+        return (
+            -self.damping * rates - self.stiffness * angles - np.einsum("...ma,m,...m->...a", J, self.viscosity, speeds)
+        )
+
+
+def skew(x: np.ndarray) -> np.ndarray:
+    zero = np.zeros(x.shape[:-1])
+    rows = [[zero, -x[..., 2], x[..., 1]], [x[..., 2], zero, -x[..., 0]], [-x[..., 1], x[..., 0], zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def inertia_columns(x: np.ndarray) -> np.ndarray:
+    """(..., 3, 6) I x as a linear function of I_xx, I_yy, I_zz, I_yz, I_zx, I_xy."""
+    zero = np.zeros(x.shape[:-1])
+    a, b, c = np.moveaxis(x, -1, 0)
+    rows = [[a, zero, zero, zero, c, b], [zero, b, zero, c, zero, a], [zero, zero, c, b, a, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def limb_rows(rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(frames, 6, 10) wrench in ground and (frames, 3, 10) moment in the limb; rates (frames, 3) in the limb."""
+    frames = len(rotations)
+    g = np.einsum("fji,j->fi", rotations, GRAVITY)
+    force, moment = np.zeros((frames, 3, 10)), np.zeros((frames, 3, 10))
+    force[:, :, 0] = -g
+    force[:, :, 1:4] = skew(accelerations) + skew(rates) @ skew(rates)
+    moment[:, :, 1:4] = skew(g)
+    moment[:, :, 4:] = inertia_columns(accelerations) + skew(rates) @ inertia_columns(rates)
+    return np.concatenate([rotations @ moment, rotations @ force], axis=1), moment
+
+
+def swing(made: Made, start: np.ndarray, rate: np.ndarray, seconds: float, name: str = "swing") -> SwingRecording:
+    """One release from rotation vector `start` with angular velocity `rate` in the limb, at 200 Hz, exact."""
+    I, h = inertia_matrices(made.parameters), made.parameters[1:4]
+    inverse = np.linalg.inv(I)
+
+    def derivative(_, state):
+        q, w = state[:4] / np.linalg.norm(state[:4]), state[4:]
+        R = Rotation.from_quat(q)
+        torque = made.passive(R.as_rotvec(), w) + np.cross(h, R.as_matrix().T @ GRAVITY)
+        alpha = inverse @ (torque - np.cross(w, I @ w))
+        if made.axis is not None:
+            alpha = made.axis * (made.axis @ torque) / (made.axis @ I @ made.axis)
+        v, s = q[:3], q[3]
+        return np.concatenate([0.5 * (s * w + np.cross(v, w)), [-0.5 * v @ w], alpha])
+
+    time = np.arange(0.0, seconds, 1.0 / 200.0)
+    first = np.concatenate([Rotation.from_rotvec(start).as_quat(), rate])
+    states = solve_ivp(derivative, (0.0, time[-1]), first, "DOP853", time, rtol=1e-10, atol=1e-12).y.T
+    accelerations = np.array([derivative(0.0, state)[4:] for state in states])
+    rotations = Rotation.from_quat(states[:, :4]).as_matrix()
+    return recorded(made, name, time, rotations, states[:, 4:], accelerations)
+
+
+def recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> SwingRecording:
+    """Equations of a motion; the wrench that it needs where none was measured."""
+    rows, moments = limb_rows(rotations, rates, accelerations)
+    angles = Rotation.from_matrix(rotations).as_rotvec()
+    directions = np.eye(3) if made.axis is None else made.axis[None]
+    turned = angles @ directions.T
+    # A swing ends where the limb turns round, every second time.
+    speed = rates @ (rates[len(rates) // 50] / np.linalg.norm(rates[len(rates) // 50]))
+    turns = np.concatenate([[False], (speed[1:] > 0.0) != (speed[:-1] > 0.0)])
+    return SwingRecording(
+        name,
+        time,
+        rows,
+        rows @ made.parameters if wrench is None else wrench,
+        directions @ moments,
+        rates @ directions.T,
+        turned,
+        ("x", "y", "z") if made.axis is None else ("hinge",),
+        MUSCLES[: len(made.arms)],
+        made.lengthening(angles) @ directions.T,
+        rotations,
+        GRAVITY,
+        np.cumsum(turns) // 2,
+    )
+
+
+def eleven(random: np.random.Generator, bend: float = 0.3) -> dict:
+    """Muscles that pull every way."""
+    return {"arms": 0.02 * random.normal(size=(11, 3)), "viscosity": np.full(11, 120.0), "bend": bend}
+
+
+def three_releases(made: Made, seconds: float = 6.0) -> tuple[SwingRecording, ...]:
+    starts = ([0.7, 0.1, 0.2], [0.1, 0.3, 0.8], [-0.5, -0.4, 0.5])
+    if made.axis is not None:
+        starts = tuple(size * made.axis for size in (0.7, 1.0, -0.8))
+    spins = (1.5, -2.0, 1.0) if made.axis is None else (0.0, 0.0, 0.0)
+    return tuple(
+        swing(made, np.array(start), np.array([0.2, spin, 0.1]) if spin else np.zeros(3), seconds, f"release {i}")
+        for i, (start, spin) in enumerate(zip(starts, spins, strict=True))
+    )
