@@ -113,7 +113,10 @@ def _level(frame: Frame, one: Level) -> list[str]:
     y = float(frame.y(one.value))
     parts = []
     if one.spread > 0.0:
-        top, bottom = float(frame.y(min(one.value + one.spread, frame.y1))), float(frame.y(max(one.value - one.spread, 0.0)))
+        top, bottom = (
+            float(frame.y(min(one.value + one.spread, frame.y1))),
+            float(frame.y(max(one.value - one.spread, 0.0))),
+        )
         parts.append(
             f'<rect class="spread {one.style}" x="{frame.left:g}" y="{top:.1f}" width="{frame.right - frame.left:g}" '
             f'height="{bottom - top:.1f}"/>'

@@ -108,6 +108,26 @@ REFERENCES: tuple[Reference, ...] = (
         "identification: a statistical perspective on the mass distribution. IEEE Robot Autom Lett 3:60–67.",
         "https://doi.org/10.1109/LRA.2017.2729659",
     ),
+    Reference(
+        "murai2016",
+        "the experiment, its three steps and tables I and II ([S])",
+        "Murai A, Kawano Y, Ayusawa K, Tada M, Matsumura N, Nagura T. In-vitro identification of shoulder joint and "
+        "muscle dynamics based on motion capture and musculoskeletal computation. Equations 1 to 3, tables I and II.",
+        "",
+    ),
+    Reference(
+        "stroeve1999",
+        "viscosity of a shoulder with its muscles, 0.2 N·m·s/rad, as [S] cites it",
+        "Stroeve S (1999). Impedance characteristics of a neuromusculoskeletal model of the human arm I. Posture "
+        "control. Biol Cybern 81:475–494.",
+        "",
+    ),
+    Reference(
+        "kunsch1989",
+        "intervals from resampled swings",
+        "Künsch HR (1989). The jackknife and the bootstrap for general stationary observations. Ann Stat 17:1217–1241.",
+        "https://doi.org/10.1214/aos/1176347265",
+    ),
 )
 
 
@@ -122,3 +142,9 @@ def references(
     wanted |= {"dissertation", "ayusawa2014", "ae1992", "wensing2018"} if identification else set()
     wanted |= {"owen2014", "mcmahon2018"} if jump else set()
     return tuple(one for one in REFERENCES if one.key in wanted)
+
+
+def viscosity_references() -> tuple[Reference, ...]:
+    """Those that a report on swinging limbs relies on."""
+    wanted = ("murai2016", "stroeve1999", "kunsch1989")
+    return tuple(one for key in wanted for one in REFERENCES if one.key == key)

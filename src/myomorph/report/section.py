@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with its caption; `size` is "small", "medium" or "full"."""
+    """A drawing with its caption; `size` is "small", "medium", "wide" or "full"."""
 
     svg: str
     size: str = "small"

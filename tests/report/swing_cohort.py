@@ -1,0 +1,84 @@
+"""Specimens made from a virtual ball joint, with made intervals: enough to draw every part of the page."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.identify.estimate import Estimate
+from myomorph.identify.murai_tables import SPECIMENS, PublishedSpecimen
+from myomorph.identify.swings import SwingRecording
+from myomorph.identify.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+
+MUSCLES = ("BicepsBrachiiLongum", "Supraspinatus", "TeresMajor")
+AXES = ("x", "y", "z")
+
+
+def recording(name: str = "swing1", frames: int = 900, seed: int = 0) -> SwingRecording:
+    """Numbers of the right shapes, with three swings of 300 frames."""
+    random = np.random.default_rng(seed)
+    time = np.arange(frames) / 200.0
+    angles = np.sin(2 * np.pi * time[:, None] * (1.0, 0.9, 0.6)) * (0.6, 0.3, 0.05)
+    rates = np.gradient(angles, time, axis=0)
+    return SwingRecording(
+        name,
+        time,
+        random.normal(size=(frames, 6, 10)),
+        random.normal(size=(frames, 6)),
+        random.normal(size=(frames, 3, 10)),
+        rates,
+        angles,
+        AXES,
+        MUSCLES,
+        0.02 * random.normal(size=(frames, 3, 3)),
+        np.broadcast_to(np.eye(3), (frames, 3, 3)).copy(),
+        np.array([0.0, -9.81, 0.0]),
+        np.repeat([0, 1, -1], -(-frames // 3))[:frames],
+    )
+
+
+def near(value: float, share: float = 0.05) -> Estimate:
+    """A value with an interval of so much to both sides."""
+    return Estimate(value, value * (1.0 - share), value * (1.0 + share))
+
+
+def condition(mass: float, com: float, viscosity: float) -> Condition:
+    """A condition with these values."""
+    parameters = np.array([mass, 0.0, -mass * com, 0.0, 0.5, 0.01, 0.5, 0.0, 0.0, 0.0])
+    axes = tuple(near(factor * viscosity, 0.1) for factor in (1.0, 1.1, 0.9))
+    return Condition(
+        (recording(),),
+        parameters,
+        near(mass),
+        near(com),
+        near(viscosity),
+        axes,
+        (True, True, False),
+        np.full(6, 0.3),
+    )
+
+
+def specimen(printed: PublishedSpecimen) -> SpecimenViscosity:
+    """A specimen that was found to be just as printed."""
+    muscles = MuscleViscosity(
+        MUSCLES,
+        near(printed.muscle_viscosity),
+        np.array([0.5, 1.0, 1.5]),
+        near(printed.muscle_viscosity),
+        tuple(near(factor * printed.muscle_viscosity, 0.4) for factor in (0.8, 1.0, 1.3)),
+        2,
+        np.array([3.0, 1.0, 1e-4]),
+    )
+    return SpecimenViscosity(
+        printed.name,
+        condition(printed.mass_without, printed.com_without, printed.joint_viscosity),
+        condition(printed.mass_with, printed.com_with, printed.total_viscosity),
+        muscles,
+        near(printed.estimated_muscle_mass),
+        printed.measured_muscle_mass,
+        ("axis z hardly moved",),
+    )
+
+
+def specimens() -> tuple[SpecimenViscosity, ...]:
+    """The paper's six."""
+    return tuple(specimen(one) for one in SPECIMENS)
