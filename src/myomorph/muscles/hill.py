@@ -5,6 +5,9 @@ the force along the tendon is linear in the activation a (F0 maximum isometric f
 normalized fiber length and velocity, alpha pennation):
 
     F = a F0 f_L(l) f_V(v) cos(alpha) + F0 f_PE(l) cos(alpha)
+
+Beside it stands the force of a damper along the whole path, `Muscle.viscosity` times the lengthening velocity
+([S] eq. 3), which may push. Fiber damping of Millard2012EquilibriumMuscle is not part of these forces.
 """
 
 from __future__ import annotations
@@ -46,11 +49,13 @@ class HillForces:
     Attributes
     ----------
     active : (frames, muscles) force per unit activation [N]
-    passive : (frames, muscles) passive force [N]
+    passive : (frames, muscles) passive elastic force [N]
+    viscous : (frames, muscles) force of the muscles' viscosity, alike in both conventions [N]
     """
 
     active: Array
     passive: Array
+    viscous: Array
 
 
 class HillArrays(NamedTuple):
@@ -443,4 +448,9 @@ def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Con
         raise BadData(f"unknown convention '{convention}': there are {', '.join(CONVENTIONS)}")
     active, passive = np.empty_like(lengths), np.empty_like(lengths)
     fill_hill_forces(arrays, lengths, velocities, convention, True, active, passive)
-    return HillForces(frozen_array(active), frozen_array(passive))
+    return HillForces(frozen_array(active), frozen_array(passive), frozen_array(viscosities(model) * velocities))
+
+
+def viscosities(model: Model) -> Array:
+    """(muscles,) viscosity of each muscle [N s/m], 0 of one that is switched off."""
+    return np.array([one.viscosity if one.enabled else 0.0 for one in model.muscles])

@@ -33,7 +33,8 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
     tau = Phi^T (M a + h - gravity - external), by the recursive Newton-Euler algorithm
     (Featherstone 2008, ch. 5) over elementary axes. As in OpenSim's tool, every coordinate has its
-    own column and couplers transmit no force; `coupled_forces` folds the dependent ones in.
+    own column, and couplers and closed loops transmit no force; `closed_motion.loop_torques` folds the
+    dependent ones in.
 
     Parameters
     ----------

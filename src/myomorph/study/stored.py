@@ -214,6 +214,8 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
     by_muscle = ("time", "muscle")
     writer.put("activation", by_muscle, tension.activations, "1", "muscle activation")
     writer.put("muscle_force", by_muscle, tension.forces, "N", "muscle force along the tendon")
+    if tension.viscous.any():
+        writer.put("muscle_viscous_force", by_muscle, tension.viscous, "N", "part of muscle_force that is viscous")
     if tension.reserve_names:
         meaning = "force or torque of reserve, residual and other actuators"
         writer.put("actuator_force", ("time", "actuator"), tension.reserves, "N m or N", meaning)
@@ -249,6 +251,7 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         upper=values["activation_upper"],
         overstretched=tuple(np.array(names["muscle"])[values["muscle_overstretched"] != 0].tolist()),
         options=options,
+        viscous=values.get("muscle_viscous_force", np.zeros((1, 1))),
     )
 
 

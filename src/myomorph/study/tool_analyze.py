@@ -99,9 +99,11 @@ def static_optimization(
     controls = tension.reserves / np.array([strength[one] for one in tension.reserve_names])
     names = (*tension.muscles, *tension.reserve_names)
     facts = MappingProxyType({"name": "Static Optimization"})
+    # OpenSim has viscosity as a force beside the muscle's.
+    pulls = tension.forces - tension.viscous
     tables = {
         "activation": Table(tension.time, names, np.hstack([tension.activations, controls]), facts=facts),
-        "force": Table(tension.time, names, np.hstack([tension.forces, tension.reserves]), facts=facts),
+        "force": Table(tension.time, names, np.hstack([pulls, tension.reserves]), facts=facts),
     }
     text = f"static optimization: {len(tension)} frames, {int(tension.optimal.sum())} optimal"
     if tension.reserves.size and np.isfinite(tension.reserves).any():

@@ -3,8 +3,9 @@
 Columns of A are the generalized forces of one unit of each variable: a muscle's moment arms times
 its force per unit activation, an actuator's direction times its optimal force. What falls on a
 coordinate that a coupler drives is handed on to the coordinates it follows: tau_free = tau + C^T
-tau_dependent with C = d(dependent)/d(free). Rows of locked and prescribed coordinates are left out,
-for whatever holds them there takes any load.
+tau_dependent with C = d(dependent)/d(free). Closed loops are taken alike: of the coordinates they tie, some
+follow the others (`rigid.loops.loop_basis`), so that loads of the loop's own joint drop out. Rows of locked and
+prescribed coordinates are left out, for whatever holds them there takes any load.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from myomorph.model.model import Actuator, index_of
 from myomorph.model.spatial import Array
 from myomorph.muscles.path import Paths
 from myomorph.rigid.coordinates import evaluate
+from myomorph.rigid.loops import LoopBasis
 from myomorph.rigid.tree import Tree
 from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
 from myomorph.tension.dual import Pattern, pattern
@@ -34,21 +36,20 @@ class Links(NamedTuple):
     ----------
     variable : (links,) the column that a link belongs to
     source : (links,) entry it reads
-    coupler : (links,) number of the coupler it passes, -1 for none
+    dependent : (links,) number, in `driven`, of the coordinate that hands it on, -1 for none
     follows : (links,) coordinate of the row it ends in
     target : (links,) entry of A it is added to
-    arm_muscle, arm_row : (moment arms,) muscle and row of each, row -1 where it takes no part
     row : (coordinates,) row of each coordinate in the order of elimination, -1 for none
+    driven : (dependents,) coordinates that follow others: by a coupler, then by a loop
     """
 
     variable: NDArray[np.int64]
     source: NDArray[np.int64]
-    coupler: NDArray[np.int64]
+    dependent: NDArray[np.int64]
     follows: NDArray[np.int64]
     target: NDArray[np.int64]
-    arm_muscle: NDArray[np.int64]
-    arm_row: NDArray[np.int64]
     row: NDArray[np.int64]
+    driven: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Assembly:
 
     Attributes
     ----------
-    rows : names of the free coordinates, one per row
+    rows : names of the coordinates that are free and follow no other, one per row
     links : from entries to A; entries are moment arms, then those of actuators on bodies, then one for
         each actuator on a coordinate
     bodies : the actuators on bodies
@@ -74,12 +75,13 @@ class Assembly:
     optimal_forces: Array
 
 
-def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
+def assemble(paths: Paths, actuators: Sequence[Actuator], basis: LoopBasis | None = None) -> Assembly:
     """The pattern of A from that of the moment arms.
 
     Parameters
     ----------
     actuators : whose controls follow the activations among the variables
+    basis : which coordinates follow which, of a model that closes loops
 
     Raises
     ------
@@ -90,22 +92,23 @@ def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     """
     tree = paths.tree
     model = tree.model
-    rows = free_coordinates(model)
+    names = model.coordinate_names
+    by_loops = np.zeros(0, np.int64) if basis is None else basis.dependent
+    rows = tuple(one for one in free_coordinates(model) if names.index(one) not in by_loops)
     if not rows:
         raise BadModel(f"model '{model.name}' has no free coordinate: all are locked, prescribed or driven")
-    names = model.coordinate_names
     row_of = np.full(len(names), -1, np.int64)
     row_of[[names.index(one) for one in rows]] = np.arange(len(rows))
     on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
     on_coordinates = [i for i, one in enumerate(actuators) if one.kind == "coordinate"]
     bodies = compile_body_actuators(tree, [actuators[i] for i in on_bodies])
     muscles = len(model.muscles)
-    # Moment arms about a coordinate already hold what reaches the muscle through those that follow it.
+    reach = _reach(tree, basis)
+    # Moment arms about a coordinate already hold what reaches the muscle through couplers.
     sources = [
-        (int(m), int(j), [(-1, int(j))] if free else [])
+        (int(m), int(j), reach[j] if free else [])
         for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arm_free, strict=True)
     ]
-    reach = _reach(tree)
     touched = [
         (muscles + i, int(j))
         for k, i in enumerate(on_bodies)
@@ -116,32 +119,21 @@ def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     places: dict[tuple[int, int], int] = {}
     links = []
     for source, (variable, _, ends) in enumerate(sources):
-        for coupler, k in ends:
+        for dependent, k in ends:
             if row_of[k] >= 0:
                 target = places.setdefault((int(row_of[k]), variable), len(places))
-                links.append((variable, source, coupler, k, target))
+                links.append((variable, source, dependent, k, target))
     table = np.array(links, np.int64).reshape(-1, 5)
     place_rows, place_columns = np.array(list(places), np.int64).reshape(-1, 2).T
     shape = pattern(place_rows, place_columns, (len(rows), muscles + len(actuators)))
     table[:, 4] = shape.place[table[:, 4]]
     rank = np.append(np.argsort(shape.order), -1)
-    row = rank[row_of]
-    arm_row = np.where(paths.arm_free, row[paths.arm_coordinate], -1)
+    driven = np.concatenate([tree.arrays.coupler_coordinate, by_loops])
     columns = np.ascontiguousarray(table.T)
-    arm_muscle = np.ascontiguousarray(paths.arm_muscle, np.int64)
     return Assembly(
         tree=tree,
         rows=rows,
-        links=Links(
-            columns[0],
-            columns[1],
-            columns[2],
-            columns[3],
-            columns[4],
-            arm_muscle,
-            arm_row.astype(np.int64),
-            row,
-        ),
+        links=Links(columns[0], columns[1], columns[2], columns[3], columns[4], rank[row_of], driven),
         pattern=shape,
         bodies=bodies,
         coordinate_actuators=len(on_coordinates),
@@ -149,13 +141,19 @@ def assemble(paths: Paths, actuators: Sequence[Actuator]) -> Assembly:
     )
 
 
-def _reach(tree: Tree) -> list[list[tuple[int, int]]]:
-    """(coupler or -1, coordinate followed) pairs that each coordinate's torque is handed on along."""
+def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
+    """(number of the dependent or -1, coordinate followed) pairs that each coordinate's torque is handed on along."""
     arrays = tree.arrays
     follows: dict[int, set[int]] = {}
     reach: list[list[tuple[int, int]]] = [[(-1, j)] for j in range(len(tree.model.coordinates))]
+    if basis is not None:
+        touched = np.nanmax(np.abs(basis.slopes), axis=0, initial=0.0) > 0.0
+        for d, j in enumerate(basis.dependent):
+            ends = {int(i) for i in basis.independent[touched[d]]}
+            follows[int(j)] = ends
+            reach[int(j)] = [(len(arrays.coupler_coordinate) + d, i) for i in sorted(ends)]
     for k, j in enumerate(arrays.coupler_coordinate):
-        ends: set[int] = set()
+        ends = set()
         for i in arrays.coupler_source[k]:
             if i >= 0:
                 ends |= follows.get(int(i), {int(i)})
@@ -165,9 +163,16 @@ def _reach(tree: Tree) -> list[list[tuple[int, int]]]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _coupling(T, c, C):
-    """C (couplers, coordinates): derivatives of each dependent coordinate in those it ends in."""
-    for k in range(T.coupler_coordinate.shape[0]):
+def _coupling(T, L, c, slopes, C):
+    """C (dependents, coordinates): derivatives of each of `L.driven` in those it ends in.
+
+    c (coordinates,); slopes (dependents of loops, coordinates).
+    """
+    couplers = T.coupler_coordinate.shape[0]
+    for d in range(slopes.shape[0]):
+        for m in range(C.shape[1]):
+            C[couplers + d, m] = slopes[d, m]
+    for k in range(couplers):
         i, j = T.coupler_source[k, 0], T.coupler_source[k, 1]
         x1 = c[i] if i >= 0 else 0.0
         x2 = c[j] if j >= 0 else 0.0
@@ -179,8 +184,8 @@ def _coupling(T, c, C):
             if source < 0:
                 continue
             earlier = -1
-            for h in range(k):
-                if T.coupler_coordinate[h] == source:
+            for h in range(L.driven.shape[0]):
+                if L.driven[h] == source:
                     earlier = h
             if earlier < 0:
                 C[k, source] += slope
@@ -190,46 +195,51 @@ def _coupling(T, c, C):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fold(T, L, coordinates, entries, forces, torques, values, right):
+def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
     """Fill A and b of every frame.
 
     Parameters
     ----------
     T, L : arrays of the tree, `Links`
     coordinates : (frames, coordinates) all values
+    slopes : (frames, dependents of loops, coordinates)
     entries : (frames, entries) generalized forces of unit forces
     forces : (frames, variables) force of a unit of each variable
     torques : (frames, coordinates) of inverse dynamics
     values, right : (frames, entries of A), (frames, rows) filled
     """
-    couplers = T.coupler_coordinate.shape[0]
-    C = np.zeros((couplers, coordinates.shape[1]))
+    C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
-        _coupling(T, coordinates[frame], C)
+        _coupling(T, L, coordinates[frame], slopes[frame], C)
         for k in range(values.shape[1]):
             values[frame, k] = 0.0
         for k in range(L.variable.shape[0]):
             share = entries[frame, L.source[k]] * forces[frame, L.variable[k]]
-            if L.coupler[k] >= 0:
-                share *= C[L.coupler[k], L.follows[k]]
+            if L.dependent[k] >= 0:
+                share *= C[L.dependent[k], L.follows[k]]
             values[frame, L.target[k]] += share
         for j in range(L.row.shape[0]):
             if L.row[j] >= 0:
                 right[frame, L.row[j]] = torques[frame, j]
-        for k in range(couplers):
-            dependent = torques[frame, T.coupler_coordinate[k]]
+        for k in range(L.driven.shape[0]):
+            dependent = torques[frame, L.driven[k]]
             for j in range(L.row.shape[0]):
                 if L.row[j] >= 0 and C[k, j] != 0.0:
                     right[frame, L.row[j]] += C[k, j] * dependent
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def take_off(L, entries, passive, right):
+def take_off(T, L, coordinates, slopes, entries, passive, right):
     """Take the torques of passive forces (frames, muscles) off right (frames, rows)."""
+    C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(right.shape[0]):
-        for e in range(L.arm_row.shape[0]):
-            if L.arm_row[e] >= 0:
-                right[frame, L.arm_row[e]] -= entries[frame, e] * passive[frame, L.arm_muscle[e]]
+        _coupling(T, L, coordinates[frame], slopes[frame], C)
+        for k in range(L.variable.shape[0]):
+            if L.variable[k] < passive.shape[1]:
+                share = entries[frame, L.source[k]] * passive[frame, L.variable[k]]
+                if L.dependent[k] >= 0:
+                    share *= C[L.dependent[k], L.follows[k]]
+                right[frame, L.row[L.follows[k]]] -= share
 
 
 def actuator_entries(assembly: Assembly, coordinates: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -12,10 +12,12 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.muscles.hill import Convention, compile_hill, fill_hill_forces
+from myomorph.muscles.hill import Convention, compile_hill, fill_hill_forces, viscosities
 from myomorph.muscles.path import compile_paths
+from myomorph.rigid.closed_motion import loop_slopes, refuse_open
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import couple_rates_frames
+from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import RESIDUAL, default_reserves, free_coordinates
 from myomorph.tension.assembly import actuator_entries, assemble, fold, take_off
@@ -32,6 +34,8 @@ class TensionOptions:
     weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
     passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
         (passive torques of the model's joints always take part, as there)
+    viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that have none. It
+        does in OpenSim, where it is a force of its own beside the muscle's
     curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
         for the maximum isometric force at any length and velocity, or "auto": "rigid-tendon" with
         passive forces and "opensim" without
@@ -42,6 +46,7 @@ class TensionOptions:
     exponent: float = 2.0
     weights: Literal["equal", "volume"] = "equal"
     passive: bool = True
+    viscous: bool = True
     curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
     reserve: float = 1.0
     residual: float = 10.0
@@ -74,7 +79,7 @@ class Tension:
     time : (frames,) [s]
     muscles : names
     activations : (frames, muscles) NaN where the frame was not solved
-    forces : (frames, muscles) along the tendons, passive force included where it took part [N]
+    forces : (frames, muscles) along the tendons, with passive and viscous force where they took part [N]
     reserve_names : names of reserves, residuals and the model's other actuators
     reserves : (frames, reserves) their forces [N] and torques [N m]
     coordinates : the free coordinates that were balanced
@@ -86,6 +91,7 @@ class Tension:
     lower, upper : (muscles,) bounds of the activations
     overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
         it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
+    viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where none took part
     """
 
     time: Array
@@ -103,8 +109,10 @@ class Tension:
     upper: Array
     overstretched: tuple[str, ...]
     options: TensionOptions
+    viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
         for name in ("time", "activations", "forces", "reserves", "torques", "imbalance", "lower", "upper"):
             getattr(self, name).setflags(write=False)
         for name in ("status", "iterations"):
@@ -122,6 +130,12 @@ class Tension:
     def saturated(self) -> np.ndarray:
         """(frames, muscles) whether a muscle works at its upper bound."""
         return self.activations >= self.upper - 1e-6
+
+    @property
+    def pushing(self) -> tuple[str, ...]:
+        """Muscles whose force is below zero in some frame: shortening against their viscosity faster than they pull."""
+        slack = np.nanmin(np.where(np.isnan(self.forces), 0.0, self.forces), axis=0, initial=0.0) < 0.0
+        return tuple(name for name, one in zip(self.muscles, slack, strict=True) if one)
 
     @property
     def residual_names(self) -> tuple[str, ...]:
@@ -144,10 +158,11 @@ def solve_tension(
     """Share the joint torques among muscles with the least effort, frame by frame.
 
         minimise  sum_m w_m a_m^p + sum_r u_r^p
-        subject to  R^T F a + D u = tau - R^T F_passive,  bounds on a and u
+        subject to  R^T F a + D u = tau - R^T (F_passive + F_viscous),  bounds on a and u
 
     with moment arms R, forces per unit activation F (rigid tendon), directions D of actuators with
-    controls u, and one row for every coordinate that is not locked, prescribed or driven by a coupler.
+    controls u, and one row for every coordinate that is not locked, prescribed, driven by a coupler or taken as
+    dependent by closed loops. Which of a loop's coordinates is taken so does not change the solution.
     The problem of a frame is convex and its solution unique, so frames do not depend on each other.
 
     Parameters
@@ -161,7 +176,7 @@ def solve_tension(
     Raises
     ------
     BadData
-        where the motion has no velocities, or torques are of other times
+        where the motion has no velocities, torques are of other times, or loops stand open by more than `OPEN`
     UnknownName
         where torques lack a free coordinate, or an actuator names what does not exist
     BadModel
@@ -193,6 +208,7 @@ def tension_problem(
         raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
     if not any(muscle.enabled for muscle in model.muscles):
         raise BadModel(f"model '{model.name}' has no muscle that is switched on")
+    refuse_open(tree, coordinates)
     tau = _torques_of(tree, motion, torques)
     for one in model.passive_torques:
         j = model.coordinate_names.index(one.coordinate)
@@ -253,8 +269,11 @@ class TensionProblem:
         self._coordinates, self._rates, self._tau = coordinates, rates, torques
         self._hill = compile_hill(tree.model)
         self._paths = compile_paths(tree.model)
-        self.assembly = assemble(self._paths, actuators)
+        basis = loop_basis(tree, coordinates) if tree.model.loops else None
+        self._slopes = loop_slopes(basis, coordinates)
+        self.assembly = assemble(self._paths, actuators, basis)
         self._enabled = np.array([one.enabled for one in muscles])
+        self._viscosity = viscosities(tree.model) * options.viscous
         self._strength = np.array([one.max_isometric_force for one in muscles])
         # A muscle that is switched off has no force, so its activation must not be free.
         self._lower = np.where(self._enabled, [one.min_activation for one in muscles], 0.0)
@@ -263,6 +282,7 @@ class TensionProblem:
         frames = len(coordinates)
         self._activations = np.empty((frames, len(muscles)))
         self._forces = np.empty((frames, len(muscles)))
+        self._viscous = np.empty((frames, len(muscles)))
         self._reserves = np.empty((frames, len(actuators)))
         self._balanced = np.empty((frames, len(self.assembly.rows)))
         self._imbalance = np.empty(frames)
@@ -293,7 +313,7 @@ class TensionProblem:
         Returns
         -------
         values, right : (frames, entries) of A and (frames, rows) b, in the order of the pattern
-        active, passive : (frames, muscles) force per unit activation and passive force [N]
+        active, passive : (frames, muscles) force per unit activation and passive elastic force [N]
         """
         assembly, part, frames = self.assembly, slice(start, stop), stop - start
         muscles = len(self._lower)
@@ -307,11 +327,14 @@ class TensionProblem:
             active[:] = np.where(np.isnan(active), np.nan, self._strength)
         active *= self._enabled
         passive *= self._enabled
+        viscous = self._viscosity * speeds
+        self._viscous[part] = viscous
         forces = np.hstack([active, np.broadcast_to(assembly.optimal_forces, (frames, len(assembly.optimal_forces)))])
         values, right = np.empty((frames, len(self.separable.row))), np.empty((frames, len(assembly.rows)))
-        fold(assembly.tree.arrays, assembly.links, c, entries, forces, self._tau[part], values, right)
+        slopes = self._slopes[part]
+        fold(assembly.tree.arrays, assembly.links, c, slopes, entries, forces, self._tau[part], values, right)
         self._balanced[part] = right[:, np.argsort(assembly.pattern.order)]
-        take_off(assembly.links, entries, passive, right)
+        take_off(assembly.tree.arrays, assembly.links, c, slopes, entries, passive + viscous, right)
         return values, right, active, passive
 
     def solve(self, start: int, stop: int) -> None:
@@ -333,7 +356,7 @@ class TensionProblem:
         )
         self._overstretched.append(np.flatnonzero((passive > self._strength).any(axis=0)))
         self._activations[part] = x[:, :muscles]
-        self._forces[part] = active * x[:, :muscles] + passive
+        self._forces[part] = active * x[:, :muscles] + passive + self._viscous[part]
         self._reserves[part] = x[:, muscles:] * self.assembly.optimal_forces
 
     def result(self, time: Array, names: tuple[str, ...]) -> Tension:
@@ -356,4 +379,5 @@ class TensionProblem:
             upper=self._upper,
             overstretched=tuple(all_names[i] for i in stretched),
             options=self._options,
+            viscous=self._viscous,
         )
