@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from pydantic import Field, create_model
 
-from myomorph.model.errors import listing
+from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.settings import Differentiation, Setting, settings_of
 from myomorph.study.study_file import (
@@ -124,7 +124,10 @@ def read_plan(path: str | Path) -> Plan:
         subject=(list[_Subject], Field(min_length=1)),
         options=(options, Field(default_factory=options)),
     )
-    found, problems = checked(file, read_toml(path))
+    raw = read_toml(path)
+    if "specimen" in raw and "subject" not in raw:
+        raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
+    found, problems = checked(file, raw)
     takes: list[FileTake] = []
     steps: list[tuple[str, ...]] = []
     remarks: list[str] = []
