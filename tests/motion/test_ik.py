@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.functions import linear, simm_spline
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Loop, Marker, Model
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Marker, Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
@@ -182,6 +182,3 @@ def test_what_does_not_match_is_refused_by_name():
         inverse_kinematics(model, replace(markers, values=np.full(markers.values.shape, np.nan)))
     with pytest.raises(UnknownName, match="'trunk_9'"):
         inverse_kinematics(model, markers, InverseKinematicsOptions(marker_weights={"trunk_9": 1.0}))
-    loop = Loop("shoulder", "PointConstraint", "trunk", "cap_r", Transform.identity(), Transform.identity())
-    with pytest.raises(BadModel, match="PointConstraint 'shoulder'"):
-        inverse_kinematics(replace(model, loops=(loop,)), markers)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.errors import BadData, listing
+from myomorph.model.errors import BadData, BadModel, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
@@ -25,7 +25,6 @@ from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
     marker_arrays,
-    refuse_loops,
     tracked_markers,
 )
 from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
@@ -92,12 +91,12 @@ def calibrate(
     Raises
     ------
     BadData : no recording shares a marker with the model, or the markers' unit cannot be metres
-    BadModel : the model closes loops
     UnknownName : an option names a marker or coordinate that does not exist
     """
     options = options or CalibrationOptions()
     _check(options)
-    refuse_loops(model, "calibration")
+    if model.loops:
+        raise BadModel(f"calibration: model '{model.name}' closes loops, which is not built yet")
     recordings = (*trials, *((options.static,) if options.static is not None else ()))
     if not recordings:
         raise BadData("calibration needs at least one recording of markers")

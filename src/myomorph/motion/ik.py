@@ -7,16 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from myomorph.model.errors import BadData, BadModel, listing
+from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array
-from myomorph.motion.least_squares import solve_frames
+from myomorph.motion.closed_frames import solvers
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import chunk_starts
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import CHUNK, over_frames
 from myomorph.rigid.kinematics import couple_frames
+from myomorph.rigid.loops import closure
 from myomorph.rigid.tree import Tree, compile_tree
 
 
@@ -72,6 +73,7 @@ class KinematicsFit:
     weights : (markers,)
     converged : (frames,) whether the last step was within the tolerance
     iterations : (frames,)
+    closure : (frames,) how far the model's loops stand open, the largest gap or turning [m or rad]; 0 without loops
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
     """
@@ -84,6 +86,7 @@ class KinematicsFit:
     iterations: Ints
     unused_markers: tuple[str, ...]
     missing_markers: tuple[str, ...]
+    closure: Array | None = None
 
     @property
     def rms(self) -> Array:
@@ -113,8 +116,8 @@ def inverse_kinematics(
     sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2,
 
     over the coordinates that are neither locked, prescribed nor driven by a coupler, clamped ones within
-    their range: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by
-    damped Newton steps with analytic first and second derivatives.
+    their range, so that every loop stays closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's
+    `Assembler`), solved by damped Newton steps with analytic first and second derivatives.
 
     Parameters
     ----------
@@ -126,13 +129,10 @@ def inverse_kinematics(
     ------
     BadData
         where model and recording share no marker, or no frame shows one
-    BadModel
-        where the model closes loops, which inverse kinematics cannot keep closed yet
     UnknownName
         where a weight or task names what the model does not have
     """
     options = options or InverseKinematicsOptions()
-    refuse_loops(model, "inverse kinematics")
     tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)
     observed = np.ascontiguousarray(markers.values[:, [markers.names.index(name) for name in names]])
@@ -145,6 +145,7 @@ def inverse_kinematics(
     frames = len(markers)
     values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
     converged, iterations = np.empty(frames, np.bool_), np.empty(frames, np.int64)
+    _, solve_frames = solvers(tree, len(arrays.free))
 
     def part(start: int, stop: int) -> None:
         span = slice(start, stop)
@@ -164,19 +165,10 @@ def inverse_kinematics(
         weights=weights,
         converged=converged,
         iterations=iterations,
+        closure=np.abs(closure(tree, values)).max(axis=1, initial=0.0),
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
     )
-
-
-def refuse_loops(model: Model, step: str) -> None:
-    """Raise `BadModel` where a model closes kinematic loops that `step` cannot keep closed."""
-    if model.loops:
-        named = ", ".join(f"{loop.kind} '{loop.name}'" for loop in model.loops)
-        raise BadModel(
-            f"{step}: model '{model.name}' closes a loop with {named}, which is not built yet; "
-            "remove the constraint, or replace it by a joint, to go on without it"
-        )
 
 
 def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOptions) -> tuple[tuple[str, ...], Array]:

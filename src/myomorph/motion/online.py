@@ -12,14 +12,13 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array
+from myomorph.motion.closed_frames import solvers
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
     marker_arrays,
-    refuse_loops,
     tracked_markers,
 )
-from myomorph.motion.least_squares import solve_frames
 from myomorph.motion.starts import chunk_starts
 from myomorph.rigid.tree import compile_tree
 
@@ -172,17 +171,16 @@ class OnlineKinematics:
     Raises
     ------
     BadData : model and stream share no marker
-    BadModel : the model closes loops
     """
 
     def __init__(self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None):
-        refuse_loops(model, "inverse kinematics")
         self._options = options or InverseKinematicsOptions()
         self._tree = compile_tree(model)
         empty = Markers(np.zeros(1), tuple(names), np.full((1, len(names), 3), np.nan))
         self.marker_names, weights = tracked_markers(model, empty, self._options)
         self._columns = [list(names).index(name) for name in self.marker_names]
         self._arrays = marker_arrays(self._tree, self.marker_names, weights, self._options)
+        _, self._solve_frames = solvers(self._tree, len(self._arrays.free))
         self._before: list[Array] = []
         self._usual = 0.0
 
@@ -221,7 +219,7 @@ class OnlineKinematics:
         options = self._options
         values, errors = np.empty((1, len(start))), np.empty((1, len(self.marker_names)))
         converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
-        solve_frames(
+        self._solve_frames(
             self._tree.arrays, self._arrays, observed, targets, self._tree.defaults, options.posture_weight,
             options.tolerance, options.iterations, start, values, errors, converged, iterations,
         )  # fmt: skip

@@ -7,9 +7,11 @@ from itertools import product
 import numpy as np
 
 from myomorph.model.spatial import Array
-from myomorph.motion.least_squares import hold, solve_frame
+from myomorph.motion.closed_frames import solvers
+from myomorph.motion.least_squares import hold
 from myomorph.motion.marker_cost import MarkerArrays, new_work
 from myomorph.rigid.frames import CHUNK
+from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
 
 SCOUT = 16
@@ -42,6 +44,8 @@ def chunk_starts(
     posture_weight, iterations : as in `InverseKinematicsOptions`
     """
     work = new_work(tree.arrays, len(tree.defaults))
+    solve_frame, _ = solvers(tree, len(markers.free))
+    rest = closed_defaults(tree)
     root = root_coordinates(tree)
     turning = _turning(tree, markers, root)
     whole_body = _only(markers, root)
@@ -56,12 +60,12 @@ def chunk_starts(
         return cost, pose
 
     starts = np.empty((-(-len(observed) // CHUNK), len(tree.defaults)))
-    pose, usual = tree.defaults.copy(), 0.0
+    pose, usual = rest.copy(), 0.0
     for frame in range(0, len(observed), SCOUT):
         if np.isfinite(observed[frame]).all(axis=1).any():
             cost, pose = settle(markers, frame, pose)
             if usual == 0.0 or cost > 4.0 * usual:
-                turned = sorted((settle(whole_body, frame, start) for start in _headings(tree, turning)), key=_cost)
+                turned = sorted((settle(whole_body, frame, start) for start in _headings(rest, turning)), key=_cost)
                 others = [settle(markers, frame, start) for _, start in turned[:HEADINGS_TRIED]]
                 best, other = min(others, key=_cost)
                 if best < 0.999 * cost:
@@ -76,6 +80,17 @@ def chunk_starts(
         if frame % CHUNK == 0:
             starts[frame // CHUNK] = pose
     return starts
+
+
+def closed_defaults(tree: Tree) -> Array:
+    """The default pose, loops closed.
+
+    Raises
+    ------
+    BadData
+        where its loops cannot be closed
+    """
+    return close_loops(tree, tree.defaults[None])[0] if tree.model.loops else tree.defaults.copy()
 
 
 def _at_bounds(tree: Tree, markers: MarkerArrays, pose: Array) -> list[list[int]]:
@@ -128,12 +143,12 @@ def _turning(tree: Tree, markers: MarkerArrays, root: list[int]) -> list[int]:
     return [j for j in root if j in free and tree.model.coordinates[j].motion == "rotational"]
 
 
-def _headings(tree: Tree, turning: list[int]) -> list[Array]:
-    """The default pose, and the same with each root rotation turned by a quarter, half and three quarters."""
-    poses = [tree.defaults.copy()]
+def _headings(rest: Array, turning: list[int]) -> list[Array]:
+    """A pose, and the same with each root rotation turned by a quarter, half and three quarters."""
+    poses = [rest.copy()]
     for j in turning:
         for quarter in (1, 2, 3):
-            pose = tree.defaults.copy()
+            pose = rest.copy()
             pose[j] += quarter * np.pi / 2.0
             poses.append(pose)
     return poses

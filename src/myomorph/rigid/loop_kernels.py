@@ -33,7 +33,7 @@ def transposed(r):
 
 @inner
 def tied_frames(L, i, R, p):
-    """First tied frame of loop i in ground, tied point x2 in ground, and pose (Q, e) of the second frame in the first."""
+    """In ground the first tied frame of loop i and its second point; in that frame the pose (Q, e) of the second."""
     b1, b2 = L.body_1[i], L.body_2[i]
     r1 = product(matrix(R, b1), matrix(L.turn_1, i))
     x1 = plus(vector(p, b1), turned(matrix(R, b1), vector(L.point_1, i)))

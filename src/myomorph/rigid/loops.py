@@ -102,8 +102,8 @@ def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, he
         loop = tree.model.loops[int(np.searchsorted(tree.loops.row, row, side="right")) - 1]
         raise BadData(
             f"frame {good[worst]}: {loop.kind} '{loop.name}' cannot be closed, {error[worst, row]:.2g} are left of "
-            f"{_opening(tree, given[good[worst]]):.2g} m or rad; do the coordinates belong to this model, and is enough "
-            f"of {', '.join(_movers(tree))} free to move?"
+            f"{_opening(tree, given[good[worst]]):.2g} m or rad; do the coordinates belong to this model, and is "
+            f"enough of {', '.join(_movers(tree))} free to move?"
         )
     return closed
 
@@ -205,7 +205,7 @@ def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None
 
 def free_coordinates(tree: Tree, held: Sequence[int] | Ints = ()) -> Ints:
     """Indices of the coordinates that are neither coupled, locked, prescribed nor `held`."""
-    stay = set(int(j) for j in held)
+    stay = {int(j) for j in held}
     coordinates = tree.model.coordinates
     return np.array(
         [
@@ -247,8 +247,7 @@ def _weights(tree: Tree, weights: Array | None) -> Array:
 
 def _pseudo_inverse(G: Array) -> Array:
     """(frames, n, rows) Moore-Penrose inverse of (frames, rows, n), directions below `RANK` left out."""
-    inverse: Array = np.linalg.pinv(G, rcond=RANK)
-    return inverse
+    return np.asarray(np.linalg.pinv(G, rcond=RANK), np.float64)
 
 
 def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
