@@ -23,12 +23,22 @@ from myomorph.io.mjcf import model_from_mujoco
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.series import Motion
 from myomorph.model.spatial import Array, axis_rotation
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.study.virtual_equations import angular_motion, moment_rows, poses_of
-from myomorph.study.virtual_recording import SENSORS, Noise, Sampled, measured_markers, measured_wrench, simulate
+from myomorph.study.virtual_recording import (
+    SENSORS,
+    Noise,
+    Sampled,
+    VirtualTrial,
+    inertial,
+    measured_markers,
+    measured_wrench,
+    simulate,
+    words,
+)
 
 Kind = Literal["hinge", "ball"]
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -120,23 +130,6 @@ class JointTruth:
 
 
 @dataclass(frozen=True, eq=False)
-class VirtualTrial:
-    """One release: what was measured of it, and what truly happened.
-
-    Attributes
-    ----------
-    markers : 200 Hz, with noise
-    wrenches : of the plate on the base, 2000 Hz on its own clock, with noise: force, point, torque
-    exact : the simulation at the forces' instants, without noise, on the true clock
-    """
-
-    name: str
-    markers: Markers
-    wrenches: Wrenches
-    exact: Sampled
-
-
-@dataclass(frozen=True, eq=False)
 class VirtualJoint:
     """A virtual joint and its recordings.
 
@@ -180,7 +173,7 @@ class VirtualJoint:
         force = found.forces[:, 0]
         moment = found.torques[:, 0] + np.cross(found.points[:, 0] - CENTER, force)
         wrench = np.concatenate([moment, force], axis=1)
-        seen = Sampled(time, rotations, rates, accelerations, wrench)
+        seen = Sampled(time, rotations, rates, accelerations, wrench, np.zeros((len(time), 0)))
         return _equations(trial.name, self.truth, seen, 2.0 / cutoff)
 
 
@@ -293,33 +286,26 @@ def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tu
 
 def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array]) -> str:
     """The joint as MJCF; the base is fixed, and free where `<!--free-->` becomes a joint."""
-    p, center = truth.parameters, truth.mass_center
-    about = inertia_matrices(p) - p[0] * (center @ center * np.eye(3) - np.outer(center, center))
-    full = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
-    hinge = "" if truth.axis is None else f'axis="{_words(truth.axis)}" springref="{_words(np.rad2deg(truth.rest))}"'
+    hinge = "" if truth.axis is None else f'axis="{words(truth.axis)}" springref="{words(np.rad2deg(truth.rest))}"'
     sites = [
-        [f'<site name="{name}" pos="{_words(place)}" size="0.0045"/>' for name, place in places.items()]
+        [f'<site name="{name}" pos="{words(place)}" size="0.0045"/>' for name, place in places.items()]
         for places in (base, limb)
     ]
     return f"""<mujoco model="virtual joint">
-  <option gravity="{_words(GRAVITY)}"/>
+  <option gravity="{words(GRAVITY)}"/>
   <worldbody>
-    <body name="base" pos="{_words(CENTER)}"><!--free-->
+    <body name="base" pos="{words(CENTER)}"><!--free-->
       <inertial pos="0 0 0.05" mass="1" diaginertia="0.003 0.003 0.003"/>
       {"".join(sites[0])}
       <body name="limb">
         <joint name="joint" type="{truth.kind}" damping="{truth.damping!r}" stiffness="{truth.stiffness!r}" {hinge}/>
-        <inertial pos="{_words(center)}" mass="{truth.mass!r}" fullinertia="{_words(full)}"/>
+        {inertial(truth.parameters)}
         <site name="center"/>
         {"".join(sites[1])}
       </body>
     </body>
   </worldbody>{SENSORS.format(body="limb")}
 </mujoco>"""
-
-
-def _words(numbers: ArrayLike) -> str:
-    return " ".join(repr(float(one)) for one in np.asarray(numbers))
 
 
 def _equations(name: str, truth: JointTruth, seen: Sampled, ends: float = 0.0) -> SwingRecording:

@@ -9,8 +9,10 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco import rollout
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from myomorph.model.inertia import inertia_matrices
 from myomorph.model.series import Markers, Wrenches
 from myomorph.model.spatial import Array
 
@@ -24,7 +26,9 @@ SENSORS = """
     <torque name="torque" site="center"/>
     <force name="force" site="center"/>
   </sensor>"""
-"""What a swing needs; the limb's first body `body` has a site "center" at the joint, along its axes."""
+"""What a swing needs; the limb's first body `body` has a site "center" at the joint, along its axes.
+
+Speeds of tendons come after them."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,7 @@ class Sampled:
     rotations : (frames, 3, 3) of the limb's first body in ground
     rates, accelerations : (frames, 3) angular, along the limb's axes [rad/s], [rad/s^2]
     wrench : (frames, 6) of the base on the limb, moment about the joint's center, in ground [N m], [N]
+    lengthening : (frames, tendons) speed of each tendon [m/s]
     """
 
     time: Array
@@ -67,10 +72,28 @@ class Sampled:
     rates: Array
     accelerations: Array
     wrench: Array
+    lengthening: Array
 
     def every(self, number: int) -> Sampled:
         """Every so many-th frame."""
         return Sampled(*(getattr(self, name)[::number] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualTrial:
+    """One release: what was measured of it, and what truly happened.
+
+    Attributes
+    ----------
+    markers : 200 Hz, with noise
+    wrenches : of the plate on the base, 2000 Hz on its own clock, with noise: force, point, torque
+    exact : the simulation at the forces' instants, without noise, on the true clock
+    """
+
+    name: str
+    markers: Markers
+    wrenches: Wrenches
+    exact: Sampled
 
 
 def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: float) -> Sampled:
@@ -101,7 +124,8 @@ def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
     rotations = matrices(values("pose"))
     wrench = [np.einsum("fij,fj->fi", rotations, values(name)) for name in ("torque", "force")]
     accelerations = np.einsum("fji,fj->fi", rotations, values("accelerations"))
-    return Sampled(time, rotations, values("rates"), accelerations, np.concatenate(wrench, axis=1))
+    speeds = sensed[:, sensed.shape[1] - compiled.ntendon :]
+    return Sampled(time, rotations, values("rates"), accelerations, np.concatenate(wrench, axis=1), speeds)
 
 
 def matrices(quaternions: Array) -> Array:
@@ -147,3 +171,16 @@ def measured_wrench(
     moment += noise.force * noise.lever * random.standard_normal(moment.shape)
     points = np.broadcast_to(plate, (len(true), 1, 3))
     return Wrenches(clock, ("plate",), (body,), force[:, None], points, moment[:, None])
+
+
+def inertial(parameters: Array) -> str:
+    """MJCF of inertial parameters (10,) about the body's origin, [D] order."""
+    center = parameters[1:4] / parameters[0]
+    about = inertia_matrices(parameters) - parameters[0] * (center @ center * np.eye(3) - np.outer(center, center))
+    full = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
+    return f'<inertial pos="{words(center)}" mass="{float(parameters[0])!r}" fullinertia="{words(full)}"/>'
+
+
+def words(numbers: ArrayLike) -> str:
+    """Numbers as MJCF writes them, to the last digit."""
+    return " ".join(repr(float(one)) for one in np.asarray(numbers))
