@@ -193,15 +193,16 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
             names = [one.name for one in QUANTITIES]
             if name not in names:
                 problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names, 9)}")
-    conditions = {
-        key: tuple(_recordings(entries, given.time, folder, f"{where}: {key}", problems, remarks))
+    without, intact = (
+        tuple(_recordings(entries, given.time, folder, f"{where}: {key}", problems, remarks))
         for key, entries in zip(CONDITIONS, (given.without, given.intact), strict=True)
-    }
+    )
     model = existing(folder, given.model, f"{where}: model", problems)
     return SpecimenFiles(
         given.name,
         model or folder,
-        *conditions.values(),
+        without,
+        intact,
         given.measured_muscle_mass,
         given.base,
         given.first,
