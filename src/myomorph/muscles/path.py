@@ -22,6 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
+from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path_arrays import ARMS, PathArrays, path_arrays
 from myomorph.muscles.path_kernels import coupler_slopes, path_frames
 from myomorph.rigid.coordinates import Ints
@@ -137,6 +138,7 @@ class MuscleKinematics:
     arms : (frames, moment arms) as `Paths.evaluate` gives them, or None where not asked for
     coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
     paths : the compiled paths, which hold the pattern of `arms`
+    loops : of each group of coordinates that closed loops tie together, `loop_couplings`
     """
 
     time: Array
@@ -147,6 +149,7 @@ class MuscleKinematics:
     arms: Array | None
     coupler_slopes: Array
     paths: Paths = field(repr=False)
+    loops: tuple[tuple[LoopGroup, Array], ...] = field(default=(), repr=False)
 
     @property
     def moment_arms(self) -> Array:
@@ -158,7 +161,8 @@ class MuscleKinematics:
 
         A coordinate that others follow has what reaches the muscle through them included. One that
         follows has the moment arm of what it follows per unit of its own motion: with d = f(q) and
-        slope g, r_d = r_q / g; where g is 0, its own share.
+        slope g, r_d = r_q / g; where g is 0, its own share. Coordinates of a closed loop have what the
+        others of the loop add while they follow; see `coupled_arms`.
 
         Parameters
         ----------
@@ -174,7 +178,7 @@ class MuscleKinematics:
         return column
 
     def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
-        """Moment arms about the coordinates that follow no other, in sparse form.
+        """Moment arms about the coordinates that no coupler drives, each moved alone (loops opened), in sparse form.
 
         Returns
         -------
@@ -205,6 +209,9 @@ class MuscleKinematics:
             square = (slopes**2).sum(axis=1)
             moves = square > 0.0
             table[moves, :, dependent] = reached[moves] / square[moves, None]
+        for group, couplings in self.loops:
+            own = table[:, :, group.coordinates[group.leading]]
+            table[:, :, group.coordinates] = np.einsum("fml,flk->fmk", own, couplings[frames])
         return table
 
 
@@ -239,6 +246,7 @@ def muscle_kinematics(
     lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
     slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
     _slopes(paths.arrays, coordinates, slopes)
+    loops = tuple((one, loop_couplings(paths.tree, one, coordinates)) for one in loop_groups(paths.tree) if moment_arms)
     return MuscleKinematics(
         motion.time,
         model.muscle_names,
@@ -248,6 +256,7 @@ def muscle_kinematics(
         arms if moment_arms else None,
         slopes,
         paths,
+        loops,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,6 +16,7 @@ from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Table
 from myomorph.model.spatial import Array
+from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path import Paths, compile_paths
 from myomorph.rigid.coordinates import Ints
 from myomorph.study.progress import progress
@@ -33,12 +35,15 @@ class Crossings:
     muscle, coordinate : (pairs,) indices; the first pairs are those of `Paths.arm_muscle`
     followers : of each coupler, the pairs of its dependent coordinate and, for each of its two sources,
         the pairs they follow; -1 for none
+    loops : groups of coordinates that closed loops tie together, each with (muscles, group) pairs of the muscles
+        that cross it
     order : (pairs,) by coordinate, then muscle
     """
 
     muscle: Ints
     coordinate: Ints
     followers: tuple[tuple[Ints, tuple[Ints, Ints]], ...]
+    loops: tuple[tuple[LoopGroup, Ints], ...]
     order: Ints
 
 
@@ -61,8 +66,17 @@ def crossings(paths: Paths) -> Crossings:
         own = np.array([pairs[dependent, muscle] for muscle in muscles], np.int64)
         led = tuple(np.array([pairs.get((source, muscle), -1) for muscle in muscles], np.int64) for source in sources)
         followers.append((own, (led[0], led[1])))
-    coordinate, muscle = np.array(list(pairs), np.int64).reshape(-1, 2).T
-    return Crossings(muscle, coordinate, tuple(followers), np.lexsort((muscle, coordinate)))
+    loops = []
+    for group in loop_groups(paths.tree):
+        members = group.coordinates.tolist()
+        muscles = sorted({muscle for one in members for muscle in by_coordinate.get(one, ())})
+        for muscle, coordinate in product(muscles, members):
+            pairs.setdefault((coordinate, muscle), len(pairs))
+        table = [[pairs[coordinate, muscle] for coordinate in members] for muscle in muscles]
+        loops.append((group, np.array(table, np.int64).reshape(-1, len(members))))
+    coordinates, crossed = np.array(list(pairs), np.int64).reshape(-1, 2).T
+    order = np.lexsort((crossed, coordinates))
+    return Crossings(crossed, coordinates, tuple(followers), tuple(loops), order)
 
 
 def coupler_slopes(paths: Paths, coordinates: Array) -> Array:
@@ -86,6 +100,9 @@ def arms_as_reported(paths: Paths, pattern: Crossings, coordinates: Array, arms:
         moves = square > 0.0
         reached = sum(slopes[:, k, s, None] * table[:, led[s]] for s in range(2))
         table[np.ix_(moves, own)] = (reached / np.where(moves, square, 1.0)[:, None])[moves]
+    for group, pairs in pattern.loops:
+        couplings = loop_couplings(paths.tree, group, coordinates)
+        table[:, pairs] = np.einsum("fml,flk->fmk", table[:, pairs[:, group.leading]], couplings)
     return table[:, pattern.order]
 
 

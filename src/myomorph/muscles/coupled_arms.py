@@ -1,0 +1,159 @@
+"""Moment arms about coordinates that closed loops tie together, as OpenSim defines them.
+
+A coordinate of a loop cannot move alone. OpenSim's moment arm about coordinate k is the length that the path gains
+per unit of motion of k while the others follow as little as the loop lets them: with P the orthogonal projection
+of speeds onto those that keep loops closed and couplers true,
+
+    arm_k = (P e_k)^T r / (P e_k)_k,     r_j = -dl/dq_j with every coordinate moved alone
+
+(Sherman, Seth and Delp 2013; `MomentArmSolver` of OpenSim). Locked coordinates stay, except k itself. What is "as
+little" hangs on the speeds that are counted. OpenSim counts the rates of most coordinates, but for the three
+rotations of a `ScapulothoracicJoint`, `EllipsoidJoint`, `BallJoint` and `FreeJoint` the angular velocity along the
+joint's axes, which stands under the coordinate's name; so are ours where a loop is closed. Sums of these arms do
+not balance torques, for each holds the others' share: muscle forces take the null space instead, see
+`rigid.closed_motion`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.kinematics import gather_dependents
+from myomorph.rigid.loops import RANK, closure_jacobian
+from myomorph.rigid.tree import Tree
+
+STILL = 1e-9
+"""A coordinate whose part in its own projection is less cannot move."""
+
+TURNING = ("ScapulothoracicJoint", "EllipsoidJoint", "BallJoint", "FreeJoint")
+"""Joints whose speeds in OpenSim are angular velocities instead of rates of their three angles."""
+
+Speeds = Literal["opensim", "coordinates"]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopGroup:
+    """Coordinates that loops tie together, with those that couplers tie to them.
+
+    Attributes
+    ----------
+    coordinates : indices, ascending
+    leading : those among `coordinates` that no coupler drives, as places in it
+    stays : (coordinates,) whether each is locked or prescribed
+    """
+
+    coordinates: Ints
+    leading: Ints
+    stays: np.ndarray
+
+
+def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
+    """Groups of coordinates that cannot move without each other because a loop is closed."""
+    arrays, model = tree.arrays, tree.model
+    sets: list[set[int]] = []
+    for i in range(len(tree.loops.body_1)):
+        between = tree.supports[tree.loops.body_1[i]] ^ tree.supports[tree.loops.body_2[i]]
+        sets.append({int(j) for j in arrays.axis_coordinate[between].ravel() if j >= 0})
+    ties = [
+        {int(j), *(int(k) for k in sources if k >= 0)}
+        for j, sources in zip(arrays.coupler_coordinate, arrays.coupler_source, strict=True)
+    ]
+    groups: list[set[int]] = []
+    for one in sets:
+        grown = one
+        while more := [tie for tie in (*ties, *groups) if tie & grown and not tie <= grown]:
+            grown = grown.union(*more)
+        groups = [group for group in groups if not group <= grown] + [grown]
+    driven = set(arrays.coupler_coordinate.tolist())
+    found = []
+    for group in groups:
+        members = np.array(sorted(group), np.int64)
+        stays = [model.coordinates[j].locked or model.coordinates[j].prescribed is not None for j in members]
+        leading = np.array([place for place, j in enumerate(members) if int(j) not in driven], np.int64)
+        found.append(LoopGroup(members, leading, np.array(stays, bool)))
+    return tuple(found)
+
+
+def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Speeds = "opensim") -> Array:
+    """How fast a group's leading coordinates move per unit speed of each of its coordinates.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) consistent values
+    speeds : "opensim" for OpenSim's speeds; "coordinates" for the rates of all coordinates, whose arms are -dl/dq
+
+    Returns
+    -------
+    (frames, leading, group) column k holds P e_k / (P e_k)_k of the formula above, of what leads; where k cannot
+    move, its own motion alone
+    """
+    members, leading = group.coordinates, group.leading
+    frames, n = len(coordinates), len(members)
+    G = closure_jacobian(tree, coordinates)[:, :, members[leading]]
+    T = _leads(tree, group, coordinates)
+    if speeds == "opensim":
+        _turn(tree, group, coordinates, T)
+    found = np.zeros((frames, len(leading), n))
+    places = {int(place): i for i, place in enumerate(leading)}
+    for k in range(n):
+        free = ~group.stays[leading]
+        if k in places:
+            free[places[k]] = True
+        # Least |T v - e_k| over speeds v that keep the loops closed.
+        inverse = np.linalg.inv(np.einsum("fni,fnj->fij", T[:, :, free], T[:, :, free]))
+        wanted = np.einsum("fij,fj->fi", inverse, T[:, k][:, free])
+        g = G[:, :, free]
+        metric = np.einsum("fri,fij,fsj->frs", g, inverse, g)
+        force = np.einsum("frs,fsi,fi->fr", np.linalg.pinv(metric, rcond=RANK, hermitian=True), g, wanted)
+        v = wanted - np.einsum("fij,frj,fr->fi", inverse, g, force)
+        own = np.einsum("fi,fi->f", T[:, k][:, free], v)
+        moves = own > STILL
+        found[np.ix_(moves, np.flatnonzero(free), np.array([k]))] = (v[moves] / own[moves, None])[:, :, None]
+        if k in places:
+            found[~moves, places[k], k] = 1.0
+    return found
+
+
+def _leads(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:
+    """(frames, group, leading) derivatives of a group's coordinates in those of them that lead."""
+    n = len(group.coordinates)
+    leads = np.zeros((len(coordinates), n, len(group.leading)))
+    leads[:, group.leading, np.arange(len(group.leading))] = 1.0
+    if n == len(group.leading):
+        return leads
+    rows = np.zeros((n, len(tree.model.coordinates)))
+    for frame, c in enumerate(np.array(coordinates)):
+        rows[:] = 0.0
+        rows[np.arange(n), group.coordinates] = 1.0
+        gather_dependents(tree.arrays, c, rows)
+        leads[frame] = rows[:, group.coordinates[group.leading]]
+    return leads
+
+
+def _turn(tree: Tree, group: LoopGroup, coordinates: Array, leads: Array) -> None:
+    """Make angular velocities of the rates of three angles x, y, z turned about body-fixed axes in this order.
+
+    omega = (1, 0, 0) xdot + (0, cos x, sin x) ydot + (sin y, -sin x cos y, cos x cos y) zdot along the axes before
+    they are turned.
+    """
+    names = tree.model.coordinate_names
+    places = {int(j): place for place, j in enumerate(group.coordinates)}
+    for joint in tree.model.joints:
+        turns = [axis for axis in joint.axes if axis.kind == "rotation" and axis.function.arity][:3]
+        if joint.kind not in TURNING or any(len(axis.coordinates) != 1 for axis in turns):
+            continue
+        members = [names.index(axis.coordinates[0]) for axis in turns]
+        if not places.keys() >= set(members):
+            continue
+        rows = [places[j] for j in members]
+        x, y = coordinates[:, members[0]], coordinates[:, members[1]]
+        turn = np.zeros((len(coordinates), 3, 3))
+        turn[:, 0, 0] = 1.0
+        turn[:, :, 1] = np.stack([np.zeros_like(x), np.cos(x), np.sin(x)], axis=1)
+        turn[:, :, 2] = np.stack([np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)], axis=1)
+        leads[:, rows] = turn @ leads[:, rows]
