@@ -191,7 +191,7 @@ def _sized(
     seconds: float,
     full_size: bool,
 ) -> _Sized:
-    """Scale of the muscles, or their viscosity, by fixed point: the swing that weighs the arms depends on it a little."""
+    """Scale of the muscles, or their viscosity, by fixed point: the swing that weighs the arms depends on it too."""
     excess = row.total_viscosity - row.joint_viscosity
     factor, muscle = (1.0, excess / USUAL_ARM**2) if full_size else (0.1, row.muscle_viscosity)
     for _ in range(12):
