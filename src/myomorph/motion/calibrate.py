@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.errors import BadData, BadModel, listing
+from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
@@ -95,8 +95,6 @@ def calibrate(
     """
     options = options or CalibrationOptions()
     _check(options)
-    if model.loops:
-        raise BadModel(f"calibration: model '{model.name}' closes loops, which is not built yet")
     recordings = (*trials, *((options.static,) if options.static is not None else ()))
     if not recordings:
         raise BadData("calibration needs at least one recording of markers")
@@ -295,6 +293,8 @@ def _search(
     # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
     stages = [noise] if noise >= NOISE_AT_FIRST else [NOISE_AT_FIRST, noise]
     start = point = settle(problem, x, angles, stages[0] ** 2)
+    if not np.isfinite(point.cost(0.0)):
+        raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
     told = True
     usual = _usual_shifts(problem.model, names, options)
     stages.append(noise)

@@ -100,8 +100,8 @@ class Closing(NamedTuple):
     Z: Array
 
 
-def ties_of(tree: Tree) -> Ties:
-    """The ties of a tree's loops; a weld's second and third lie a metre along its frame's axes."""
+def ties_of(tree: Tree, lever: float = 1.0) -> Ties:
+    """The ties of a tree's loops; a weld's second and third lie `lever` [m] along its frame's axes."""
     loops = tree.loops
     ties = []
     for i in range(len(loops.body_1)):
@@ -109,7 +109,7 @@ def ties_of(tree: Tree) -> Ties:
         ties.append((loops.body_1[i], loops.body_2[i], *ends))
         if loops.row[i + 1] - loops.row[i] == 6:
             for axis in range(2):
-                away = (loops.turn_1[i][:, axis], loops.turn_2[i][:, axis])
+                away = (lever * loops.turn_1[i][:, axis], lever * loops.turn_2[i][:, axis])
                 ties.append((loops.body_1[i], loops.body_2[i], ends[0] + away[0], ends[1] + away[1]))
     one, two, first, second = zip(*ties, strict=True)
     return Ties(np.array(one), np.array(two), np.array(first), np.array(second))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,21 @@ from numpy.typing import NDArray
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Array
+from myomorph.motion.closed_frames import ties_of
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.marker_cost import MarkerArrays
-from myomorph.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, settle_frames, with_travel
+from myomorph.motion.starts import closed_defaults
+from myomorph.motion.stretch import (
+    FRAMES_AT_ONCE,
+    Stretch,
+    frame_blocks,
+    settle_closed_frames,
+    settle_frames,
+    tied_markers,
+    with_travel,
+)
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import TreeArrays, compile_tree
 
 LEAST_GAIN = 1e-7
@@ -126,7 +138,7 @@ class Reduced:
     Attributes
     ----------
     errors : for each set (frames, markers) distances [m], NaN where unseen
-    angles_free : angles that are not at a bound, over all frames
+    angles_free : angles that are not at a bound and that no loop takes, over all frames
     """
 
     H: Array
@@ -139,7 +151,8 @@ class Reduced:
 
 def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50) -> Point:
     """Inverse kinematics of all frames on the model that x makes."""
-    tree = compile_tree(problem.stretched(x)).arrays
+    tree = compile_tree(problem.stretched(x))
+    solve = settle_frames if not tree.model.loops else partial(settle_closed_frames, ties_of(tree))
     locations = problem.placed(x)
     arrays, found, data, settled, frames = [], [], [], 0, 0
     for one, start in zip(problem.sets, angles, strict=True):
@@ -151,9 +164,9 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
 
         def part(first: int, last: int, K=K, one=one, c=c, cost=cost, converged=converged) -> None:
             span = slice(first, last)
-            settle_frames(
-                tree, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight, SETTLED, most,
-                c[span], cost[span], converged[span],
+            solve(
+                tree.arrays, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight,
+                SETTLED, most, c[span], cost[span], converged[span],
             )  # fmt: skip
 
         over_frames(part, len(c), chunk=16)
@@ -162,7 +175,9 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
         data.append(cost)
         settled += int(converged.sum())
         frames += len(c)
-    return Point(x, tree, tuple(arrays), tuple(found), tuple(data), problem.prior.cost(x), settled / max(frames, 1))
+    return Point(
+        x, tree.arrays, tuple(arrays), tuple(found), tuple(data), problem.prior.cost(x), settled / max(frames, 1)
+    )
 
 
 def reduce(problem: SharedProblem, at: Point) -> Reduced:
@@ -172,6 +187,9 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
     size = len(problem.markers.free)
     fixed_H, fixed_g = np.zeros((shared, shared)), np.zeros(shared)
     taken_H, taken_g = np.zeros((shared, shared)), np.zeros(shared)
+    tied, tied_stretch = _tied(problem, at.x, stretch)
+    tree = compile_tree(problem.model)
+    closed = loop_basis(tree, closed_defaults(tree)[None], problem.markers.free).rank
     errors, angles_free = [], 0
     for one, K, c in zip(problem.sets, at.markers, at.angles, strict=True):
         distances = np.empty(one.observed.shape[:2])
@@ -188,7 +206,7 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
                 span = slice(start, min(start + FRAMES_AT_ONCE, last))
                 gone = np.empty((size * (span.stop - span.start), shared + 1))
                 frame_blocks(
-                    at.tree, K, stretch, one.observed[span], one.targets[span], problem.posture,
+                    at.tree, K, stretch, tied, tied_stretch, one.observed[span], one.targets[span], problem.posture,
                     problem.posture_weight, c[span], H[slot], g[slot], gone, distances[span],
                 )  # fmt: skip
                 E[slot] += gone[:, :-1].T @ gone[:, :-1]
@@ -200,7 +218,7 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
         fixed_g += g.sum(axis=0)
         taken_H += E.sum(axis=0)
         taken_g += e.sum(axis=0)
-        angles_free += int(free.sum())
+        angles_free += int(free.sum()) - len(c) * closed
         errors.append(distances)
     fixed_H = np.tril(fixed_H) + np.tril(fixed_H, -1).T
     pad = ((0, 1), (0, 1))
@@ -208,6 +226,16 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
         np.pad(fixed_H - taken_H, pad), np.pad(fixed_g - taken_g, (0, 1)), np.pad(fixed_H, pad),
         np.pad(fixed_g, (0, 1)), tuple(errors), angles_free,
     )  # fmt: skip
+
+
+def _tied(problem: SharedProblem, x: Array, stretch: Stretch) -> tuple[MarkerArrays, Stretch]:
+    """The points that loops tie at x, as markers, and how they move with the lengths: as points of their bodies."""
+    if not problem.model.loops:
+        return tied_markers(problem.markers, None), stretch
+    tied = tied_markers(problem.markers, ties_of(compile_tree(problem.stretched(x))))
+    # A weld's lever does not stretch.
+    given = tied_markers(problem.markers, ties_of(compile_tree(problem.model), lever=0.0))
+    return tied, stretch._replace(location=given.location)
 
 
 def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:

@@ -21,16 +21,20 @@ from numba import njit
 from myomorph.model.model import GROUND, Axis, Model
 from myomorph.model.scale import scale, slides_freely
 from myomorph.model.spatial import Array
+from myomorph.motion.closed_frames import Ties, new_closing, solve_closed_frame
 from myomorph.motion.least_squares import hold, solve_frame
 from myomorph.motion.lengths import Length
-from myomorph.motion.marker_cost import new_work, seen_weight
+from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.kinematics import body_poses, gather_dependents
 from myomorph.rigid.tree import ROTATION, compile_tree
-from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
+from myomorph.rigid.vectors import about, along, cross, in_place, matrix, minus, product, turned, vector
 
 FRAMES_AT_ONCE = 64
 """Frames whose eliminated angles are held in memory together."""
+
+TIED = 1e6
+"""Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a million."""
 
 
 class Stretch(NamedTuple):
@@ -115,6 +119,15 @@ def _in_tree_order(model: Model) -> list[tuple[Axis, ...]]:
     return [joints[body] for body in model.body_names if body != GROUND]
 
 
+def tied_markers(markers: MarkerArrays, ties: Ties | None) -> MarkerArrays:
+    """The points of ties, first and second in turn, as markers."""
+    if ties is None:
+        return markers._replace(body=markers.body[:0], location=markers.location[:0], weight=markers.weight[:0])
+    body = np.column_stack([ties.body_1, ties.body_2]).ravel()
+    location = np.stack([ties.point_1, ties.point_2], axis=1).reshape(-1, 3)
+    return markers._replace(body=body, location=location, weight=np.zeros(len(body)))
+
+
 @njit(cache=True, nogil=True)
 def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, most, c, cost, converged):
     """Inverse kinematics of frames, each from where it stands.
@@ -132,6 +145,19 @@ def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, m
         converged[frame], _, value = solve_frame(
             T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c[frame], work
         )
+        cost[frame] = value * seen_weight(K, observed[frame])
+
+
+@njit(cache=True, nogil=True)
+def settle_closed_frames(ties, T, K, observed, targets, posture, posture_weight, tolerance, most, c, cost, converged):
+    """`settle_frames` with loops kept closed; the cost is infinite where they cannot be."""
+    work, closing = new_work(T, c.shape[1]), new_closing(ties, c.shape[1], K.free.shape[0])
+    for frame in range(observed.shape[0]):
+        hold(K, targets[frame], c[frame])
+        converged[frame], _, value = solve_closed_frame(
+            ties, T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c[frame], work,
+            closing,
+        )  # fmt: skip
         cost[frame] = value * seen_weight(K, observed[frame])
 
 
@@ -208,14 +234,16 @@ def add_offset(column, slopes, h, b, r, grown):
 
 
 @njit(cache=True, nogil=True)
-def frame_blocks(T, K, S, observed, targets, posture, posture_weight, c, H, g, eliminated, errors):
+def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weight, c, H, g, eliminated, errors):
     """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take away.
 
     With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T e, where
     [E e] = L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts for each marker.
+    Loops, whose gap the angles close whatever the lengths, count as residuals of weight `TIED` that are zero.
 
     Parameters
     ----------
+    tied, tied_S : the points that loops tie, in pairs, as markers; none without loops
     c : (frames, coordinates) angles, at the minimum of each frame
     H, g : (shared, shared), (shared,) added to: J_s^T W J_s (lower triangle) and J_s^T W r
     eliminated : (frames * variables, shared + 1) filled with [E e]; rows of coordinates at a bound are zero
@@ -228,6 +256,9 @@ def frame_blocks(T, K, S, observed, targets, posture, posture_weight, c, H, g, e
     w, o, grown = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((bodies, 3, lengths))
     places, by_length, by_coordinate = np.empty((markers, 3)), np.empty((rows, lengths)), np.empty((rows, n))
     A, Jq, misfit = np.empty((size, size)), np.empty((rows, size)), np.empty(rows)
+    ties = tied.body.shape[0]
+    tied_places = np.empty((ties, 3))
+    tied_length, tied_coordinate = np.empty((3 * ties, lengths)), np.empty((3 * ties, n))
     for frame in range(c.shape[0]):
         y, at = observed[frame], c[frame]
         marker_slopes(T, K, S, at, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
@@ -283,6 +314,9 @@ def frame_blocks(T, K, S, observed, targets, posture, posture_weight, c, H, g, e
             A[a, a] += total * K.task_weight[F[a]]
             E[a, shared] += total * K.task_weight[F[a]] * (at[F[a]] - targets[frame, F[a]])
         stiffness = posture_weight * (curvature / moved if moved else 1.0)
+        if tied.body.shape[0] > 0:
+            marker_slopes(T, tied, tied_S, at, R, p, w, o, dphi, grown, tied_places, tied_length, tied_coordinate)
+            add_ties(F, tied_length, tied_coordinate, A, E, H)
         for a in range(size):
             A[a, a] += stiffness
             E[a, shared] += stiffness * (at[F[a]] - posture[F[a]])
@@ -304,6 +338,25 @@ def frame_blocks(T, K, S, observed, targets, posture, posture_weight, c, H, g, e
                         E[a, j] -= factor * E[k, j]
             for j in range(shared + 1):
                 E[a, j] /= A[a, a]
+
+
+@in_place
+def add_ties(F, by_length, by_coordinate, A, E, H):
+    """Add the squares of the gaps between pairs of tied points, at the weight `TIED`."""
+    lengths = by_length.shape[1]
+    for first in range(0, by_length.shape[0], 6):
+        for row in range(first, first + 3):
+            for a in range(lengths):
+                slope = TIED * (by_length[row + 3, a] - by_length[row, a])
+                for k in range(a + 1):
+                    H[a, k] += slope * (by_length[row + 3, k] - by_length[row, k])
+            for a in range(F.shape[0]):
+                slope = TIED * (by_coordinate[row + 3, F[a]] - by_coordinate[row, F[a]])
+                if slope != 0.0:
+                    for k in range(a + 1):
+                        A[a, k] += slope * (by_coordinate[row + 3, F[k]] - by_coordinate[row, F[k]])
+                    for k in range(lengths):
+                        E[a, k] += slope * (by_length[row + 3, k] - by_length[row, k])
 
 
 @njit(cache=True, nogil=True)

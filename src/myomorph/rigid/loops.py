@@ -21,6 +21,9 @@ CLOSED = 1e-10
 RANK = 1e-8
 """A direction of a Jacobian counts where its singular value is at least this share of the largest."""
 
+NEAREST = 1e-9
+"""A projection has arrived when its last step is shorter [rad or m, weighted]."""
+
 STEPS = 200
 """Steps of a projection."""
 
@@ -71,7 +74,7 @@ def closure_rates(tree: Tree, coordinates: Array, velocities: Array, acceleratio
 def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, held: Sequence[int] | Ints = ()) -> Array:
     """The coordinates nearest to those given that close every loop.
 
-    min sum_j w_j (c_j - given_j)^2 so that closure(c) = 0, by Gauss-Newton steps on the linearized constraint.
+    min sum_j w_j (c_j - given_j)^2 so that closure(c) = 0, by gradient projection.
     Locked, prescribed and `held` coordinates stay, coupled ones follow; ranges are not looked at.
 
     Parameters
@@ -251,23 +254,58 @@ def _pseudo_inverse(G: Array) -> Array:
 
 
 def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
-    """Nearest closed coordinates of frames: steps back to those given, along the constraint, until none moves."""
+    """Nearest closed coordinates: steps towards those given along the constraint, closed again after each."""
+    c = _shut(tree, given, free, scale)
+    stuck = np.abs(closure(tree, c)).max(axis=1) > CLOSED
+    if stuck.any():
+        # From the default pose the way back is long, but free of the fold that the given pose lies behind.
+        rest = _shut(tree, np.where(np.isin(np.arange(given.shape[1]), free), tree.defaults, given[stuck]), free, scale)
+        c[stuck] = rest
+    share = np.ones(len(c))
+    moving = np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) <= CLOSED)
+    for _ in range(STEPS):
+        now = c[moving]
+        back = (given[moving][:, free] - now[:, free]) / scale
+        G = closure_jacobian(tree, now)[:, :, free] * scale
+        along = back - np.einsum("fjr,frk,fk->fj", _pseudo_inverse(G), G, back)
+        trial = now.copy()
+        trial[:, free] += share[moving, None] * along * scale
+        trial = _shut(tree, trial, free, scale)
+        left = ((given[moving][:, free] - trial[:, free]) / scale) ** 2
+        nearer = (left.sum(axis=1) < (back**2).sum(axis=1)) & (np.abs(closure(tree, trial)).max(axis=1) <= CLOSED)
+        c[moving[nearer]] = trial[nearer]
+        share[moving] = np.where(nearer, np.minimum(1.0, 2.0 * share[moving]), 0.25 * share[moving])
+        moving = moving[share[moving] * np.abs(along).max(axis=1) > NEAREST]
+        if not len(moving):
+            break
+    return c
+
+
+def _shut(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
+    """Newton steps of least norm on the closure, each as long as it lowers it, until loops close or none does."""
     c = given.copy()
     moving = np.arange(len(c))
     for _ in range(STEPS):
-        now = c[moving]
-        error, G = _closures(tree, now)
-        scaled = G[:, :, free] * scale
-        back = (given[moving][:, free] - now[:, free]) / scale
-        wanted = error + np.einsum("frj,fj->fr", scaled, back)
-        step = scale * (back - np.einsum("fjr,fr->fj", _pseudo_inverse(scaled), wanted))
-        # A step of more than a radian leaves the range in which the constraint is nearly linear.
+        couple_frames(tree.arrays, c)
+        error, G = _closures(tree, c[moving])
+        size = np.abs(error).max(axis=1)
+        open_ = size > 1e-3 * CLOSED
+        moving, error, G, size = moving[open_], error[open_], G[open_], size[open_]
+        if not len(moving):
+            break
+        step = -scale * np.einsum("fjr,fr->fj", _pseudo_inverse(G[:, :, free] * scale), error)
         step /= np.maximum(1.0, np.abs(step).max(axis=1))[:, None]
-        now[:, free] += step
-        couple_frames(tree.arrays, now)
-        c[moving] = now
-        going = (np.abs(step).max(axis=1) > 1e-9) | (np.abs(error).max(axis=1) > CLOSED)
-        moving = moving[going]
+        better = np.zeros(len(moving), np.bool_)
+        for share in (1.0, 0.3, 0.1, 0.01):
+            trial = c[moving]
+            trial[:, free] += share * step
+            couple_frames(tree.arrays, trial)
+            gained = ~better & (np.abs(closure(tree, trial)).max(axis=1) < size)
+            c[moving[gained]] = trial[gained]
+            better |= gained
+            if better.all():
+                break
+        moving = moving[better]
         if not len(moving):
             break
     return c
