@@ -127,6 +127,24 @@ class Specimen:
         return joint.parent_frame @ joint.child_frame.inverse()
 
     @cached_property
+    def center_in_ground(self) -> Array:
+        """(3,) of the joint while the base's coordinates are zero [m]."""
+        return self.stand.apply(self.center)
+
+    @cached_property
+    def pendulum(self) -> Model:
+        """The limb as one link whose origin is the joint's center and whose axes are those of its first body.
+
+        Its joint stands on the ground where the base carries it, and has the specimen's coordinates.
+        """
+        joint = self._joint(self.first)
+        frame = self.stand @ joint.parent_frame
+        hung = replace(joint, parent=GROUND, parent_frame=frame, child_frame=Transform.identity())
+        coordinates = tuple(self.model.coordinate(name) for name in self.joint_coordinates)
+        link = replace(self.model.body(self.first), meshes=())
+        return Model(self.model.name, (link,), (hung,), coordinates, self.model.gravity)
+
+    @cached_property
     def strand_shares(self) -> dict[str, Array]:
         """(strands,) of every muscle, each strand's share of its isometric force."""
         forces = {one.name: one.max_isometric_force for one in self.model.muscles}
@@ -158,6 +176,12 @@ class Specimen:
         joint = self._joint(self.first)
         frame = Transform(np.asarray(rotation) @ joint.child_frame.rotation, self.center)
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
+
+    def turned(self, rotation: Array) -> Specimen:
+        """The same specimen in a ground whose axes, in the old one, are the rows of `rotation` (3, 3)."""
+        turn = Transform(np.asarray(rotation, dtype=np.float64), np.zeros(3))
+        moved = self.standing(turn @ self.stand)
+        return replace(moved, model=replace(moved.model, gravity=turn.rotation @ self.model.gravity))
 
     def with_markers(self, markers: tuple[Marker, ...]) -> Specimen:
         """The same specimen with other markers."""

@@ -1,0 +1,189 @@
+"""Markers in rigid clusters: which are lost, which bear another's name, which do not belong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations, permutations
+
+import numpy as np
+
+from myomorph.identify.specimen import Specimen
+from myomorph.model.errors import BadData
+from myomorph.model.series import Markers
+from myomorph.model.spatial import Array
+
+REPAIRED = 0.9
+"""Share of the doubtful frames that a change of labels must put right to be believed."""
+
+Relabel = dict[int, int]
+
+
+class Clusters:
+    """The markers that specimen and recording share, by bone, with the distances that the model says.
+
+    Attributes
+    ----------
+    columns : marker columns of the recording, by bone
+    """
+
+    def __init__(self, specimen: Specimen, markers: Markers, tolerance: float):
+        self.names, self.tolerance = markers.names, tolerance
+        recorded = {name: i for i, name in enumerate(markers.names)}
+        self.columns: dict[str, list[int]] = {name: [] for name in specimen.model.body_names}
+        places = np.full((len(markers.names), 3), np.nan)
+        for one in specimen.model.markers:
+            if one.name in recorded:
+                self.columns[one.body].append(recorded[one.name])
+                places[recorded[one.name]] = one.location
+        self.pairs = {bone: list(combinations(range(len(own)), 2)) for bone, own in self.columns.items()}
+        self.lengths = {
+            bone: np.array([np.linalg.norm(places[own[i]] - places[own[j]]) for i, j in self.pairs[bone]])
+            for bone, own in self.columns.items()
+        }
+
+    def misfit(self, values: Array, bone: str, relabel: Relabel | None = None) -> Array:
+        """(frames, pairs) recorded less modelled distance of a bone's markers, NaN where one is unseen [m]."""
+        own = [(relabel or {}).get(column, column) for column in self.columns[bone]]
+        pairs = self.pairs[bone]
+        apart = values[:, [own[i] for i, _ in pairs]] - values[:, [own[j] for _, j in pairs]]
+        found: Array = np.linalg.norm(apart, axis=2) - self.lengths[bone]
+        return found
+
+    def wrong(self, values: Array, bone: str, relabel: Relabel | None = None) -> np.ndarray:
+        """(frames,) whether any distance is further off than the tolerance."""
+        with np.errstate(invalid="ignore"):
+            far = np.abs(self.misfit(values, bone, relabel)) > self.tolerance
+        return np.asarray(far.any(axis=1))
+
+    def relabels(self, bones: Sequence[str]) -> Iterator[Relabel]:
+        """Changes of labels to try: any order within one cluster, one marker exchanged between two clusters."""
+        for bone in bones:
+            own = self.columns[bone]
+            for order in permutations(own):
+                if list(order) != own:
+                    yield dict(zip(own, order, strict=True))
+        for one, other in combinations(bones, 2):
+            for a in self.columns[one]:
+                for b in self.columns[other]:
+                    yield {a: b, b: a}
+
+
+def checked_clusters(specimen: Specimen, markers: Markers, name: str, tolerance: float) -> tuple[Markers, list[str]]:
+    """The markers with their own names, what does not belong unseen, and what was found, one line each.
+
+    Distances between the markers of a bone tell: exchanged labels are put back where that brings all distances
+    right; a single marker that is off its cluster, and whole clusters that no change of labels explains, are
+    left out in those frames.
+
+    Parameters
+    ----------
+    tolerance : of a distance against the model's [m]
+
+    Raises
+    ------
+    BadData : the base, or the whole limb, is not marked; a cluster is another than the model's
+    """
+    clusters = Clusters(specimen, markers, tolerance)
+    notes = _unmarked(specimen, clusters, name)
+    values = np.array(markers.values)
+    doubt = {bone: clusters.wrong(values, bone) for bone in clusters.columns}
+    patterns = np.array(list(doubt.values()), bool)
+    for pattern in np.unique(patterns, axis=1).T if patterns.any() else ():
+        bones = [bone for bone, flagged in zip(doubt, pattern, strict=True) if flagged]
+        if bones:
+            frames = np.flatnonzero((patterns == pattern[:, None]).all(axis=0))
+            notes += _put_right(clusters, values, bones, frames, markers.time, name)
+    notes += _lost(clusters, values, markers.time, name)
+    return replace(markers, values=values), notes
+
+
+def _unmarked(specimen: Specimen, clusters: Clusters, name: str) -> list[str]:
+    base = clusters.columns[specimen.base]
+    model = specimen.model
+    if len(base) < 3:
+        wanted = [one.name for one in model.markers if one.body == specimen.base]
+        raise BadData(
+            f"trial '{name}': {len(base)} markers of the base '{specimen.base}' are recorded, of which three are "
+            f"needed; the model names {wanted}"
+        )
+    marked = [bone for bone in specimen.limb if len(clusters.columns[bone]) >= 2]
+    if not marked:
+        wanted = [one.name for one in model.markers if one.body != specimen.base]
+        raise BadData(
+            f"trial '{name}': no bone of the limb shows two of its markers {wanted} in the recording: name the model's "
+            "markers as the recording does"
+        )
+    return [
+        f"trial '{name}': bone '{bone}' has {len(clusters.columns[bone])} markers, so what holds it is not measured"
+        for bone in specimen.limb
+        if bone not in marked
+    ]
+
+
+def _put_right(
+    clusters: Clusters, values: Array, bones: list[str], frames: np.ndarray, time: Array, name: str
+) -> list[str]:
+    """Relabel some frames in place, or leave out what does not fit in them."""
+    part = values[frames]
+    best, share = None, 0.0
+    for relabel in clusters.relabels(bones):
+        fits = ~np.any([clusters.wrong(part, bone, relabel) for bone in bones], axis=0)
+        if fits.mean() > share + 1e-9:
+            best, share = relabel, float(fits.mean())
+    when = _when(time, frames)
+    if best is not None and share >= REPAIRED:
+        columns = list(best)
+        values[frames[:, None], columns] = part[:, [best[column] for column in columns]]
+        swapped = [clusters.names[column] for column in columns if best[column] != column]
+        return [f"trial '{name}': markers {_listed(swapped)} bear each other's names {when}: put right"]
+    notes = []
+    for bone in bones:
+        notes += _leave_out(clusters, values, bone, frames, name, when)
+    return notes
+
+
+def _leave_out(clusters: Clusters, values: Array, bone: str, frames: np.ndarray, name: str, when: str) -> list[str]:
+    own, pairs = clusters.columns[bone], clusters.pairs[bone]
+    misfit = clusters.misfit(values[frames], bone)
+    for i, column in enumerate(own):
+        others = [k for k, pair in enumerate(pairs) if i not in pair]
+        if others and (np.abs(misfit[:, others]) < clusters.tolerance).all(axis=1).mean() >= REPAIRED:
+            values[frames, column] = np.nan
+            return [f"trial '{name}': marker '{clusters.names[column]}' is off its cluster {when}: left out there"]
+    if len(frames) > 0.5 * len(values):
+        k = int(np.nanargmax(np.abs(np.nanmedian(misfit, axis=0))))
+        one, other = (clusters.names[own[i]] for i in pairs[k])
+        length = clusters.lengths[bone][k]
+        raise BadData(
+            f"trial '{name}': the markers of '{bone}' are not the model's cluster: '{one}' and '{other}' are "
+            f"{1000 * (length + np.nanmedian(misfit[:, k])):.1f} mm apart, in the model {1000 * length:.1f}; "
+            "check labels, unit, and the fit of the cluster to the CT"
+        )
+    values[frames[:, None], own] = np.nan
+    return [f"trial '{name}': the markers of '{bone}' do not fit their cluster {when}: left out there"]
+
+
+def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str]:
+    notes = []
+    for bone, own in clusters.columns.items():
+        for column in own:
+            gone = np.flatnonzero(~np.isfinite(values[:, column]).all(axis=1))
+            if len(gone):
+                left = int(np.isfinite(values[gone[:, None], own]).all(axis=2).sum(axis=1).min())
+                solved = "the bone is still solved with its joint" if left >= 2 else "the bone follows the others"
+                notes.append(
+                    f"trial '{name}': marker '{clusters.names[column]}' of '{bone}' is unseen {_when(time, gone)}; at "
+                    f"least {left} left there, {solved}"
+                )
+    return notes
+
+
+def _when(time: Array, frames: np.ndarray) -> str:
+    if len(frames) == len(time):
+        return "throughout"
+    return f"in {len(frames)} frames between {time[frames[0]]:.2f} and {time[frames[-1]]:.2f} s"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(f"'{one}'" for one in names[:-1]), f"'{names[-1]}'"])

@@ -1,0 +1,148 @@
+"""What should not move while a limb swings: the base on its plate, and joints that wires hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from myomorph.identify.specimen import Specimen
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, Transform
+
+WINDOW = 0.25
+"""Time over which a held pose is averaged before it is judged, against the markers' noise [s]."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Something held that moved.
+
+    Attributes
+    ----------
+    trial, what : the trial, and the coordinate or "base"
+    time : where it moves fastest [s]
+    amount : between its extremes, each the mean over `WINDOW` [rad], of the base's place [m]
+    lasting : whether it stays where it went (a wire slipped), instead of going to and fro (a wire is loose)
+    """
+
+    trial: str
+    what: str
+    time: float
+    amount: float
+    lasting: bool
+
+
+def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
+    """(3, 3) the rotation nearest to all of rotations (frames, 3, 3), in the mean of squared chords."""
+    total = np.einsum("f,fij->ij", np.ones(len(rotations)) if weights is None else weights, rotations)
+    left, _, right = np.linalg.svd(total)
+    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    mean: Array = left @ turn @ right
+    return mean
+
+
+def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
+    """Poses that bring a bone's markers (markers, 3) onto those seen (frames, markers, 3): least squares (Kabsch 1976).
+
+    Returns
+    -------
+    rotations (frames, 3, 3) and origins (frames, 3) [m], NaN where fewer than three markers are seen
+    """
+    finite = np.asarray(np.isfinite(seen).all(axis=2))
+    weight = finite.astype(float)[..., None]
+    count = np.maximum(weight.sum(axis=1), 1.0)
+    values = np.where(finite[..., None], seen, 0.0)
+    middle = values.sum(axis=1) / count
+    own = (weight * places).sum(axis=1) / count
+    spread = (values - middle[:, None]) * weight
+    cross = np.einsum("fmi,fmj->fij", spread, places - own[:, None])
+    left, _, right = np.linalg.svd(cross)
+    turn = np.ones((len(seen), 3))
+    turn[:, 2] = np.sign(np.linalg.det(left @ right))
+    rotations = (left * turn[:, None]) @ right
+    origins = middle - np.einsum("fij,fj->fi", rotations, own)
+    lacking = finite.sum(axis=1) < 3
+    rotations[lacking], origins[lacking] = np.nan, np.nan
+    return rotations, origins
+
+
+def base_poses(specimen: Specimen, motion: Motion) -> tuple[Array, Array]:
+    """Rotations (frames, 3, 3) and origins (frames, 3) of the base in ground, of its six coordinates [m]."""
+    columns = [motion.names.index(name) for name in specimen.base_coordinates]
+    places, angles = motion.values[:, columns[:3]], motion.values[:, columns[3:]]
+    stand = specimen.stand
+    turns = np.full((len(motion), 3, 3), np.nan)
+    seen = np.isfinite(angles).all(axis=1)
+    turns[seen] = Rotation.from_euler("XYZ", angles[seen]).as_matrix()
+    return stand.rotation @ turns, places @ stand.rotation.T + stand.translation
+
+
+def mean_base(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array]) -> Transform:
+    """The one pose of the base over all trials of a condition."""
+    poses = [base_poses(specimen, motion) for motion in motions]
+    rotations, origins = (np.concatenate(parts) for parts in zip(*poses, strict=True))
+    weight = np.concatenate(weights) * np.isfinite(origins).all(axis=1)
+    used = weight > 0.0
+    place = np.average(origins[used], axis=0, weights=weight[used])
+    return Transform(mean_rotation(rotations[used], weight[used]), place)
+
+
+def mean_held(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array]) -> dict[str, float]:
+    """The one value of every held coordinate over all trials; of angles, the mean on the circle [rad or m]."""
+    weight = np.concatenate(weights)
+    means = {}
+    for name in specimen.held_coordinates:
+        values = np.concatenate([motion[name] for motion in motions])
+        used = np.isfinite(values) & (weight > 0.0)
+        if not used.any():
+            means[name] = specimen.model.coordinate(name).default
+        elif specimen.model.coordinate(name).motion == "translational":
+            means[name] = float(np.average(values[used], weights=weight[used]))
+        else:
+            means[name] = float(np.angle(np.average(np.exp(1j * values[used]), weights=weight[used])))
+    return means
+
+
+def slips(specimen: Specimen, name: str, motion: Motion, base: Transform, turned: float, moved: float) -> list[Slip]:
+    """Held coordinates and the base, where they move by more than `turned` [rad] or `moved` [m] in a trial."""
+    found = []
+    for held in specimen.held_coordinates:
+        limit = moved if specimen.model.coordinate(held).motion == "translational" else turned
+        found += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit)
+    rotations, origins = base_poses(specimen, motion)
+    seen = np.isfinite(origins).all(axis=1)
+    angles = np.full((len(motion), 3), np.nan)
+    angles[seen] = Rotation.from_matrix(base.rotation.T @ rotations[seen]).as_rotvec()
+    found += _slip(name, "base", motion.time, _filled(angles), turned)
+    found += _slip(name, "base", motion.time, _filled(origins), moved)
+    return found
+
+
+def _slip(trial: str, what: str, time: Array, values: Array, limit: float) -> list[Slip]:
+    frames = max(3, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 3
+    if len(time) <= 2 * frames:
+        return []
+    smooth = uniform_filter1d(values, frames, axis=0, mode="nearest")
+    axis = int(np.argmax(np.ptp(smooth, axis=0)))
+    column = smooth[:, axis]
+    if np.ptp(column) <= limit:
+        return []
+    rate = np.abs(column[frames:] - column[:-frames])
+    at = int(np.argmax(rate)) + frames // 2
+    before, after = np.median(column[: max(at, 1)]), np.median(column[at:])
+    return [Slip(trial, what, float(time[at]), float(np.ptp(column)), bool(abs(after - before) > 0.5 * np.ptp(column)))]
+
+
+def _filled(values: Array) -> Array:
+    """Values with gaps bridged along straight lines."""
+    filled = np.array(values, dtype=np.float64)
+    columns = filled.reshape(len(filled), -1)
+    frames = np.arange(len(filled))
+    for column in columns.T:
+        known = np.isfinite(column)
+        column[~known] = np.interp(frames[~known], frames[known], column[known]) if known.any() else 0.0
+    return columns.reshape(filled.shape)

@@ -1,0 +1,162 @@
+"""Tracked trials as the linear equations of a swing: derivatives, rows, moment arms, and which frames count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.identify.held_still import mean_rotation
+from myomorph.identify.limb_motion import LimbMotion, lengthening, limb_motion
+from myomorph.identify.specimen import Specimen
+from myomorph.identify.swing_segments import REACH, swing_numbers, touched_frames, whole_frames
+from myomorph.identify.swings import SwingRecording
+from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial
+from myomorph.model.errors import BadData
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import differentiate, lowpass
+
+
+@dataclass(frozen=True)
+class SwingOptions:
+    """What counts as a free swing.
+
+    Attributes
+    ----------
+    find_touch : leave out frames in which the wrench says that somebody holds the limb
+    touch : part of the limb's weight under which a mismatch is no hand
+    least_turn : angle between two turns under which the limb counts as still [rad]
+    """
+
+    find_touch: bool = True
+    touch: float = 0.04
+    least_turn: float = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class _Filtered:
+    """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out of reach."""
+
+    motion: Motion
+    limb: LimbMotion
+    wrench: Array
+    whole: np.ndarray
+
+
+def swing_recordings(
+    tracked: TrackedSpecimen,
+    cutoff: float | None,
+    options: SwingOptions | None = None,
+    muscles: bool = True,
+) -> tuple[SwingRecording, ...]:
+    """The trials of one condition as the equations of [S] step 1 to 3.
+
+    Motion and wrench pass the same low-pass. The rest of `angles` is the mean rotation over the free swings of
+    all trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in which
+    the limb is touched have swing -1.
+
+    Parameters
+    ----------
+    cutoff : of the low-pass of motion and wrench [Hz]; None for none
+    muscles : also J_M; without it the recordings have no muscles
+
+    Raises
+    ------
+    BadData : no trial has a frame of free swing
+    """
+    options = options or SwingOptions()
+    specimen, trials = tracked.specimen, tracked.trials
+    made = [_filtered(specimen, trial, cutoff) for trial in trials]
+    free = [one.whole for one in made]
+    if not any(one.any() for one in free):
+        raise BadData(
+            f"none of the trials {', '.join(one.name for one in trials)} has a frame with motion and wrench beyond the "
+            "reach of the filter: record longer, or raise the cutoff"
+        )
+    if options.find_touch:
+        touched = touched_frames(
+            [one.limb.wrench_rows for one in made],
+            [one.wrench for one in made],
+            [one.time for one in (trial.motion for trial in trials)],
+            free,
+            options.touch,
+            REACH / cutoff if cutoff else 0.05,
+        )
+        free = [one & ~hand for one, hand in zip(free, touched, strict=True)]
+    rest = _rest(specimen, made, free)
+    return tuple(
+        _recording(specimen, trial, one, use, rest, options, muscles)
+        for trial, one, use in zip(trials, made, free, strict=True)
+    )
+
+
+def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:
+    motion = differentiate(trial.motion, cutoff)
+    wrench = _lowpass_runs(trial.wrench, motion.rate, cutoff)
+    finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
+    return _Filtered(motion, limb_motion(specimen, motion), wrench, whole_frames(motion.time, finite, cutoff))
+
+
+def _lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
+    """Every gap-free run of rows filtered by itself; runs shorter than six are lost, as those of the motion."""
+    if cutoff is None:
+        return values
+    found = np.full(values.shape, np.nan)
+    seen = np.isfinite(values).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start > 5:
+            found[start:stop] = lowpass(values[start:stop], rate, cutoff)
+    return found
+
+
+def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
+    """(3, 3) mean rotation of a ball in free swing, or (1,) mean angle of a hinge."""
+    if len(specimen.joint_coordinates) == 1:
+        angles = np.concatenate([one.motion.values[use, 0] for one, use in zip(made, free, strict=True)])
+        return np.array([angles.mean() if len(angles) else 0.0])
+    rotations = np.concatenate([one.limb.rotations[use] for one, use in zip(made, free, strict=True)])
+    return mean_rotation(rotations) if len(rotations) else np.eye(3)
+
+
+def _angles(specimen: Specimen, one: _Filtered, rest: Array) -> Array:
+    if len(specimen.joint_coordinates) == 1:
+        return one.motion.values - rest
+    angles = np.full((len(one.motion), 3), np.nan)
+    seen = np.isfinite(one.limb.rotations).all(axis=(1, 2))
+    angles[seen] = Rotation.from_matrix(rest.T @ one.limb.rotations[seen]).as_rotvec()
+    return angles
+
+
+def _recording(
+    specimen: Specimen,
+    trial: TrackedTrial,
+    one: _Filtered,
+    free: np.ndarray,
+    rest: Array,
+    options: SwingOptions,
+    muscles: bool,
+) -> SwingRecording:
+    angles = _angles(specimen, one, rest)
+    main = np.zeros(len(specimen.axes))
+    if free.any():
+        main = np.linalg.eigh(one.limb.rates[free].T @ one.limb.rates[free])[1][:, -1]
+    names = tuple(specimen.muscles) if muscles else ()
+    arms = lengthening(specimen, one.motion, one.limb.slopes) if muscles else np.zeros((len(one.motion), 0, len(main)))
+    return SwingRecording(
+        name=trial.name,
+        time=np.array(one.motion.time),
+        wrench_rows=one.limb.wrench_rows,
+        wrench=np.array(one.wrench),
+        torque_rows=one.limb.torque_rows,
+        rates=one.limb.rates,
+        angles=angles,
+        axes=specimen.axes,
+        muscles=names,
+        lengthening=arms,
+        rotations=one.limb.rotations,
+        gravity=np.array(specimen.model.gravity),
+        swing=swing_numbers(angles @ main, one.limb.rates @ main, free, options.least_turn),
+    )

@@ -1,0 +1,151 @@
+"""Which frames of a trial show a limb that swings freely, and where one swing ends and the next begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import binary_dilation, uniform_filter1d
+
+from myomorph.model.spatial import Array
+
+REACH = 0.75
+"""How far ends, gaps and hands reach through the filter, times 1 / cutoff."""
+
+WINDOW = 0.1
+"""Time over which a mismatch is averaged before it counts as a hand on the limb [s]."""
+
+OUTLYING = 6.0
+"""Standard deviations of the usual mismatch, from which it may be a hand."""
+
+ROUNDS = 12
+SAMPLES = 3000
+"""Frames of a trial that take part in the robust fit, at most."""
+
+
+def near(flags: np.ndarray, time: Array, distance: float) -> np.ndarray:
+    """(frames,) whether a flagged frame lies within a distance in time [s]."""
+    frames = round(distance / float(np.median(np.diff(time)))) if len(time) > 1 else 0
+    found: np.ndarray = binary_dilation(flags, iterations=frames) if frames > 0 else flags.copy()
+    return found
+
+
+def whole_frames(time: Array, finite: np.ndarray, cutoff: float | None) -> np.ndarray:
+    """(frames,) finite frames out of the reach of ends and gaps through the filter."""
+    lacking = np.concatenate([[True], ~finite, [True]])
+    if cutoff is None or len(time) < 2:
+        return ~lacking[1:-1]
+    step = float(np.median(np.diff(time)))
+    wide = np.concatenate([[time[0] - step], time, [time[-1] + step]])
+    whole: np.ndarray = ~near(lacking, wide, REACH / cutoff)[1:-1]
+    return whole
+
+
+def touched_frames(
+    rows: Sequence[Array],
+    wrenches: Sequence[Array],
+    times: Sequence[Array],
+    candidates: Sequence[np.ndarray],
+    share: float,
+    reach: float,
+) -> list[np.ndarray]:
+    """Per trial, (frames,) where something besides the joint carries the limb.
+
+    While nobody touches the limb, wrench = rows phi + constant with one phi over all trials. A robust fit
+    (redescending weights) finds phi from the frames that agree, which must be the most; frames whose mismatch,
+    averaged over `WINDOW`, passes both `OUTLYING` of its usual size and a share of the limb's weight are touched.
+
+    Parameters
+    ----------
+    rows, wrenches : (frames, 6, 10) and (frames, 6) of each trial, filtered alike
+    candidates : (frames,) frames that may count
+    share : mismatch below which nothing is called a touch, as part of the limb's weight
+    reach : how far a touch spoils its neighbours [s]
+    """
+    mismatch, weight, com = _robust_mismatch(rows, wrenches, candidates)
+    found = []
+    for one, time, use in zip(mismatch, times, candidates, strict=True):
+        known = np.isfinite(one).all(axis=1) & use
+        error = np.where(known[:, None], one, 0.0)
+        frames = max(1, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+        count = np.maximum(uniform_filter1d(known.astype(float), frames), 1.0 / frames)
+        mean = uniform_filter1d(error, frames, axis=0) / count[:, None]
+        usual = 1.4826 * np.median(np.abs(mean[known]), axis=0) if known.any() else np.ones(6)
+        floor = share * weight * np.array([com] * 3 + [1.0] * 3)
+        hand = known & (np.abs(mean) > np.maximum(OUTLYING * usual, floor)).any(axis=1)
+        found.append(near(hand, time, reach))
+    return found
+
+
+def _robust_mismatch(
+    rows: Sequence[Array], wrenches: Sequence[Array], candidates: Sequence[np.ndarray]
+) -> tuple[list[Array], float, float]:
+    """Measured less predicted wrench of each trial, weight of the limb [N] and distance of its center [m]."""
+    trials = len(rows)
+    chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
+    tables = []
+    for k, (Y, frames) in enumerate(zip(rows, chosen, strict=True)):
+        constant = np.zeros((len(frames), 6, 6 * trials))
+        constant[:, np.arange(6), 6 * k + np.arange(6)] = 1.0
+        tables.append(np.concatenate([Y[frames], constant], axis=2))
+    A = np.concatenate(tables)
+    b = np.concatenate([w[frames] for w, frames in zip(wrenches, chosen, strict=True)])
+    size = np.sqrt(np.square(A).mean(axis=(0, 1)))
+    A = A / np.where(size > 0.0, size, 1.0)
+    trust, scale, x = np.ones(len(A)), np.maximum(b.std(axis=0), 1e-9), np.zeros(A.shape[2])
+    for _ in range(ROUNDS):
+        root = np.sqrt(trust)[:, None] / scale
+        x = np.linalg.lstsq((A * root[..., None]).reshape(-1, A.shape[2]), (b * root).ravel(), rcond=1e-9)[0]
+        error = b - A @ x
+        scale = np.maximum(1.4826 * np.median(np.abs(error), axis=0), 1e-9 * np.abs(b).max(initial=1e-9))
+        far = np.square(error / scale).mean(axis=1)
+        trust = 1.0 / np.square(1.0 + far / 9.0)
+    x = x / np.where(size > 0.0, size, 1.0)
+    phi = x[:10]
+    mismatch = [w - Y @ phi - x[10 + 6 * k : 16 + 6 * k] for k, (Y, w) in enumerate(zip(rows, wrenches, strict=True))]
+    # The weight as the plates carry it, whatever they were tared with.
+    forces = np.linalg.norm(
+        np.concatenate([(Y @ phi)[use] for Y, use in zip(rows, candidates, strict=True)])[:, 3:], axis=1
+    )
+    weight = float(np.median(forces)) if len(forces) else 0.0
+    com = float(np.linalg.norm(phi[1:4]) / max(abs(phi[0]), 1e-9))
+    return mismatch, weight, com
+
+
+def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:
+    """(frames,) number of the swing, -1 where the limb is not free.
+
+    In every unbroken run of free frames a swing lasts from one turn to the next but one; the first begins with
+    the release. A turn counts if the limb has come `least` [rad] away from the turn before. What follows the
+    last turn is cut into pieces as long as the swings before.
+
+    Parameters
+    ----------
+    angle, rate : (frames,) along the dominant rotation [rad], [rad/s]
+    """
+    numbers = np.full(len(angle), -1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
+    following = 0
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        turns = _turns(angle[start:stop], rate[start:stop], least)
+        starts = [0, *turns[1::2]] if turns else [0]
+        usual = int(np.median(np.diff(turns))) * 2 if len(turns) > 1 else 0
+        if usual:
+            while stop - start - starts[-1] > 1.75 * usual:
+                starts.append(starts[-1] + usual)
+            if len(starts) > 1 and stop - start - starts[-1] < usual // 2:
+                starts.pop()
+        numbers[start:stop] = following + np.searchsorted(starts, np.arange(stop - start), side="right") - 1
+        following += len(starts)
+    return numbers
+
+
+def _turns(angle: Array, rate: Array, least: float) -> list[int]:
+    """Frames at which the limb turns back, with more than `least` between one turn and the next."""
+    turns: list[int] = []
+    last = angle[0]
+    for frame in np.flatnonzero(np.diff(np.signbit(rate))) + 1:
+        if abs(angle[frame] - last) > least:
+            turns.append(int(frame))
+            last = angle[frame]
+    return turns

@@ -1,0 +1,236 @@
+"""The motion of a specimen's bones from the clusters on them, and the wrench on its base beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.identify.ball_angles import on_one_branch
+from myomorph.identify.clusters import checked_clusters
+from myomorph.identify.held_still import Slip, cluster_poses, mean_base, mean_held, mean_rotation, slips
+from myomorph.identify.plate_wrench import on_clock, wrench_about
+from myomorph.identify.specimen import Specimen, SwingTrial
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.spatial import Array, Transform
+from myomorph.motion.clocks import Clock
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.sync import cut
+
+Progress = Callable[[int], None]
+
+EXACT = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-12)
+"""What is left of an iteration's last step, and of a pull to the default pose, would be differentiated twice."""
+
+
+@dataclass(frozen=True)
+class TrackingOptions:
+    """How bones are followed.
+
+    Attributes
+    ----------
+    cluster : a distance between two markers of a bone may differ from the model's by this much [m]
+    slip : a held joint, or the base, that turns by more is named [rad]
+    shift : a base that moves by more is named [m]
+    clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
+    """
+
+    cluster: float = 0.006
+    slip: float = 0.035
+    shift: float = 0.002
+    clock: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("cluster", "slip", "shift"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedTrial:
+    """A trial as motion and wrench on the markers' clock, neither filtered.
+
+    Attributes
+    ----------
+    motion : of the joint's coordinates [rad], NaN where too few markers are seen
+    wrench : (frames, 6) on the base, moment about the joint's center and force, in ground [N m], [N]; NaN
+        where the plate did not record
+    rms : (frames,) of the distances between markers and model [m]
+    clock : of the plate against the markers, as it was taken
+    notes : what was found odd, one line each
+    """
+
+    name: str
+    motion: Motion
+    wrench: Array
+    rms: Array
+    clock: Clock
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedSpecimen:
+    """The trials of one condition.
+
+    Attributes
+    ----------
+    specimen : its base fixed where it stood, held joints locked as they were
+    held : value of every held coordinate [rad or m]
+    slips : what was held and moved all the same
+    notes : about all trials together, one line each
+    """
+
+    specimen: Specimen
+    trials: tuple[TrackedTrial, ...]
+    held: Mapping[str, float]
+    slips: tuple[Slip, ...]
+    notes: tuple[str, ...] = ()
+
+
+def track(
+    specimen: Specimen,
+    trials: Sequence[SwingTrial],
+    options: TrackingOptions | None = None,
+    progress: Progress | None = None,
+) -> TrackedSpecimen:
+    """Motion of the joint and wrench on the base in every trial of one condition.
+
+    Labels are checked by the distances within clusters. Inverse kinematics with everything free then gives
+    the one pose of the base and the one value of every held joint over all trials; with those fixed, it is
+    solved again for the joint alone. The wrench is moved to the joint's center and to the markers' clock.
+
+    Parameters
+    ----------
+    trials : of one condition, between which the specimen stays on the plate and its wires in place
+    progress : called with the number of frames just done, each frame twice
+
+    Raises
+    ------
+    BadData : no trial; markers that are not the model's; a plate that recorded at other times
+    """
+    options = options or TrackingOptions()
+    if not trials:
+        raise BadData("no trial of the swinging limb is given")
+    checked = [_checked(specimen, one, options) for one in trials]
+    markers = [one for one, _ in checked]
+    started = _started(specimen, markers)
+    fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
+    motions = [on_one_branch(started, fit.motion) for fit in fits]
+    weights = [_complete(fit) for fit in fits]
+    base = mean_base(started, motions, weights)
+    held = mean_held(started, motions, weights)
+    found = [
+        slip
+        for one, motion in zip(trials, motions, strict=True)
+        for slip in slips(started, one.name, motion, base, options.slip, options.shift)
+    ]
+    posed = _posed(started.standing(base), held)
+    tracked = []
+    for trial, (seen, notes), motion in zip(trials, checked, motions, strict=True):
+        own = [slip for slip in found if slip.trial == trial.name]
+        fit = _joint_alone(posed, seen, motion, own, progress)
+        wrench, clock, doubts = _wrench(posed, trial, fit.motion, options)
+        tracked.append(
+            TrackedTrial(
+                trial.name, fit.motion, wrench, fit.rms, clock, (*notes, *(_told(slip) for slip in own), *doubts)
+            )
+        )
+    return TrackedSpecimen(posed, tuple(tracked), held, tuple(found))
+
+
+def _checked(specimen: Specimen, trial: SwingTrial, options: TrackingOptions) -> tuple[Markers, list[str]]:
+    markers = trial.markers if trial.time is None else cut(trial.markers, *trial.time)
+    return checked_clusters(specimen, markers, trial.name, options.cluster)
+
+
+def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
+    """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
+    base = [_poses(specimen.model, specimen.base, one) for one in trials]
+    rotations, origins = (np.concatenate(parts) for parts in zip(*base, strict=True))
+    seen = np.isfinite(origins).all(axis=1)
+    if not seen.any():
+        raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
+    stand = Transform(mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
+    standing = specimen.standing(stand)
+    limb = np.concatenate([_poses(specimen.model, specimen.first, one)[0] for one in trials])
+    shown = np.isfinite(limb).all(axis=(1, 2))
+    return standing.resting(stand.rotation.T @ mean_rotation(limb[shown])) if shown.any() else standing
+
+
+def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
+    own = [one for one in model.markers if one.body == bone and one.name in markers.names]
+    if len(own) < 3:
+        return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
+    columns = [markers.names.index(one.name) for one in own]
+    return cluster_poses(np.array([one.location for one in own]), markers.values[:, columns])
+
+
+def _complete(fit: KinematicsFit) -> Array:
+    """(frames,) 1 where all markers are seen that the trial ever shows, else 0; 1 where some are seen if never all."""
+    seen = np.isfinite(fit.errors)
+    whole = seen[:, seen.any(axis=0)].all(axis=1) & fit.converged
+    return (whole if whole.any() else seen.any(axis=1)).astype(float)
+
+
+def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
+    """The specimen with base and held joints locked."""
+    still = dict.fromkeys(specimen.base_coordinates, 0.0) | dict(held)
+    coordinates = tuple(
+        replace(one, default=still[one.name], locked=True) if one.name in still else one
+        for one in specimen.model.coordinates
+    )
+    return replace(specimen, model=replace(specimen.model, coordinates=coordinates))
+
+
+def _joint_alone(
+    specimen: Specimen, markers: Markers, motion: Motion, own: Sequence[Slip], progress: Progress | None
+) -> KinematicsFit:
+    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean."""
+    slipped = [slip.what for slip in own if slip.what != "base"]
+    given = None
+    if slipped:
+        columns = [motion.names.index(name) for name in slipped]
+        given = Motion(motion.time, tuple(slipped), np.nan_to_num(motion.values[:, columns]))
+    limb = {one.name for one in specimen.model.markers if one.body != specimen.base} & set(markers.names)
+    options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=given)
+    fit = inverse_kinematics(specimen.model, markers, options, progress)
+    columns = [fit.motion.names.index(name) for name in specimen.joint_coordinates]
+    values = fit.motion.values[:, columns].copy()
+    values[np.isfinite(fit.errors).sum(axis=1) < 2] = np.nan
+    return replace(fit, motion=on_one_branch(specimen, Motion(fit.motion.time, specimen.joint_coordinates, values)))
+
+
+def _wrench(
+    specimen: Specimen, trial: SwingTrial, motion: Motion, options: TrackingOptions
+) -> tuple[Array, Clock, list[str]]:
+    center = specimen.center_in_ground
+    raw = wrench_about(trial.wrenches, center)
+    if trial.tare is not None:
+        raw = raw - _mean_wrench(trial.tare, center)
+    clock = Clock()
+    found = on_clock(clock.times(trial.wrenches.time), raw, motion.time)
+    if not np.isfinite(found).any():
+        raise BadData(
+            f"trial '{trial.name}': markers ({motion.time[0]:g} to {motion.time[-1]:g} s) and plate "
+            f"({trial.wrenches.time[0]:g} to {trial.wrenches.time[-1]:g} s) have no time in common"
+        )
+    return found, clock, []
+
+
+def _mean_wrench(tare: Wrenches, center: Array) -> Array:
+    mean: Array = np.nanmean(wrench_about(tare, center), axis=0)
+    return mean
+
+
+def _told(slip: Slip) -> str:
+    amount = f"{np.degrees(slip.amount):.1f} degrees"
+    if slip.what == "base":
+        return (
+            f"trial '{slip.trial}': the base moves on its plate, most at {slip.time:.2f} s "
+            f"({amount} or {1000 * slip.amount:.1f} mm): clamp it again"
+        )
+    how = "a wire slipped" if slip.lasting else "a wire is loose"
+    return f"trial '{slip.trial}': held joint '{slip.what}' moves by {amount}, most at {slip.time:.2f} s: {how}"
