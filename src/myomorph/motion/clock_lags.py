@@ -1,0 +1,281 @@
+"""Two recordings laid side by side, and the lags at which they explain each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import BSpline
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import lowpass, natural_spline
+
+SAMPLES = 4.0
+"""Frames that are kept for every period of the cutoff."""
+
+CANDIDATES = 5
+NEAR = 0.3
+"""A lag that explains less than the best by more than this share is no candidate."""
+
+LEAST_EXPLAINED = 0.1
+REACH = 12
+"""Frames either way that the lag of a piece is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Rows on the reference clock beside splines of the other recording.
+
+    Attributes
+    ----------
+    time : (frames,) on the reference clock [s]
+    rows : (frames, signals, parameters), zero where unusable
+    usable : (frames,)
+    spline, slope : of the other recording (signals,) and its derivative, over its own time
+    start, end : of the other recording, as far as its filter has settled [s]
+    middle : of what both cover, on the reference clock [s]
+    spread : (signals,) standard deviation of the other recording
+    """
+
+    time: Array
+    rows: Array
+    usable: np.ndarray
+    spline: BSpline
+    slope: BSpline
+    start: float
+    end: float
+    middle: float
+    spread: Array
+
+    @property
+    def step(self) -> float:
+        """Time between frames [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def weights(self) -> Array:
+        """(signals,) that make every signal of the other recording vary by 1; 0 for one that does not vary."""
+        varies = self.spread > 1e-12 * self.spread.max(initial=0.0)
+        return np.where(varies, 1.0 / np.where(varies, self.spread, 1.0), 0.0)
+
+    def places(self, lag: Array) -> Array:
+        """Times of the frames on the other clock, t + a + b (t - middle), for a lag (2,) of a [s] and b."""
+        places: Array = self.time + lag[0] + lag[1] * (self.time - self.middle)
+        return places
+
+    def within(self, lag: Array) -> np.ndarray:
+        """(frames,) usable ones that lie in the other recording."""
+        places = self.places(lag)
+        return self.usable & (places > self.start) & (places < self.end)
+
+
+def main_frequency(time: Array, other_time: Array, other: Array) -> float:
+    """Frequency of the other recording's strongest oscillation [Hz]: mean by squared power, of which noise has little."""
+    rate = (len(other_time) - 1) / float(other_time[-1] - other_time[0])
+    spread = np.std(other, axis=0)
+    values = (other - other.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    squared = np.sum(np.abs(rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 4, axis=1)
+    frequencies = np.arange(len(squared)) * rate / len(values)
+    squared = squared * (frequencies < 0.25 * (len(time) - 1) / float(time[-1] - time[0]))
+    return float(max((frequencies @ squared) / max(squared.sum(), 1e-300), 2.0 * rate / len(values)))
+
+
+def compare(
+    time: Array, rows: Array, other_time: Array, other: Array, cutoff: float, used: np.ndarray | None
+) -> Compared:
+    """Filter both recordings alike and thin the frames to what the cutoff needs.
+
+    Raises
+    ------
+    BadData : shapes that do not fit, missing frames, gaps in the other recording, too little left
+    """
+    time, other_time = np.asarray(time, dtype=np.float64), np.asarray(other_time, dtype=np.float64)
+    _checked(time, other_time, other, rows)
+    usable = np.asarray(np.isfinite(rows).all(axis=(1, 2)))
+    if used is not None:
+        usable &= np.asarray(used, dtype=bool)
+    start, end = float(other_time[0]), float(other_time[-1])
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    rows, usable = _filtered(rows, usable, rate, cutoff)
+    other = lowpass(other, (len(other_time) - 1) / (end - start), cutoff)
+    start, end = start + 1.0 / cutoff, end - 1.0 / cutoff
+    thin = max(1, int(rate / (SAMPLES * cutoff)))
+    time, rows, usable = time[::thin], rows[::thin], usable[::thin]
+    spline = natural_spline(other_time, other, degree=3)
+    return Compared(
+        time=time,
+        rows=np.where(usable[:, None, None], rows, 0.0),
+        usable=usable,
+        spline=spline,
+        slope=spline.derivative(1),
+        start=start,
+        end=end,
+        middle=0.5 * (max(time[0], start) + min(time[-1], end)),
+        spread=other.std(axis=0),
+    )
+
+
+def _checked(time: Array, other_time: Array, other: Array, rows: Array) -> None:
+    if len(time) < 20 or len(other_time) < 20:
+        raise BadData(f"{len(time)} and {len(other_time)} samples: too few to compare clocks")
+    if rows.shape[:2] != (len(time), other.shape[1]) or len(other) != len(other_time):
+        raise BadData(
+            f"expected rows ({len(time)}, {other.shape[1]}, parameters) and {len(other_time)} samples, but got "
+            f"{rows.shape} and {len(other)}"
+        )
+    if not np.isfinite(other).all():
+        raise BadData("the other recording has values that are not finite: fill the gaps or choose another time")
+    for clock in (time, other_time):
+        steps = np.diff(clock)
+        if steps.min() <= 0 or steps.max() > 1.5 * np.median(steps):
+            raise BadData("clocks are compared over recordings of a steady rate: this one has missing frames")
+
+
+def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tuple[Array, np.ndarray]:
+    """Low-passed rows over each unbroken run, and the frames that remain when the filter has settled."""
+    filtered, kept = np.array(rows, dtype=np.float64), np.zeros(len(rows), dtype=bool)
+    settling = int(np.ceil(rate / cutoff))
+    for start, stop in runs(usable):
+        if stop - start > 4 * settling + 4:
+            filtered[start:stop] = lowpass(rows[start:stop], rate, cutoff)
+            kept[start + settling : stop - settling] = True
+    if not kept.any():
+        raise BadData(f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz")
+    return filtered, kept
+
+
+def runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """(start, stop) of the unbroken runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+def likely_lags(compared: Compared, search: float) -> list[float]:
+    """Lags [s] at which the rows explain the other recording best, the best first, each to a frame.
+
+    The share of the variance that any parameters can explain, at every lag at once by FFT.
+
+    Raises
+    ------
+    BadData : nothing is explained at any lag
+    """
+    peaks, _ = _peaks(compared, compared.weights, search)
+    # A signal that only holds noise would count as much as the others: what each leaves unexplained says.
+    left = _left(compared, np.array([peaks[0], 0.0]))
+    weights = np.where(compared.weights > 0, 1.0 / np.maximum(left, 1e-3 * compared.spread + 1e-300), 0.0)
+    peaks, best = _peaks(compared, weights, search)
+    if best < LEAST_EXPLAINED:
+        raise BadData(
+            f"the two recordings do not explain each other at any offset within {search:g} s (at best "
+            f"{100 * max(best, 0.0):.0f} % of the variance): are they of one trial? A wider search may help"
+        )
+    return peaks
+
+
+def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[float], float]:
+    """Lags [s] of the highest peaks of the share explained, and that share at the highest."""
+    step, frames = compared.step, len(compared.time)
+    most = int(np.ceil(search / step))
+    around = compared.time[0] + step * np.arange(-most, frames + most)
+    inside = (around >= compared.start) & (around <= compared.end)
+    if not inside.any():
+        raise BadData("the recordings have no time in common: give their times on clocks that start together")
+    values = compared.spline(np.clip(around, compared.start, compared.end)) * weights
+    values = np.where(inside[:, None], values - values[inside].mean(axis=0), 0.0)
+    basis = _centered_basis(compared, weights)
+    size = next_fast_len(len(around) + frames)
+    spectra = rfft(values, size, axis=0)
+    explained = np.zeros(2 * most + 1)
+    for k in range(basis.shape[2]):
+        product = (np.conj(rfft(basis[:, :, k], size, axis=0)) * spectra).sum(axis=1)
+        explained += irfft(product, size)[: 2 * most + 1] ** 2
+    counted = np.conj(rfft(compared.usable.astype(np.float64), size))
+    power = irfft(counted * rfft((values**2).sum(axis=1), size), size)[: 2 * most + 1]
+    common = irfft(counted * rfft(inside.astype(np.float64), size), size)[: 2 * most + 1]
+    enough = (common > 0.5 * common.max()) & (power > 1e-9 * power.max())
+    share = np.where(enough, explained / np.where(enough, power, 1.0), 0.0)
+    best = float(share.max())
+    edged = np.concatenate([[0.0], share, [0.0]])
+    peaks = np.flatnonzero((edged[1:-1] >= edged[:-2]) & (edged[1:-1] > edged[2:]) & (share > best - NEAR))
+    peaks = peaks[np.argsort(-share[peaks])][:CANDIDATES]
+    return [float((peak - most) * step) for peak in peaks], best
+
+
+def _centered_basis(compared: Compared, weights: Array) -> Array:
+    """Orthonormal columns (frames, signals, k) of what the rows and a constant for each signal can explain."""
+    frames, signals, parameters = compared.rows.shape
+    design = (compared.rows * weights[:, None]).reshape(-1, parameters)
+    constants = np.eye(signals) * compared.usable[:, None, None]
+    return orthonormal(np.hstack((design, constants.reshape(-1, signals)))).reshape(frames, signals, -1)
+
+
+def orthonormal(design: Array) -> Array:
+    """Orthonormal basis of the columns; those that are zero or repeat others are left out."""
+    sizes = np.linalg.norm(design, axis=0)
+    kept = sizes > 1e-12 * sizes.max(initial=0.0)
+    scaled = design[:, kept] / sizes[kept]
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    sound = values > 1e-10 * values.max(initial=0.0)
+    basis: Array = scaled @ (vectors[:, sound] / np.sqrt(values[sound]))
+    return basis
+
+
+def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
+    """Lag (2,) through those of pieces, each found to a fraction of a frame; outliers are left out."""
+    predicted = _predicted(compared, lag)
+    weights = 1.0 / np.maximum(_left(compared, lag), 1e-3 * compared.spread + 1e-300) * (compared.weights > 0)
+    inside, places = compared.within(lag), compared.places(lag)
+    frames = max(8, round(window / compared.step))
+    middles, lags = [], []
+    for start in range(0, len(places) - frames + 1, max(1, frames // 2)):
+        here = np.arange(start, start + frames)[inside[start : start + frames]]
+        if len(here) < frames // 2:
+            continue
+        wanted = (predicted[here] - predicted[here].mean(axis=0)) * weights
+        found = _lag_of_piece(compared, places[here], wanted, weights)
+        if found is not None:
+            middles.append(float(compared.time[here].mean()) - compared.middle)
+            lags.append(found)
+    x, y = np.array(middles), np.array(lags)
+    for _ in range(3):
+        if len(x) < 3:
+            return lag
+        slope, level = np.polyfit(x, y, 1)
+        off = np.abs(y - level - slope * x)
+        kept = off <= max(3.0 * float(np.median(off)), 1e-9)
+        x, y = x[kept], y[kept]
+    return lag + np.array([level, slope])
+
+
+def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Array) -> float | None:
+    """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the range."""
+    costs = []
+    for k in range(-REACH, REACH + 1):
+        at = np.clip(places + k * compared.step, compared.start, compared.end)
+        values = compared.spline(at) * weights
+        costs.append(float(np.sum((values - values.mean(axis=0) - wanted) ** 2)))
+    least = int(np.argmin(costs))
+    if not 0 < least < 2 * REACH:
+        return None
+    below, lowest, above = costs[least - 1 : least + 2]
+    return (least - REACH + 0.5 * (below - above) / (below - 2.0 * lowest + above)) * compared.step
+
+
+def _predicted(compared: Compared, lag: Array) -> Array:
+    """What the rows say the other recording is, (frames, signals)."""
+    inside = compared.within(lag)
+    design = (compared.rows[inside] * compared.weights[:, None]).reshape(-1, compared.rows.shape[2])
+    wanted = (compared.spline(compared.places(lag)[inside]) * compared.weights).reshape(-1)
+    parameters = np.linalg.lstsq(design, wanted, rcond=1e-9)[0]
+    predicted: Array = compared.rows @ parameters
+    return predicted
+
+
+def _left(compared: Compared, lag: Array) -> Array:
+    """Standard deviation (signals,) of what the rows leave of the other recording at a lag (2,)."""
+    inside = compared.within(lag)
+    left = compared.spline(compared.places(lag)[inside]) - _predicted(compared, lag)[inside]
+    deviation: Array = left.std(axis=0)
+    return deviation

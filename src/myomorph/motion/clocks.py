@@ -1,0 +1,235 @@
+"""Two recordings with clocks of their own: offset and drift found from what both recorded.
+
+A clock is a line: time on the reference clock = t + offset + drift (t - epoch). What the reference recorded
+explains what the other recorded, linearly, once both are on one clock,
+
+    other(t) = rows(t) phi + noise,
+
+so offset and drift are those that leave the least, with phi solved for wherever they are (variable projection,
+Golub and Pereyra 1973). A signal that both recorded is the case of one column and a constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Series, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.motion.clock_lags import compare, drift_of_pieces, likely_lags, main_frequency
+from myomorph.motion.clock_refine import Refined, refine
+from myomorph.motion.filters import lowpass, natural_spline
+
+SeriesKind = TypeVar("SeriesKind", bound=Series)
+Timed = TypeVar("Timed", bound=Series | Wrenches)
+
+PERIODS = 4.0
+"""A low-pass filter at that multiple of the recording's main frequency keeps a swing and its harmonics, and little of
+the noise that differentiated markers bring."""
+
+SIGNIFICANT = 3.0
+"""Standard deviations above which a drift is named."""
+
+AMBIGUOUS = 1.1
+"""Another offset whose residuals are at most this many times as large makes the offset doubtful."""
+
+
+@dataclass(frozen=True)
+class ClockOptions:
+    """How offset and drift are looked for.
+
+    Attributes
+    ----------
+    search : largest offset either way [s]
+    drift : estimate a drift beside the offset
+    cutoff : low-pass of both recordings before they are compared [Hz]; None takes `PERIODS` times the main
+        frequency of the other recording
+    window : length of the pieces whose lags give the first drift [s]
+    block : residuals further apart than that are independent, for the standard deviations [s]
+    """
+
+    search: float = 2.0
+    drift: bool = True
+    cutoff: float | None = None
+    window: float = 5.0
+    block: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("search", "cutoff", "window", "block"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise BadData(f"{name} is {value:g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """How another recording's clock runs against the reference.
+
+    Attributes
+    ----------
+    offset : what is added to the other's time at `epoch` [s]
+    drift : how much more is added every second [s/s]; 1e-6 is one part per million
+    epoch : [s] on the other's clock; the middle of what both cover, where offset and drift are independent
+    covariance : (2, 2) of offset and drift, zero for a clock that is given
+    length : seconds that both cover [s]
+    explained : share of the variance of that signal of the other recording which the reference explains best
+    cutoff : of the low-pass filter through which they were compared [Hz]
+    notes : a drift that matters, an offset that is doubtful, one line each
+    """
+
+    offset: float = 0.0
+    drift: float = 0.0
+    epoch: float = 0.0
+    covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    length: float = 0.0
+    explained: float = float("nan")
+    cutoff: float = float("nan")
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", frozen_array(self.covariance, (2, 2)))
+
+    @property
+    def offset_sd(self) -> float:
+        """Standard deviation of the offset at `epoch` [s]."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def drift_sd(self) -> float:
+        """Standard deviation of the drift [s/s]."""
+        return float(np.sqrt(self.covariance[1, 1]))
+
+    def times(self, time: Array) -> Array:
+        """Times of the other clock on the reference clock [s]."""
+        moved: Array = time + self.offset + self.drift * (time - self.epoch)
+        return moved
+
+    def back(self, time: Array) -> Array:
+        """Times of the reference clock on the other clock [s]."""
+        moved: Array = (time - self.offset + self.drift * self.epoch) / (1.0 + self.drift)
+        return moved
+
+    def apply(self, series: Timed) -> Timed:
+        """The other recording with its samples at the times the reference clock shows."""
+        changes: dict[str, Any] = {"time": self.times(series.time)}
+        return replace(series, **changes)
+
+
+def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> SeriesKind:
+    """Columns at other times by natural cubic splines, NaN outside the recording.
+
+    Parameters
+    ----------
+    series : finite, at a steady rate
+    time : (frames,) [s]
+    cutoff : low-pass before [Hz]; None takes 0.4 of the new rate where that is the lower one, so that nothing faster
+        is mistaken for something slow
+
+    Raises
+    ------
+    BadData : fewer than four frames, or values that are not finite
+    """
+    rate, wanted = series.rate, (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
+    if cutoff is None and wanted < 0.9 * rate:
+        cutoff = 0.4 * wanted
+    values = series.values if cutoff is None else lowpass(series.values, rate, cutoff)
+    found = natural_spline(series.time, values, degree=3)(np.clip(time, series.time[0], series.time[-1]))
+    found[(time < series.time[0] - 0.5 / rate) | (time > series.time[-1] + 0.5 / rate)] = np.nan
+    changes: dict[str, Any] = {"time": time, "values": found}
+    return replace(series, **changes)
+
+
+def estimate_clock(
+    time: Array, signal: Array, other_time: Array, other_signal: Array, options: ClockOptions | None = None
+) -> Clock:
+    """Clock of one recording against another that holds the same signals, each up to a factor and a constant.
+
+    Parameters
+    ----------
+    time, signal : (frames,), (frames,) or (frames, signals) on the reference clock [s]; NaN where unknown
+    other_time, other_signal : (samples,), (samples,) or (samples, signals)
+
+    Raises
+    ------
+    BadData : the recordings have no time in common, hold different numbers of signals, or do not agree anywhere
+    """
+    mine = np.asarray(signal, dtype=np.float64).reshape(len(time), -1)
+    theirs = np.asarray(other_signal, dtype=np.float64).reshape(len(other_time), -1)
+    if mine.shape[1] != theirs.shape[1]:
+        raise BadData(f"{mine.shape[1]} signals on one clock and {theirs.shape[1]} on the other: expected the same")
+    signals = mine.shape[1]
+    rows = np.zeros((len(time), signals, 2 * signals))
+    each = np.arange(signals)
+    rows[:, each, each], rows[:, each, signals + each] = mine, 1.0
+    return fit_clock(time, rows, other_time, theirs, options)
+
+
+def fit_clock(
+    time: Array,
+    rows: Array,
+    other_time: Array,
+    other: Array,
+    options: ClockOptions | None = None,
+    used: np.ndarray | None = None,
+) -> Clock:
+    """Clock of a recording that is linear in what the reference recorded: other = rows phi, phi unknown.
+
+    The offset starts where the lagged recordings explain each other best, the drift from the lags of pieces;
+    Gauss-Newton on both follows, each signal weighted by what its residual is. The standard deviations come from the
+    residuals block by block, so that filtered noise and errors of the model count for what they are.
+
+    Parameters
+    ----------
+    time, rows : (frames,), (frames, signals, parameters), a steady rate; frames with NaN are not used
+    other_time, other : (samples,), (samples, signals), finite
+    used : (frames,) whether a frame takes part
+
+    Raises
+    ------
+    BadData : too little time in common, or nothing of the other recording is explained at any offset
+    """
+    options = options or ClockOptions()
+    cutoff = options.cutoff or PERIODS * main_frequency(time, other_time, other)
+    compared = compare(time, rows, other_time, other, cutoff, used)
+    found = []
+    for lag in likely_lags(compared, options.search):
+        start = np.array([lag, 0.0])
+        if options.drift:
+            start = drift_of_pieces(compared, start, options.window)
+        found.append(refine(compared, start, options.drift, options.block))
+    found.sort(key=lambda one: one.misfit)
+    best, doubt = found[0], _doubt(found)
+    # The way there is s = t + a + b (t - middle); a clock is the way back.
+    a, b = best.lag
+    turn = np.diag([-1.0 / (1.0 + b), -1.0 / (1.0 + b) ** 2])
+    clock = Clock(
+        offset=float(-a),
+        drift=float(-b / (1.0 + b)),
+        epoch=float(compared.middle + a),
+        covariance=turn @ best.covariance @ turn,
+        length=best.length,
+        explained=best.explained,
+        cutoff=cutoff,
+    )
+    notes = [doubt] if doubt else []
+    if abs(clock.drift) > max(SIGNIFICANT * clock.drift_sd, 1e-6):
+        notes.append(
+            f"the clocks drift: {1e6 * clock.drift:.1f} ± {1e6 * clock.drift_sd:.1f} ppm, "
+            f"{1e3 * abs(clock.drift) * clock.length:.2f} ms over {clock.length:.0f} s; corrected"
+        )
+    return replace(clock, notes=tuple(notes))
+
+
+def _doubt(found: list[Refined]) -> str:
+    """A line on another offset that leaves hardly more than the best, "" where there is none."""
+    best = found[0]
+    for other in found[1:]:
+        if other.misfit < AMBIGUOUS * best.misfit and abs(other.lag[0] - best.lag[0]) > 10 * best.timing_sd:
+            return (
+                f"an offset of {-other.lag[0]:.3f} s leaves only {other.misfit / best.misfit:.3f} times what "
+                f"{-best.lag[0]:.3f} s leaves (a swing repeats itself): narrow the search if the second is wrong"
+            )
+    return ""
