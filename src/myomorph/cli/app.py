@@ -66,6 +66,11 @@ COMMANDS = {
         "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml jump1.xml "
         "--mass 72.6 --cutoff 6 --out identified.osim",
     ),
+    "viscosity": Command(
+        "viscosity",
+        "Viscosity of a joint and of its muscles from swings of a limb, with and without muscles.",
+        "myomorph viscosity shoulder.toml --out shoulder",
+    ),
     "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
 }
 

@@ -80,8 +80,9 @@ class PassiveModel:
     terms : what it is made of, as "viscosity + stiffness"
     values : of its terms, printed with their units
     viscosity : what it says of the viscosity [N m s/rad]
-    aic, bic : less that of the best model; smaller is better
-    angle_error, wrench_error : of a held-out swing it predicts, root mean square [rad], [N m]; NaN where not told
+    aic, bic : above that of the best model; smaller is better
+    angle_error, wrench_error : of held-out swings it predicts, root mean square [rad], [N m]; NaN where not told
+    chosen : whether it is the simplest of those that the data cannot tell from the best
     """
 
     condition: str
@@ -92,6 +93,7 @@ class PassiveModel:
     bic: float
     angle_error: float = float("nan")
     wrench_error: float = float("nan")
+    chosen: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +131,26 @@ class CutoffScan:
     reason: str = ""
 
 
+@dataclass(frozen=True)
+class ArmError:
+    """One kind of error of the moment arms.
+
+    Attributes
+    ----------
+    kind, size : in words
+    sd, bias : of the common muscle viscosity, relative
+    low, median, high : 2.5, 50 and 97.5 percent of the draws [N s/m]
+    """
+
+    kind: str
+    size: str
+    sd: float
+    bias: float
+    low: float
+    median: float
+    high: float
+
+
 @dataclass(frozen=True, eq=False)
 class ArmSpread:
     """What an error of the moment arms does to the muscles' viscosity.
@@ -138,6 +160,7 @@ class ArmSpread:
     errors : (levels,) relative standard deviation of the moment arms
     low, median, high : (levels,) of the common value, 2.5, 50 and 97.5 percent of the draws [N s/m]
     draws : of each level
+    kinds : the same for other kinds of error
     """
 
     errors: Array
@@ -145,6 +168,7 @@ class ArmSpread:
     median: Array
     high: Array
     draws: int
+    kinds: tuple[ArmError, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -198,7 +198,7 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
         figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
     if one.arms is not None:
         figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
-    grids = [grid for grid in (_model_grid(one), _calibration_grid(one)) if grid is not None]
+    grids = [grid for grid in (_model_grid(one), _arm_grid(one), _calibration_grid(one)) if grid is not None]
     if not figures and not grids:
         return None
     lead = []
@@ -269,7 +269,7 @@ def _model_grid(one: SpecimenReport) -> Grid | None:
     rows = tuple(
         (
             TITLES[model.condition],
-            model.terms,
+            model.terms + (" (chosen)" if model.chosen else ""),
             model.values,
             _signed(model.aic),
             _signed(model.bic),
@@ -288,6 +288,23 @@ def _model_grid(one: SpecimenReport) -> Grid | None:
         "Held-out moment",
     )
     return Grid(head, rows, "Models of the passive torque")
+
+
+def _arm_grid(one: SpecimenReport) -> Grid | None:
+    if one.arms is None or not one.arms.kinds:
+        return None
+    rows = tuple(
+        (
+            kind.kind,
+            kind.size,
+            f"{100.0 * kind.sd:.1f} %",
+            f"{100.0 * kind.bias:+.1f} %".replace("-", "−"),
+            f"{number(kind.median)} ({number(kind.low)} to {number(kind.high)})",
+        )
+        for kind in one.arms.kinds
+    )
+    head = ("Error of the moment arms", "Its SD", "SD of the viscosity", "Bias", "Viscosity [Ns/m] (95 % of draws)")
+    return Grid(head, rows, "Muscle viscosity with moment arms in error")
 
 
 def _signed(value: float) -> str:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 PATIENCE = 2.0
 """Work shorter than this says nothing [s]."""
 
-Advance = Callable[[int], None]
+Advance = Callable[[float], None]
 
 
 @contextmanager
@@ -35,10 +35,10 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
     """
     started = time.monotonic()
     bar: Progress | None = None
-    done = 0
+    done = 0.0
     interactive = sys.stderr.isatty()
 
-    def advance(count: int) -> None:
+    def advance(count: float) -> None:
         nonlocal bar, done
         done += count
         if bar is not None:
@@ -59,7 +59,7 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
         sys.stderr.write(f"{title}: {total} {unit} in {took:.1f} s\n")
 
 
-def _bar(title: str, total: int, done: int) -> Progress:
+def _bar(title: str, total: int, done: float) -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -70,6 +70,6 @@ def _bar(title: str, total: int, done: int) -> Progress:
         TimeRemainingColumn(elapsed_when_finished=True),
         console=Console(stderr=True),
     )
-    bar.add_task(title, total=total, completed=done)
+    bar.update(bar.add_task(title, total=total), completed=done)
     bar.start()
     return bar

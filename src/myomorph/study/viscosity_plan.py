@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, create_model
 
 from myomorph.identify.cohort import QUANTITIES
-from myomorph.model.errors import BadFile, listing
+from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.study.plan import companion, plain_stem
 from myomorph.study.settings import Setting, settings_of
 from myomorph.study.study_file import (
@@ -31,9 +31,10 @@ CONDITIONS = ("without", "with")
 
 def viscosity_settings() -> Mapping[str, tuple[Setting, ...]]:
     """Settings of every step, by its name in the table `[options]`."""
-    from myomorph.identify.viscosity import ViscosityOptions
+    from myomorph.study.viscosity import StudyOptions
 
-    return MappingProxyType({"identification": settings_of(ViscosityOptions)})
+    plain = StudyOptions()
+    return MappingProxyType({name: settings_of(type(one)) for name, one in vars(plain).items()})
 
 
 class _Recording(Strict):
@@ -243,6 +244,63 @@ def _recordings(
             seen.add(name)
             if loads is not None:
                 yield SwingFiles(name, markers, loads, given.time or time)
+
+
+def fixed_plan(
+    model: Path | None,
+    files: Mapping[str, tuple[Sequence[Path], Sequence[Path]]],
+    base: str | None = None,
+    first: str | None = None,
+    muscle_mass: float | None = None,
+    time: tuple[float, float] | None = None,
+    settings: Mapping[str, Any] = MappingProxyType({}),
+) -> ViscosityPlan:
+    """The plan of one specimen whose files are given by hand.
+
+    Parameters
+    ----------
+    files : of each of `CONDITIONS`, recordings and their forces, which may be empty
+    settings : of all steps, by option
+
+    Raises
+    ------
+    BadData
+        where something is missing, or there are not as many forces as recordings
+    BadFile
+        where a file does not exist
+    """
+    if model is None:
+        raise BadData("give a study file, or --model with --with and --without")
+    if not model.is_file():
+        raise BadFile(model, "does not exist", "give a model (.osim or .xml)")
+    conditions = {name: tuple(_given(name, *files.get(name, ((), ())), time)) for name in CONDITIONS}
+    if not any(conditions.values()):
+        raise BadData("no recordings: give --with and --without")
+    remarks = tuple(
+        f"no recordings {name} muscles, so that their viscosity cannot be told"
+        for name, entries in conditions.items()
+        if not entries
+    )
+    specimen = SpecimenFiles(
+        model.stem, model, conditions["without"], conditions["with"], muscle_mass, base=base, first=first
+    )
+    tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
+    return ViscosityPlan(model.stem, None, (specimen,), MappingProxyType(tables), remarks=remarks)
+
+
+def _given(
+    name: str, recordings: Sequence[Path], loads: Sequence[Path], time: tuple[float, float] | None
+) -> Iterator[SwingFiles]:
+    if loads and len(loads) != len(recordings):
+        raise BadData(f"{len(recordings)} recordings but {len(loads)} files of forces for --{name}: give one of each")
+    for i, markers in enumerate(recordings):
+        own = loads[i] if loads else swing_loads(markers)
+        for path in (markers, own):
+            if path is not None and not path.is_file():
+                raise BadFile(path, "does not exist")
+        if own is None:
+            raise BadFile(markers, "has no forces beside it", f"give --{name}-loads")
+        yield SwingFiles(plain_stem(markers), markers, own, time)
 
 
 def swing_loads(markers: Path) -> Path | None:

@@ -31,6 +31,7 @@ NOUNS: dict[str, Any] = {
         Note,
         SourceFile,
         Step,
+        shown.ArmError,
         shown.ArmSpread,
         shown.CutoffScan,
         shown.HeldOutSwing,

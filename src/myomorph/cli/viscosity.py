@@ -1,0 +1,107 @@
+"""`viscosity`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import OutFolder, Threads, Time, given, options_class, use_threads
+from myomorph.cli.output import said, warn
+from myomorph.identify.tracking import TrackingOptions
+from myomorph.identify.viscosity import ViscosityOptions
+from myomorph.model.errors import BadData
+from myomorph.study.viscosity import FilterOptions, SpecimenOutcome
+
+BAD_INPUT, OUR_FAULT = 2, 1
+
+ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
+
+
+Intact = Annotated[
+    tuple[Path, ...],
+    Parameter(name="--with", help="Recordings with muscles: markers, or C3D with plates.", consume_multiple=True),
+]
+Without = Annotated[
+    tuple[Path, ...], Parameter(name="--without", help="Recordings without muscles.", consume_multiple=True)
+]
+IntactLoads = Annotated[
+    tuple[Path, ...],
+    Parameter(
+        name="--with-loads",
+        help="Forces on the base with muscles, in the same order; by default those beside each recording.",
+        consume_multiple=True,
+    ),
+]
+WithoutLoads = Annotated[
+    tuple[Path, ...], Parameter(name="--without-loads", help="The same without muscles.", consume_multiple=True)
+]
+
+
+def viscosity_command(
+    study: Annotated[Path | None, Parameter(help="Study file (.toml) of one or more specimens.")] = None,
+    /,
+    *,
+    out: OutFolder,
+    model: Annotated[Path | None, Parameter(help="Model of one specimen (.osim or .xml), in place of a study.")] = None,
+    intact: Intact = (),
+    without: Without = (),
+    with_loads: IntactLoads = (),
+    without_loads: WithoutLoads = (),
+    base: Annotated[str | None, Parameter(help="Body that is fixed to the plate; the scapula by default.")] = None,
+    first: Annotated[str | None, Parameter(help="First body of the limb; the humerus by default.")] = None,
+    muscle_mass: Annotated[float | None, Parameter(help="Of the removed muscles, as weighed [kg].")] = None,
+    time: Time = None,
+    options: ViscositySettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
+    from myomorph.study.viscosity import REPORT, run_viscosity
+    from myomorph.study.viscosity_plan import fixed_plan, read_viscosity_plan
+
+    use_threads(threads)
+    if study is not None:
+        plan = read_viscosity_plan(study)
+        refuse_files(model, intact, without, given(options))
+    else:
+        files = {"without": (without, without_loads), "with": (intact, with_loads)}
+        plan = fixed_plan(model, files, base, first, muscle_mass, time, given(options))
+    for remark in plan.remarks:
+        said(remark)
+    outcomes = run_viscosity(plan, out, told)
+    failed = [one for one in outcomes if one.report.failure]
+    said(f"{len(outcomes) - len(failed)} of {len(outcomes)} specimens done")
+    said(f"report: {(out / REPORT).resolve()}")
+    if any(one.fault for one in failed):
+        return OUR_FAULT
+    return BAD_INPUT if failed else 0
+
+
+def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[Path], options: dict[str, Any]) -> None:
+    """Raise `BadData` where a study file is given together with what it says itself."""
+    if model is not None or intact or without:
+        raise BadData("give a study file, or --model with --with and --without, but not both")
+    if options:
+        name = next(iter(options)).replace("_", "-")
+        raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
+
+
+def told(outcome: SpecimenOutcome) -> None:
+    """Print a specimen's row, or why there is none."""
+    name, row = outcome.report.name, outcome.report.row
+    if outcome.report.failure:
+        said(f"specimen {name}: FAILED: {outcome.report.failure}")
+        return
+    parts = []
+    for key, label, unit in (
+        ("joint_viscosity", "joint", "Nms/rad"),
+        ("total_viscosity", "total", "Nms/rad"),
+        ("muscle_viscosity", "muscles", "Ns/m"),
+    ):
+        if key in row:
+            one = row[key]
+            parts.append(f"{label} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {unit}")
+    said(f"specimen {name}: {'; '.join(parts)} in {outcome.seconds:.1f} s")
+    warn(outcome.report.notes)

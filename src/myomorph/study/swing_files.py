@@ -1,0 +1,206 @@
+"""The files of a specimen as values: its model as base, joint and limb, and its swings as markers and wrench."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.contact.plates import plate_axes, plate_wrench
+from myomorph.identify.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.identify.specimen_muscles import fig1_muscles
+from myomorph.io.loads import read_external_loads
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Trial, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.study.inputs import about, fitted_to, open_model, open_trial
+from myomorph.study.viscosity_plan import SpecimenFiles, SwingFiles
+
+NAMED = {"base": ("scapula",), "first": ("humerus", "humer", "upper_arm", "upperarm")}
+"""What the bodies of a shoulder are called where a study file does not name them."""
+
+WHOLE = 9
+"""Columns of a table of one force: force, point and torque."""
+
+
+def open_specimen(files: SpecimenFiles, markers: Sequence[str]) -> Specimen:
+    """The specimen that a model holds, its bones those that carry at least three of the recorded markers.
+
+    Parameters
+    ----------
+    markers : names of those recorded
+
+    Raises
+    ------
+    BadFile, BadModel, UnknownName
+        where the model cannot be read, or has no such base, limb or muscles
+    """
+    with about(files.model):
+        model = _model(files.model, markers)
+        first = _body(model, files.first, "first")
+        base = _body(model, files.base, "base", first)
+        bones = files.bones or _marked(model, base, first, markers)
+        names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)
+        return build_specimen(model, names)
+
+
+def _model(path: Path, markers: Sequence[str]) -> Model:
+    """The model of a file; of MJCF, whose sites may be anything, those that are called as recorded markers are."""
+    if path.suffix.lower() == ".osim":
+        return open_model(path)
+    from myomorph.io.mjcf import read_mjcf
+
+    return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
+
+
+def _body(model: Model, given: str | None, role: str, other: str = "") -> str:
+    """The body that a study file names, or the one whose name tells; of two sides the one of `other`."""
+    if given is not None:
+        if given not in model.body_names:
+            raise UnknownName("body", given, model.body_names, f"model '{model.name}'")
+        return given
+    for word in NAMED[role]:
+        found = [name for name in model.body_names if word in name.lower() and "phantom" not in name.lower()]
+        sided = [name for name in found if other and name.lower().endswith(other.lower()[-2:])]
+        found = found if len(found) == 1 else sided or found
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise BadModel(f"which body is the '{role}'? The model has {listing('', found)}: name it in the study file")
+    raise BadModel(
+        f"no body is called '{NAMED[role][0]}': give '{role}' in the study file; the model has "
+        f"{listing(NAMED[role][0], model.body_names)}"
+    )
+
+
+def _marked(model: Model, base: str, first: str, markers: Sequence[str]) -> tuple[str, ...]:
+    parents = {joint.child: joint.parent for joint in model.joints}
+
+    def beyond(body: str) -> bool:
+        while body in parents and body != first:
+            body = parents[body]
+        return body == first
+
+    known = set(markers)
+    counts: dict[str, int] = {}
+    for marker in model.markers:
+        if marker.name in known:
+            counts[marker.body] = counts.get(marker.body, 0) + 1
+    return tuple(body for body, count in counts.items() if count >= 3 and body not in (base, first) and beyond(body))
+
+
+def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
+    """Those of [S] figure 1 where the model has them; else all between base and limb."""
+    try:
+        return dict(fig1_muscles(model))
+    except BadModel:
+        return {}
+
+
+def open_swing(files: SwingFiles, model: Model, tare: Path | None = None) -> tuple[SwingTrial, tuple[str, ...]]:
+    """A recording of a swing, in the model's ground axes, and what its files had to say.
+
+    Raises
+    ------
+    BadFile, BadData
+        where a file is not what it should be, or has none of the model's markers
+    """
+    recorded = open_trial(files.markers)
+    trial = fitted_to(model, recorded)
+    turned = trial is not recorded
+    same = files.loads == files.markers
+    wrenches = plate_wrenches(trial, model.gravity) if same else open_wrench(files.loads, model, turned)
+    markers = trial.markers
+    assert markers is not None
+    empty = None if tare is None else open_wrench(tare, model, turned)
+    return SwingTrial(files.name, markers, wrenches, files.time, empty), tuple(
+        f"{files.name}: {text}" for text in trial.warnings if "plate" not in text
+    )
+
+
+def marker_names(files: SwingFiles) -> tuple[str, ...]:
+    """Names of the markers of a recording."""
+    markers: Markers | None = open_trial(files.markers).markers
+    return () if markers is None else markers.names
+
+
+def open_wrench(path: Path, model: Model, turned: bool = False) -> Wrenches:
+    """Forces on the base: a table of force, point and torque in ground, an external loads file, or plates of a C3D.
+
+    Parameters
+    ----------
+    turned : whether the recording's C3D was turned to the model's vertical, so that the plates must be too
+    """
+    ending = path.suffix.lower()
+    with about(path):
+        if ending == ".c3d":
+            trial = open_trial(path)
+            if turned:
+                from myomorph.model.series import Z_UP_TO_Y_UP
+
+                trial = trial.rotated(Z_UP_TO_Y_UP)
+            return plate_wrenches(trial, model.gravity)
+        if ending == ".xml":
+            return read_external_loads(path)
+        if ending not in (".mot", ".sto"):
+            raise BadFile(path, f"holds no forces: its name ends in '{ending}'", "expected .mot, .sto, .xml or .c3d")
+        return wrench_of_table(path)
+
+
+def wrench_of_table(path: Path) -> Wrenches:
+    """A table of one force: its nine columns are force, point and torque, as OpenSim writes them.
+
+    Columns are known by their endings (vx, px, and x of a torque); else their order tells.
+
+    Raises
+    ------
+    BadFile
+        where there are not nine columns
+    """
+    table = read_sto(path)
+    if len(table.names) != WHOLE:
+        raise BadFile(
+            path,
+            f"has {len(table.names)} columns beside the time: {listing('', table.names)}",
+            "give one force on the base: force, point and torque (9 columns)",
+        )
+    places = [_triple(table.names, ends) for ends in ("v", "p")]
+    if all(one is not None for one in places):
+        taken = [i for one in places if one is not None for i in one]
+        places.append([i for i in range(WHOLE) if i not in taken])
+    columns = places if len(places) == 3 else [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
+    force, point, torque = (table.values[:, one][:, None, :] for one in columns)
+    return Wrenches(table.time, ("base",), ("",), force, point, torque)
+
+
+def _triple(names: Sequence[str], kind: str) -> list[int] | None:
+    found = [[i for i, name in enumerate(names) if name.lower().endswith(f"{kind}{axis}")] for axis in "xyz"]
+    return [one[0] for one in found] if all(len(one) == 1 for one in found) else None
+
+
+def plate_wrenches(trial: Trial, gravity: Array) -> Wrenches:
+    """Force of all plates of a C3D file on what stands on them, as measured: not set to zero, about plates' centers.
+
+    Files hold either the force of the plate or that on the plate: what carries the limb is the one that points
+    away from gravity on average.
+
+    Raises
+    ------
+    BadFile
+        where the file has no plates
+    """
+    if not trial.plate_recordings:
+        raise BadFile(trial.source, "holds no force plates", "give 'loads': a table of force, point and torque")
+    parts = []
+    for plate in trial.plate_recordings:
+        axes = plate_axes(plate)
+        force, moment = plate_wrench(plate)
+        parts.append((force @ axes.T, np.broadcast_to(plate.corners.mean(axis=0), force.shape), moment @ axes.T))
+    force, point, torque = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
+    sign = -1.0 if float(np.nanmean(force.sum(axis=1), axis=0) @ gravity) > 0.0 else 1.0
+    names = tuple(plate.name for plate in trial.plate_recordings)
+    return Wrenches(trial.plate_time, names, ("",) * len(names), sign * force, point, sign * torque)
