@@ -162,19 +162,19 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
     specimen = limb.specimen
     center = stand.apply(specimen.center)
     parts = tendons_mjcf(limb, specimen.model, muscle) if muscle > 0.0 else ([], [], "")
-    base_turn = quaternion(stand.rotation)
     return f"""<mujoco model="virtual specimen">
   <option gravity="{words(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
   <worldbody>
-    <body name="base" pos="{words(center)}" quat="{words(base_turn)}">
-      {"".join(parts[0])}
-    </body>
-    <body name="limb" pos="{words(center)}" quat="{words(quaternion(rest))}">
-      <joint name="joint" type="ball" damping="{damping!r}"/>
-      {inertial(parameters)}
-      <site name="center"/>
-      {"".join(parts[1])}
+    <body name="base" pos="{words(center)}">
+      <site name="plate"/>
+      <body name="scapula" quat="{words(quaternion(stand.rotation))}">{"".join(parts[0])}</body>
+      <body name="limb" quat="{words(quaternion(rest))}">
+        <joint name="joint" type="ball" damping="{damping!r}"/>
+        {inertial(parameters)}
+        <site name="center"/>
+        {"".join(parts[1])}
+      </body>
     </body>
   </worldbody>
   {parts[2]}{_sensors(specimen.model, muscle)}

@@ -23,12 +23,11 @@ SENSORS = """
     <framequat name="pose" objtype="xbody" objname="{body}"/>
     <gyro name="rates" site="center"/>
     <frameangacc name="accelerations" objtype="xbody" objname="{body}"/>
-    <torque name="torque" site="center"/>
-    <force name="force" site="center"/>
+    <torque name="torque" site="plate"/>
+    <force name="force" site="plate"/>
   </sensor>"""
-"""What a swing needs; the limb's first body `body` has a site "center" at the joint, along its axes.
-
-Speeds of tendons come after them."""
+"""What a swing needs. The limb's first body `body` has a site "center" at the joint, along its axes; the base, which
+weighs nothing, carries it, and has a site "plate" there along the ground's. Speeds of tendons come after these."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +121,10 @@ def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
         return sensed[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
     rotations = matrices(values("pose"))
-    wrench = [np.einsum("fij,fj->fi", rotations, values(name)) for name in ("torque", "force")]
+    wrench = np.concatenate([values("torque"), values("force")], axis=1)
     accelerations = np.einsum("fji,fj->fi", rotations, values("accelerations"))
     speeds = sensed[:, sensed.shape[1] - compiled.ntendon :]
-    return Sampled(time, rotations, values("rates"), accelerations, np.concatenate(wrench, axis=1), speeds)
+    return Sampled(time, rotations, values("rates"), accelerations, wrench, speeds)
 
 
 def matrices(quaternions: Array) -> Array:
