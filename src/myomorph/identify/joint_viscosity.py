@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.identify.swing_sums import ANGLE, CONSTANT, MUSCLES, RATE, eliminated
+from myomorph.identify.swing_sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, eliminated
 from myomorph.identify.swings import PARAMETERS
 from myomorph.model.spatial import Array
 
@@ -30,13 +30,13 @@ class JointViscosity:
     residual: Array
 
 
-def torque_problem(products: Array, parameters: Array, stiffness: bool = True) -> Array:
+def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
     """(axes, 2 + muscles, 2 + muscles) products of [torque, rate, u] of each axis, torque = torque_rows phi.
 
     Parameters
     ----------
     products : (axes, n, n) as `SwingSums.torque_total` gives them
-    parameters : (10,) phi
+    parameters : (10,) phi; None for the torque that the plate measures instead
     stiffness : take off what a spring and a constant torque of each axis explain, so that neither biases what
         resists motion
     """
@@ -44,7 +44,10 @@ def torque_problem(products: Array, parameters: Array, stiffness: bool = True) -
         products = eliminated(products, [CONSTANT, ANGLE])
     muscles = products.shape[-1] - MUSCLES
     chosen = np.zeros((products.shape[-1], FIRST + muscles))
-    chosen[:PARAMETERS, TORQUE] = parameters
+    if parameters is None:
+        chosen[PLATE, TORQUE] = 1.0
+    else:
+        chosen[:PARAMETERS, TORQUE] = parameters
     chosen[RATE, SPEED] = 1.0
     chosen[MUSCLES:, FIRST:] = np.eye(muscles)
     problem: Array = chosen.T @ products @ chosen

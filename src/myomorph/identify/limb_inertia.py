@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.identify.mass_map import parameters_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia
-from myomorph.identify.swing_sums import ONE, WRENCH, SwingSums, eliminated
+from myomorph.identify.swing_sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
 from myomorph.identify.swings import PARAMETERS
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
@@ -98,21 +98,14 @@ def limb_inertia(
         products = eliminated(products, [ONE])
     products = products.sum(axis=0)[:, :ONE, :ONE]
     if hidden:
-        products[:, 0] = products[:, :, 0] = 0.0
-    frames = float(counts @ sums.frames)
+        for column in (0, PREDICTED):
+            products[:, column] = products[:, :, column] = 0.0
     if noise is None:
-        noise = _noise(products, frames)
-    A, b = _root(np.tensordot(noise**-2.0, products, axes=1))
+        noise = _noise(products, float(counts @ sums.frames))
+    A, b = _equations(np.tensordot(noise**-2.0, products, axes=1))
     reference = _cylinder(_least_norm(A, b), hidden)
     fit = solve_pseudo_inertia(A, b, reference[None], options=PseudoInertiaOptions(mass_sd=options.prior_sd))
     return LimbInertia(fit.parameters[0], noise, hidden, fit.status == "closed form", options)
-
-
-def residuals(products: Array, parameters: Array, frames: float) -> Array:
-    """(...,) root mean square of what products (..., 11, 11) say that the parameters (10,) leave."""
-    taken = np.append(parameters, -1.0)
-    left: Array = np.einsum("...ij,i,j->...", products[..., :ONE, :ONE], taken, taken)
-    return np.sqrt(np.maximum(left, 0.0) / frames)
 
 
 def _noise(products: Array, frames: float) -> Array:
@@ -121,22 +114,23 @@ def _noise(products: Array, frames: float) -> Array:
     least = 1e-9 * np.repeat([size[:3].max(), size[3:].max()], 3)
     noise = np.maximum(size, least)
     for _ in range(4):
-        parameters = _least_norm(*_root(np.tensordot(noise**-2.0, products, axes=1)))
-        noise = np.maximum(residuals(products, parameters, frames), least)
+        parameters = _least_norm(*_equations(np.tensordot(noise**-2.0, products, axes=1)))
+        taken = np.append(parameters, -1.0)
+        left = np.einsum("rij,i,j->r", products[:, : WRENCH + 1, : WRENCH + 1], taken, taken)
+        noise = np.maximum(np.sqrt(np.maximum(left, 0.0) / frames), least)
     return noise
 
 
-def _root(products: Array) -> tuple[Array, Array]:
-    """A (10, 10), b (10,) with A^T A and A^T b those of the normal equations (11, 11)."""
-    scale = np.sqrt(np.diagonal(products)[:PARAMETERS])
+def _equations(products: Array) -> tuple[Array, Array]:
+    """A (10, 10), b (10,) of the wrench as the predicted rows see it: with Z those rows, A = (Z^T Z)^-1/2 Z^T Y."""
+    Z = slice(PREDICTED, PREDICTED + PARAMETERS)
+    scale = np.sqrt(np.diagonal(products)[Z])
     scale = np.where(scale > 0.0, scale, 1.0)
-    H = products[:PARAMETERS, :PARAMETERS] / scale[:, None] / scale
-    values, vectors = np.linalg.eigh(H)
+    values, vectors = np.linalg.eigh(products[Z, Z] / scale[:, None] / scale)
     seen = values > 1e-13 * values[-1]
-    root = np.sqrt(np.where(seen, values, 0.0))
-    right = vectors.T @ (products[:PARAMETERS, WRENCH] / scale)
-    b = np.divide(right, root, out=np.zeros(PARAMETERS), where=seen)
-    return root[:, None] * vectors.T * scale, b
+    root = np.divide(1.0, np.sqrt(values, where=seen, out=np.ones(PARAMETERS)), where=seen, out=np.zeros(PARAMETERS))
+    turn = root[:, None] * vectors.T / scale
+    return turn @ products[Z, :PARAMETERS], turn @ products[Z, WRENCH]
 
 
 def _least_norm(A: Array, b: Array) -> Array:

@@ -11,15 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.identify.swing_prediction import free_directions, predicted_rows
 from myomorph.identify.swings import PARAMETERS, SwingRecording
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 
-WRENCH, ONE = PARAMETERS, PARAMETERS + 1
-"""Columns of the products of a row of the wrench: parameters, the wrench itself, a one."""
+WRENCH, PREDICTED, ONE = PARAMETERS, PARAMETERS + 1, 2 * PARAMETERS + 1
+"""Columns of the products of a row of the wrench: parameters, the wrench itself, predicted rows, a one."""
 
-RATE, ANGLE, CONSTANT, MUSCLES = PARAMETERS, PARAMETERS + 1, PARAMETERS + 2, PARAMETERS + 3
-"""Columns of the products of an axis' torque: parameters, rate, angle, a one, then one a muscle."""
+RATE, ANGLE, CONSTANT, PLATE, MUSCLES = range(PARAMETERS, PARAMETERS + 5)
+"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque, then muscles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +32,11 @@ class SwingSums:
     names : of the trials
     trial : (blocks,) which trial a block belongs to
     frames : (blocks,) frames in a block
-    wrench : (blocks, 6, 12, 12) of [wrench_rows, wrench, 1], one matrix a row of the wrench
-    torque : (blocks, axes, 13 + muscles, 13 + muscles) of [torque_rows, rate, angle, 1, u], one matrix an
-        axis, with u_m = J_m J_m . rates, the torque of muscle m of unit viscosity, sign turned
+    wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench
+    torque : (blocks, axes, 14 + muscles, 14 + muscles) of [torque_rows, rate, angle, 1, plate, u], one matrix an
+        axis; `plate` is the moment that the plate measures about the axis, and u_m = J_m J_m . rates the torque
+        of muscle m of unit viscosity, sign turned
+    still : frames left out because the limb hardly swung any more
     """
 
     names: tuple[str, ...]
@@ -43,12 +46,13 @@ class SwingSums:
     frames: Array
     wrench: Array
     torque: Array
+    still: int
 
     def __len__(self) -> int:
         return len(self.trial)
 
     def wrench_total(self, counts: Array) -> Array:
-        """(trials, 6, 12, 12) sums of each trial with every block taken `counts` (blocks,) times."""
+        """(trials, 6, 22, 22) sums of each trial with every block taken `counts` (blocks,) times."""
         weight = (self.trial == np.arange(len(self.names))[:, None]) * counts
         flat = weight @ self.wrench.reshape(len(self), -1)
         return flat.reshape(len(self.names), *self.wrench.shape[1:])
@@ -58,8 +62,13 @@ class SwingSums:
         return (counts @ self.torque.reshape(len(self), -1)).reshape(self.torque.shape[1:])
 
 
-def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1) -> SwingSums:
+def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: float = 0.1) -> SwingSums:
     """The recordings of one condition as sums over blocks of `swings` successive swings.
+
+    Parameters
+    ----------
+    least : swings whose root mean square rate is below this share of the fastest swing's are left out: a limb at
+        rest tells nothing of what resists motion, but its noise biases all
 
     Raises
     ------
@@ -67,28 +76,28 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1) -> SwingSu
     """
     if not recordings:
         raise BadData("no recording of swings is given")
-    first = recordings[0]
-    trial, frames, wrench, torque = [], [], [], []
-    for number, one in enumerate(recordings):
-        _check(first, one)
-        for use in _blocks(one, swings):
-            trial.append(number)
-            frames.append(len(use))
-            wrench.append(_wrench_products(one, use))
-            torque.append(_torque_products(one, use))
-    if not trial:
+    for one in recordings:
+        _check(recordings[0], one)
+    parts = [(number, use) for number, one in enumerate(recordings) for use in _swings(one)]
+    if not parts:
         raise BadData(
             f"none of the trials {', '.join(one.name for one in recordings)} holds a frame of free swing: "
             "release the limb without touching it, and check that its markers are seen"
         )
+    speed = np.array([np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean()) for number, use in parts])
+    live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
+    blocks = _blocks(live, swings)
+    predicted = predicted_rows(recordings, [_of(blocks, number) for number in range(len(recordings))])
+    along = free_directions(recordings)
     return SwingSums(
         tuple(one.name for one in recordings),
-        first.axes,
-        first.muscles,
-        np.array(trial),
-        np.array(frames, float),
-        np.stack(wrench),
-        np.stack(torque),
+        recordings[0].axes,
+        recordings[0].muscles,
+        np.array([number for number, _ in blocks]),
+        np.array([len(use) for _, use in blocks], float),
+        np.stack([_wrench_products(recordings[number], predicted[number], use) for number, use in blocks]),
+        np.stack([_torque_products(recordings[number], along, use) for number, use in blocks]),
+        sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
     )
 
 
@@ -105,37 +114,52 @@ def _check(first: SwingRecording, one: SwingRecording) -> None:
             raise BadData(f"swing '{one.name}': {name} is not finite in a frame that is used; mark it with swing -1")
 
 
-def _blocks(one: SwingRecording, swings: int) -> list[np.ndarray]:
-    """Frames of each block; a last block of less than half its swings joins the one before."""
-    numbers = np.unique(one.swing[one.used])
-    parts = [numbers[i : i + swings] for i in range(0, len(numbers), swings)]
-    if len(parts) > 1 and 2 * len(parts[-1]) < swings:
-        last = parts.pop()
-        parts[-1] = np.concatenate([parts[-1], last])
-    return [np.flatnonzero(np.isin(one.swing, part)) for part in parts]
+def _swings(one: SwingRecording) -> list[np.ndarray]:
+    """Frames of each swing."""
+    return [np.flatnonzero(one.swing == number) for number in np.unique(one.swing[one.used])]
 
 
-def _wrench_products(one: SwingRecording, use: np.ndarray) -> Array:
-    columns = np.concatenate(
-        [one.wrench_rows[use], one.wrench[use, :, None], np.ones((len(use), 6, 1))], axis=2
-    ).transpose(1, 0, 2)
-    return columns.transpose(0, 2, 1) @ columns
+def _blocks(parts: list[tuple[int, np.ndarray]], swings: int) -> list[tuple[int, np.ndarray]]:
+    """Trial and frames of each block; a last block of less than half its swings joins the one before."""
+    blocks = []
+    for number in sorted({number for number, _ in parts}):
+        own = [use for other, use in parts if other == number]
+        cuts = [own[i : i + swings] for i in range(0, len(own), swings)]
+        if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
+            cuts[-2] += cuts.pop()
+        blocks += [(number, np.concatenate(cut)) for cut in cuts]
+    return blocks
 
 
-def _torque_products(one: SwingRecording, use: np.ndarray) -> Array:
+def _of(blocks: list[tuple[int, np.ndarray]], number: int) -> np.ndarray:
+    own = [use for other, use in blocks if other == number]
+    return np.concatenate(own) if own else np.zeros(0, np.int64)
+
+
+def _wrench_products(one: SwingRecording, predicted: Array, use: np.ndarray) -> Array:
+    columns = [one.wrench_rows[use], one.wrench[use, :, None], predicted[use], np.ones((len(use), 6, 1))]
+    return _products(np.concatenate(columns, axis=2))
+
+
+def _torque_products(one: SwingRecording, along: Array, use: np.ndarray) -> Array:
     rates, J = one.rates[use], one.lengthening[use]
     speeds = np.einsum("fma,fa->fm", J, rates)
-    columns = np.concatenate(
-        [
-            one.torque_rows[use],
-            rates[:, :, None],
-            one.angles[use, :, None],
-            np.ones((*rates.shape, 1)),
-            (J * speeds[:, :, None]).transpose(0, 2, 1),
-        ],
-        axis=2,
-    ).transpose(1, 0, 2)
-    return columns.transpose(0, 2, 1) @ columns
+    plate = np.einsum("ai,fji,fj->fa", along, one.rotations[use], one.wrench[use, :3], optimize=True)
+    columns = [
+        one.torque_rows[use],
+        rates[:, :, None],
+        one.angles[use, :, None],
+        np.ones((*rates.shape, 1)),
+        plate[:, :, None],
+        (J * speeds[:, :, None]).transpose(0, 2, 1),
+    ]
+    return _products(np.concatenate(columns, axis=2))
+
+
+def _products(columns: Array) -> Array:
+    """(rows, n, n) sums over frames of the products of columns (frames, rows, n)."""
+    by_row = columns.transpose(1, 0, 2)
+    return by_row.transpose(0, 2, 1) @ by_row
 
 
 def eliminated(products: Array, columns: Sequence[int]) -> Array:
