@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmarks import (
     accuracy_calibration,
+    accuracy_cohort,
     accuracy_identification,
     accuracy_kernels,
     accuracy_kinematics,
@@ -65,6 +66,7 @@ def run() -> list[Row]:
         "identification": lambda: accuracy_identification.measure(folder),
         "identification_prototype": lambda: accuracy_identification.measure_prototype(folder),
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
+        "cohort": accuracy_cohort.measure,
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []

@@ -52,3 +52,8 @@ def test_unknown_intervals_stay_unknown():
     (line, *_) = cohort([published_row(SPECIMENS[0]), published_row(SPECIMENS[1])])
     assert np.isnan(line.low)
     assert np.isnan(line.high)
+
+
+def test_the_estimated_muscles_are_the_difference_of_the_printed_masses_as_far_as_these_are_rounded():
+    for one in SPECIMENS:
+        assert abs(one.mass_with - one.mass_without - one.estimated_muscle_mass) <= 0.005 + 0.005 + 0.0005 + 1e-12
