@@ -50,11 +50,7 @@ class PassiveProblem:
     def of(recordings: Sequence[SwingRecording], width: float, inertial: InertiaOptions) -> PassiveProblem:
         """The problem of recordings of one condition."""
         sums = swing_sums(recordings)
-        products = [
-            _products(one, one.swing == number, width)
-            for one in recordings
-            for number in np.unique(one.swing[one.used])
-        ]
+        products = [_products(recordings[i], use, width) for i, use in zip(sums.trial, sums.uses, strict=True)]
         noise = limb_inertia(sums, None, inertial).noise
         return PassiveProblem(tuple(recordings), sums, np.stack(products), width, inertial, noise)
 
@@ -90,10 +86,12 @@ class PassiveProblem:
     def left(self, parameters: Array, law: PassiveLaw) -> list[Array]:
         """Torque (frames, axes) that a law leaves in every unbroken run of frames [N m]."""
         result = []
-        for one in self.recordings:
+        for number, one in enumerate(self.recordings):
             torque = one.torque_rows @ parameters - law.torque(one.angles, one.rates, one.lengthening)
-            edges = np.flatnonzero(np.diff(one.used.astype(int), prepend=0, append=0))
-            result += [torque[start:stop] for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+            own = [use for i, use in zip(self.sums.trial, self.sums.uses, strict=True) if i == number]
+            if own:
+                used = np.concatenate(own)
+                result += [torque[run] for run in np.split(used, np.flatnonzero(np.diff(used) != 1) + 1)]
         return result
 
 

@@ -81,5 +81,6 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
     columns[:, each, 2 * axes + each] = -1.0
     columns[:, :, -3] = rates / np.hypot(speed, width)
     columns[:, :, -2] = speed * rates
-    columns[:, :, -1] = np.einsum("fma,fmb,fb->fa", lengthening, lengthening, rates, optimize=True)
+    speeds = np.einsum("fma,fa->fm", lengthening, rates)
+    columns[:, :, -1] = np.einsum("fma,fm->fa", lengthening, speeds)
     return columns

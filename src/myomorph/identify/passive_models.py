@@ -207,7 +207,7 @@ def compare_passive_laws(
     effective = effective_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
     counts = block_counts(problem.sums.trial, options.draws, np.random.default_rng(options.seed))
     drawn = np.array([problem.parameters(one) for one in counts])
-    left_out = stretches(recordings, options.horizon, options.held_out)
+    left_out = stretches(recordings, problem.sums, options.horizon, options.held_out)
     trained = [problem.parameters(one.training(blocks)) for one in left_out]
     samples = problem.samples(every)
     fits = []

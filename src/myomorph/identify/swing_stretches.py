@@ -9,6 +9,7 @@ import numpy as np
 
 from myomorph.identify.passive_law import PassiveLaw
 from myomorph.identify.swing_motion import SwingMotion, angles_apart, measured_motion, swing_forward
+from myomorph.identify.swing_sums import SwingSums
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.spatial import Array
 
@@ -20,7 +21,7 @@ class Stretch:
     Attributes
     ----------
     frames : of the recording
-    blocks : numbers of its swings among all swings of all recordings
+    blocks : their numbers in the sums of all recordings
     """
 
     recording: SwingRecording
@@ -64,33 +65,34 @@ class Stretch:
         return np.array([angle, square[:, :3].sum(axis=1).mean(), square[:, 3:].sum(axis=1).mean()])
 
 
-def stretches(recordings: Sequence[SwingRecording], horizon: float, count: int) -> list[Stretch]:
+def stretches(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int) -> list[Stretch]:
     """Up to `count` stretches of at least `horizon` [s], spread over the recordings.
 
     Where no two are so long, single swings; where there are no two of these either, none.
+
+    Parameters
+    ----------
+    sums : of the recordings, its blocks single swings
     """
     for least in (horizon, 0.0):
-        found = _every(recordings, least)
+        found = _every(recordings, sums, least)
         if len(found) > 1:
             chosen = np.unique(np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int))
             return [found[i] for i in chosen]
     return []
 
 
-def _every(recordings: Sequence[SwingRecording], least: float) -> list[Stretch]:
-    found, block = [], 0
-    for one in recordings:
-        start = first = end = -1
-        for number in np.unique(one.swing[one.used]):
-            frames = np.flatnonzero(one.swing == number)
-            whole = frames[-1] - frames[0] + 1 == len(frames)
-            if not whole or start < 0 or frames[0] != end:
-                start, first = int(frames[0]), block
-            end = int(frames[-1]) + 1
-            block += 1
-            if not whole:
-                start = -1
-            elif one.time[end - 1] - one.time[start] >= least and end - start > 1:
-                found.append(Stretch(one, slice(start, end), np.arange(first, block)))
-                start = -1
+def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) -> list[Stretch]:
+    found: list[Stretch] = []
+    joined: list[int] = []
+    for block, (number, use) in enumerate(zip(sums.trial, sums.uses, strict=True)):
+        follows = joined and sums.trial[joined[-1]] == number and sums.uses[joined[-1]][-1] + 1 == use[0]
+        joined = [*joined, block] if follows else [block]
+        if use[-1] - use[0] + 1 != len(use):
+            joined = []
+            continue
+        one, frames = recordings[number], slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
+        if frames.stop - frames.start > 1 and one.time[frames.stop - 1] - one.time[frames.start] >= least:
+            found.append(Stretch(one, frames, np.array(joined)))
+            joined = []
     return found

@@ -32,6 +32,7 @@ class SwingSums:
     names : of the trials
     trial : (blocks,) which trial a block belongs to
     frames : (blocks,) frames in a block
+    uses : (blocks,) which frames of its trial
     wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench
     torque : (blocks, axes, 14 + muscles, 14 + muscles) of [torque_rows, rate, angle, 1, plate, u], one matrix an
         axis; `plate` is the moment that the plate measures about the axis, and u_m = J_m J_m . rates the torque
@@ -44,6 +45,7 @@ class SwingSums:
     muscles: tuple[str, ...]
     trial: np.ndarray
     frames: Array
+    uses: tuple[np.ndarray, ...]
     wrench: Array
     torque: Array
     still: int
@@ -95,6 +97,7 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         recordings[0].muscles,
         np.array([number for number, _ in blocks]),
         np.array([len(use) for _, use in blocks], float),
+        tuple(use for _, use in blocks),
         np.stack([_wrench_products(recordings[number], predicted[number], use) for number, use in blocks]),
         np.stack([_torque_products(recordings[number], along, use) for number, use in blocks]),
         sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),

@@ -1,0 +1,101 @@
+"""Limbs with passive laws, swung by a plain integrator and written as the equations that identification takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.identify.passive_law import PassiveLaw, resistances
+from myomorph.identify.swings import SwingRecording
+from myomorph.model.inertia import inertia_matrices
+from myomorph.model.spatial import Array
+from myomorph.study.virtual_equations import moment_rows
+
+GRAVITY = np.array([0.0, -9.81, 0.0])
+LIMB = np.array([2.4, 0.05, -0.95, 0.03, 0.47, 0.012, 0.468, 0.018, 0.002, 0.021])
+"""Mass, first moment and inertia about the joint of something like an arm that hangs along -y."""
+MUSCLES = ("deltoid", "supraspinatus", "teres", "biceps")
+
+
+def law(axes: int = 3, **terms: float | Array) -> PassiveLaw:
+    """A law of the given terms, all others zero."""
+    each = {"viscosity": np.zeros(axes), "stiffness": np.zeros(axes), "rest_moment": np.zeros(axes)}
+    each |= {name: np.broadcast_to(value, (axes,)) for name, value in terms.items() if name in each}
+    rest = {name: float(terms.get(name, 0.0)) for name in ("coulomb", "quadratic", "muscle")}
+    return PassiveLaw(**each, **rest)
+
+
+def moment_arms(angles: Array) -> Array:
+    """(frames, muscles, 3) d(length)/d(angle) of muscles whose moment arms change with the pose [m/rad]."""
+    level = np.array([[0.02, 0.004, -0.012], [-0.015, 0.006, 0.018], [0.011, -0.013, 0.008], [-0.008, 0.01, -0.016]])
+    return level + 0.004 * np.sin(angles[:, None, :] + np.arange(4)[:, None])
+
+
+def swung(
+    laws: Sequence[PassiveLaw],
+    starts: Sequence[Array],
+    rates: Sequence[Array],
+    *,
+    axis: Array | None = None,
+    seconds: float = 7.0,
+    rate: float = 100.0,
+    muscles: bool = True,
+) -> list[SwingRecording]:
+    """Exact recordings of limbs let go at rotation vectors from hanging, with rates along their axes.
+
+    All at once: the classical Runge-Kutta method of order 4 on quaternions, steps of 5 ms.
+    """
+    inertia, h, gravity = inertia_matrices(LIMB), LIMB[1:4], np.array(GRAVITY)
+    hanging = Rotation.align_vectors([gravity], [h])[0]
+    upright = hanging.inv()
+    turn = np.eye(3) if axis is None else axis[None]
+    coefficients = np.array([one.coefficients for one in laws])
+
+    def arms(angles: Array) -> Array:
+        return moment_arms(angles) @ turn.T if muscles else np.zeros((len(angles), 0, len(turn)))
+
+    def acceleration(q: Array, w: Array) -> Array:
+        rotation = Rotation.from_quat(q)
+        angles = (upright * rotation).as_rotvec()
+        columns = resistances(angles @ turn.T, w @ turn.T, arms(angles), laws[0].width)
+        torque = -np.einsum("fac,fc->fa", columns, coefficients) @ turn
+        torque = torque + np.cross(h, rotation.apply(gravity, inverse=True)) - np.cross(w, w @ inertia)
+        if axis is None:
+            return torque @ np.linalg.inv(inertia)
+        return np.outer(torque @ axis / (axis @ inertia @ axis), axis)
+
+    def slope(state: Array) -> Array:
+        vector, scalar, w = state[:, :3], state[:, 3:4], state[:, 4:]
+        turning = np.hstack([scalar * w + np.cross(vector, w), -np.sum(vector * w, axis=1, keepdims=True)])
+        return np.hstack([0.5 * turning, acceleration(state[:, :4], w)])
+
+    every = round(200.0 / rate)
+    state = np.hstack([(hanging * Rotation.from_rotvec(np.array(starts))).as_quat(), np.array(rates, dtype=float)])
+    states = []
+    for i in range(round(200.0 * seconds)):
+        if i % every == 0:
+            states.append(state)
+        a = slope(state)
+        b = slope(state + 0.0025 * a)
+        c = slope(state + 0.0025 * b)
+        d = slope(state + 0.005 * c)
+        state = state + 0.005 / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+    time = np.arange(len(states)) / rate
+    made = []
+    for number, path in enumerate(np.swapaxes(states, 0, 1)):
+        coefficients = np.tile(laws[number].coefficients, (len(path), 1))
+        q, w = path[:, :4], path[:, 4:]
+        rotations = Rotation.from_quat(q)
+        moment, force = moment_rows(rotations.as_matrix(), w, acceleration(q, w), gravity)
+        rows = [np.einsum("fij,fjp->fip", rotations.as_matrix(), one) for one in (moment, force)]
+        wrench_rows = np.concatenate(rows, axis=1)
+        angles = (upright * rotations).as_rotvec()
+        period = 2.0 * np.pi * np.sqrt(inertia[0, 0] / (np.linalg.norm(h) * 9.81))
+        made.append(SwingRecording(
+            f"release {number + 1}", time, wrench_rows, wrench_rows @ LIMB, np.einsum("ai,fip->fap", turn, moment),
+            w @ turn.T, angles @ turn.T, ("x", "y", "z") if axis is None else ("flexion",), MUSCLES if muscles else (),
+            arms(angles), rotations.as_matrix(), np.array(gravity), np.floor(time / period).astype(int),
+        ))  # fmt: skip
+    return made

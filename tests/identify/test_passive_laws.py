@@ -1,0 +1,131 @@
+"""Passive laws: found again, told apart, and swings predicted from their first frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from swung_limb import LIMB, law, swung
+
+from myomorph.identify.passive_fit import bounded_least_squares, effective_samples, law_columns
+from myomorph.identify.passive_law import PassiveLaw
+from myomorph.identify.passive_models import PassiveOptions, compare_passive_laws
+from myomorph.identify.swing_motion import angles_apart, measured_motion, swing_forward
+from myomorph.model.errors import UnknownName
+from myomorph.motion.filters import lowpass
+from myomorph.study.virtual_joint import mechanical_joint
+
+AXIS = np.array([0.6, 0.0, 0.8])
+QUICK = PassiveOptions(draws=40, held_out=2)
+LAWS = {
+    "viscosity": {"viscosity": 0.06},
+    "axes": {"viscosity": np.array([0.03, 0.05, 0.09])},
+    "spring": {"viscosity": 0.04, "stiffness": 1.5, "rest_moment": np.array([0.1, -0.05, 0.05])},
+    "friction": {"viscosity": 0.03, "coulomb": 0.04},
+    "drag": {"viscosity": 0.03, "quadratic": 0.02},
+    "muscles": {"viscosity": 0.03, "muscle": 90.0},
+}
+
+
+@pytest.fixture(scope="module")
+def ball() -> dict:
+    starts, rates = [[0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]], [[0.5, 2.0, 0.0], [1.0, -3.0, 0.4]]
+    laws = [law(**terms) for terms in LAWS.values() for _ in starts]
+    made = swung(laws, len(LAWS) * starts, len(LAWS) * rates)
+    return {name: made[2 * i : 2 * i + 2] for i, name in enumerate(LAWS)}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_swing_is_what_its_law_and_inertia_predict(ball, name):
+    recording = ball[name][1]
+    predicted = swing_forward(recording, slice(100, 700), LIMB, law(**LAWS[name]))
+    measured = measured_motion(recording, slice(100, 700))
+    tolerance = 2e-4 if name in ("friction", "muscles") else 2e-5
+    assert angles_apart(predicted.rotations, measured.rotations).max() < tolerance
+    assert predicted.wrench == pytest.approx(measured.wrench, abs=100 * tolerance)
+
+
+def test_a_hinge_keeps_to_its_axis():
+    passive = law(1, viscosity=0.05, stiffness=0.8, rest_moment=0.1)
+    recording = swung([passive], [0.9 * AXIS], [np.zeros(3)], axis=AXIS, muscles=False)[0]
+    predicted = swing_forward(recording, slice(0, 800), LIMB, passive)
+    measured = measured_motion(recording, slice(0, 800))
+    assert angles_apart(predicted.rotations, measured.rotations).max() < 2e-5
+    assert np.cross(predicted.rates, AXIS) == pytest.approx(0.0, abs=1e-9)
+    assert predicted.wrench == pytest.approx(measured.wrench, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "chosen"),
+    [
+        ("viscosity", "viscosity"),
+        ("axes", "viscosity by axis"),
+        ("spring", "viscosity + stiffness"),
+        ("friction", "viscosity + coulomb"),
+        ("drag", "viscosity + quadratic"),
+        ("muscles", "viscosity + muscles"),
+    ],
+)
+def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, chosen):
+    comparison = compare_passive_laws(ball[name], QUICK)
+    best = comparison.chosen
+    assert best.name == chosen
+    assert best.law.coefficients == pytest.approx(law(**LAWS[name]).coefficients, abs=1e-5, rel=1e-3)
+    assert best.angle_error < 1e-3
+    assert best.angle_error <= comparison.viscous.angle_error
+    kinds = [{term.removesuffix(" by axis") for term in one.terms} for one in comparison.fits]
+    acted = set(LAWS[name]) - {"rest_moment"}
+    others = [one for one, kind in zip(comparison.fits, kinds, strict=True) if acted - kind - {"muscle"}]
+    assert others or name == "muscles"
+    assert all(one.angle_error > best.angle_error for one in others)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "ball"])
+def test_mujoco_swings_as_predicted(kind):
+    joint = mechanical_joint(kind, 0.08, 1.2, seed=3, seconds=12.0)
+    comparison = compare_passive_laws(joint.exact_swings(), QUICK)
+    assert comparison.chosen.name == "viscosity + stiffness"
+    assert comparison.chosen.coefficients["viscosity"].value == pytest.approx(0.08, rel=1e-4)
+    assert comparison.chosen.coefficients["stiffness"].value == pytest.approx(1.2, rel=1e-4)
+    assert comparison.chosen.angle_error < 1e-4
+    assert comparison.chosen.force_error < 1e-2
+
+
+def test_a_measured_swing_keeps_to_viscosity_where_that_is_all():
+    joint = mechanical_joint("hinge", 0.06, 0.0, seed=5, seconds=20.0)
+    comparison = compare_passive_laws(joint.swings(), QUICK)
+    assert comparison.chosen.name == "viscosity"
+    assert comparison.viscosity_change == 0.0
+    shown = comparison.prediction
+    assert shown is not None
+    assert shown.chosen_angles.shape == shown.measured_angles.shape == (len(shown.measured.time), 1)
+    assert angles_apart(shown.chosen.rotations, shown.measured.rotations).max() < np.deg2rad(0.5)
+
+
+def test_criteria_count_independent_samples():
+    random = np.random.default_rng(1)
+    white = [random.standard_normal((4000, 2)) for _ in range(3)]
+    assert effective_samples(white) == pytest.approx(24000, rel=0.15)
+    smooth = [lowpass(one, 200.0, 8.0) for one in white]
+    assert effective_samples(smooth) == pytest.approx(24000 * 2 * 8.0 / 200.0, rel=0.3)
+
+
+def test_bounded_least_squares_is_optimal():
+    random = np.random.default_rng(2)
+    groups = law_columns(("viscosity by axis", "coulomb", "quadratic"), 3)[1]
+    n = len(groups)
+    A, b = random.standard_normal((50, 12, n)), random.standard_normal((50, 12))
+    H, g = np.swapaxes(A, 1, 2) @ A, np.einsum("dik,di->dk", A, b)
+    x, gain = bounded_least_squares(H, g, groups)
+    assert (x >= 0.0).all()
+    assert gain == pytest.approx(np.einsum("di,di->d", x, g))
+    slack = np.einsum("dij,dj->di", H, x) - g
+    assert np.abs(slack * x).max() < 1e-8
+    assert slack.min() > -1e-8
+
+
+def test_a_law_is_its_coefficients():
+    passive = law(**LAWS["spring"])
+    again = PassiveLaw.of(passive.coefficients)
+    assert np.array_equal(again.coefficients, passive.coefficients)
+    with pytest.raises(UnknownName, match=r"'friction'.*'coulomb'"):
+        law_columns(("friction",), 3)
