@@ -173,7 +173,8 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
     weight = node.number("constraint_weight", np.inf, infinite=True)
     warnings = unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
     if np.isfinite(weight):
-        warnings += (f"constraint_weight is {weight:g}: couplers hold strictly here",)
+        # OpenSim 4.6 reads the weight, but its solver replaces it by infinity.
+        warnings += (f"constraint_weight is {weight:g}: constraints hold strictly all the same, as in OpenSim 4.6",)
     return InverseKinematicsSetup(
         node.name,
         path_of(node, "model_file"),
