@@ -1,0 +1,73 @@
+"""The spread of d_M under wrong moment arms, and its laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from swung_limb import LIMB, law, swung
+
+from myomorph.identify.arm_sensitivity import ArmOptions, arm_sensitivity
+from myomorph.model.errors import BadData
+
+JOINT, MUSCLE = 0.04, 85.0
+FEW = ArmOptions(draws=2, offset=0.0)
+
+
+@pytest.fixture(scope="module")
+def intact() -> list:
+    starts, rates = [[0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]], [[0.5, 2.0, 0.0], [1.0, -3.0, 0.4]]
+    return swung(2 * [law(viscosity=JOINT, muscle=MUSCLE)], starts, rates)
+
+
+@pytest.fixture(scope="module")
+def sensitivity(intact):
+    return arm_sensitivity(intact, LIMB, JOINT, ArmOptions(draws=4000, offset=1e-3))
+
+
+def test_exact_arms_give_the_truth(sensitivity):
+    assert sensitivity.spreads[0].exact == pytest.approx(MUSCLE, rel=1e-3)
+
+
+def test_a_common_factor_acts_by_its_inverse_square(intact, sensitivity):
+    assert sensitivity.slopes.sum() == pytest.approx(-2.0)
+    longer = [replace(one, lengthening=1.1 * one.lengthening) for one in intact]
+    assert arm_sensitivity(longer, LIMB, JOINT, FEW).spreads[0].exact == pytest.approx(MUSCLE / 1.1**2, rel=1e-3)
+    spread = sensitivity.spread("one factor")
+    factors = np.sqrt(spread.exact / spread.draws)
+    assert np.std(factors) == pytest.approx(0.1, rel=0.05)
+    assert np.mean(factors) == pytest.approx(1.0, abs=0.01)
+
+
+def test_slopes_are_derivatives(intact, sensitivity):
+    step = 1e-4
+    for m, slope in enumerate(sensitivity.slopes):
+        factor = np.ones((len(sensitivity.muscles), 1))
+        factor[m] += step
+        moved = [replace(one, lengthening=factor * one.lengthening) for one in intact]
+        other = arm_sensitivity(moved, LIMB, JOINT, FEW).spreads[0].exact
+        assert np.log(other / sensitivity.spreads[0].exact) / step == pytest.approx(slope, abs=2e-3)
+
+
+def test_factors_of_each_muscle_average_out_but_a_common_one_does_not(sensitivity):
+    common, each = sensitivity.spread("one factor"), sensitivity.spread("factor of each muscle")
+    assert each.first_order == pytest.approx(0.1 * np.linalg.norm(sensitivity.slopes))
+    assert each.sd == pytest.approx(each.first_order, rel=0.15)
+    assert common.sd == pytest.approx(common.first_order, rel=0.15)
+    assert each.sd < common.sd
+    low, middle, high = each.quantiles()
+    assert low < middle < high
+    assert low < MUSCLE < high
+
+
+def test_small_offsets_spread_d_m_little(sensitivity):
+    small = sensitivity.spread("offset of each muscle")
+    assert 0.0 < small.sd < 0.3
+    assert small.bias == pytest.approx(0.0, abs=0.1)
+
+
+def test_swings_without_muscles_are_refused():
+    bare = swung([law(viscosity=JOINT)], [[0.8, 0.2, 0.3]], [[0.5, 2.0, 0.0]], muscles=False, seconds=4.0)
+    with pytest.raises(BadData, match="no viscosity of muscles"):
+        arm_sensitivity(bare, LIMB, JOINT)
