@@ -34,7 +34,7 @@ def test_force_is_the_change_of_momentum(joint: VirtualJoint) -> None:
     exact, truth = joint.trials[0].exact, joint.truth
     places = np.einsum("fij,j->fi", exact.rotations, truth.mass_center)
     force = truth.mass * (CubicSpline(exact.time, places).derivative(2)(exact.time) - GRAVITY)
-    assert np.abs(force - exact.wrench[:, 3:])[5:-5].max() < 1e-3
+    assert np.abs(force - exact.wrench[:, 3:])[5:-5].max() < 5e-3
 
 
 def test_passive_torque_is_damper_and_spring(joint: VirtualJoint) -> None:
@@ -65,8 +65,8 @@ def test_half_the_step_changes_nothing(joint: VirtualJoint) -> None:
     start = first.as_quat(scalar_first=True) if len(along) == 3 else along @ first.as_rotvec()
     finer = simulate(compiled, start, along @ exact.rates[0], 3.0, 0.5 * step).every(2)
     apart = Rotation.from_matrix(np.swapaxes(finer.rotations, 1, 2) @ exact.rotations).magnitude()
-    assert apart.max() < 2e-6
-    assert np.abs(finer.rates - exact.rates).max() < 2e-5
+    assert apart.max() < 1e-5
+    assert np.abs(finer.rates - exact.rates).max() < 1e-4
 
 
 def test_markers_lie_on_the_limb_and_the_plate_feels_its_wrench(joint: VirtualJoint) -> None:

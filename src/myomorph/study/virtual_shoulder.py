@@ -247,8 +247,8 @@ def _release(random: np.random.Generator) -> tuple[Array, Array]:
     azimuth = random.uniform(0.0, 2.0 * np.pi)
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     across = np.array([-level[1], level[0], 0.0])
-    tilt = random.uniform(0.6, 0.9) * level + np.array([0.0, 0.0, random.uniform(-0.4, 0.4)])
-    return tilt, random.uniform(0.3, 1.0) * across + np.array([0.0, 0.0, random.uniform(-2.0, 2.0)])
+    tilt = random.uniform(0.6, 0.9) * level + np.array([0.0, 0.0, random.uniform(-0.3, 0.3)])
+    return tilt, random.uniform(0.1, 0.5) * across + np.array([0.0, 0.0, random.uniform(-1.0, 1.0)])
 
 
 def _mounted(stand: Transform, random: np.random.Generator) -> Transform:
