@@ -72,7 +72,7 @@ class Compared:
 
 
 def main_frequency(time: Array, other_time: Array, other: Array) -> float:
-    """Frequency of the other recording's strongest oscillation [Hz]: mean by squared power, of which noise has little."""
+    """Frequency of the other recording's strongest oscillation [Hz]: by squared power: noise has little."""
     rate = (len(other_time) - 1) / float(other_time[-1] - other_time[0])
     spread = np.std(other, axis=0)
     values = (other - other.mean(axis=0)) / np.where(spread > 0, spread, 1.0)

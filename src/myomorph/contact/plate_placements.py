@@ -1,0 +1,281 @@
+"""What a marked weight or rod on a force plate shows: a wrench in the plate's axes and its line in the laboratory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from myomorph.contact.plates import episodes, plate_wrench
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.series import Markers, PlateRecording
+from myomorph.model.spatial import Array, frozen_array
+
+GRAVITY = (0.0, 0.0, -9.80665)
+
+
+@dataclass(frozen=True)
+class MarkedWeight:
+    """A weight that stands on the plate, or a rod that is pushed onto it.
+
+    Attributes
+    ----------
+    name : for messages; placements of one name are of one mass
+    markers : on the weight
+    shares : of each marker in the mass center, summing to 1; None for their mean (a dumbbell's two ends, a bar's)
+    mass : [kg]; None if unknown, then only the direction of the force is used
+    axis : two of the markers, the lower first, on the line of a rod; the force passes along it. None for a weight
+        at rest, whose force is vertical and passes through its mass center
+    tip : from the rod's lower marker down to its tip [m]; the tip then lies on the plate's surface
+    """
+
+    name: str
+    markers: tuple[str, ...]
+    shares: tuple[float, ...] | None = None
+    mass: float | None = None
+    axis: tuple[str, str] | None = None
+    tip: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.shares is not None and (
+            len(self.shares) != len(self.markers) or abs(sum(self.shares) - 1.0) > 1e-6  # a share may be negative
+        ):
+            raise BadData(f"weight '{self.name}': {len(self.markers)} shares that sum to 1 are expected")
+        if self.mass is not None and not self.mass > 0:
+            raise BadData(f"weight '{self.name}': a mass of {self.mass:g} kg is not above 0")
+        if self.axis is not None and not set(self.axis) <= set(self.markers):
+            raise BadData(f"weight '{self.name}': its axis {self.axis} is not among its markers {self.markers}")
+
+
+@dataclass(frozen=True)
+class PlacementOptions:
+    """How placements are found in a recording.
+
+    Attributes
+    ----------
+    still : speed below which a weight is at rest [m/s]
+    shortest : rest that makes a placement [s]
+    settle : time left out at both ends of a rest [s]
+    window : pieces into which a push of a rod is cut [s]
+    least : share of the largest normal force above which the plate is loaded
+    tare : subtract what the plate reads while nothing is on it
+    gravity : (3,) in the laboratory [m/s^2]
+    """
+
+    still: float = 0.01
+    shortest: float = 1.0
+    settle: float = 0.2
+    window: float = 0.25
+    least: float = 0.1
+    tare: bool = True
+    gravity: tuple[float, float, float] = GRAVITY
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """One rest of a weight, or one piece of a push with a rod.
+
+    Attributes
+    ----------
+    name : for messages
+    force, moment : (3,) mean, of the plate on the weight, about the center of the top surface, in the plate's axes
+        [N], [N m]
+    point : (3,) through which the force passes, in the laboratory [m]
+    direction : (3,) unit, of the force on the weight, in the laboratory
+    weight : name of the weight
+    expected : size the force should have, NaN if unknown [N]
+    contact : (3,) where the plate's surface is touched, in the laboratory [m], or None
+    pushed : a rod's push, which need not be steady
+    moved : how far the weight moved while it should have rested [m]
+    unsteady : standard deviation of the force, low-passed by averaging over a tenth of a second, as a share of it
+    """
+
+    name: str
+    force: Array
+    moment: Array
+    point: Array
+    direction: Array
+    weight: str = ""
+    expected: float = float("nan")
+    contact: Array | None = None
+    pushed: bool = False
+    moved: float = 0.0
+    unsteady: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("force", "moment", "point", "direction", "contact"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, frozen_array(value, (3,)))
+                if not np.isfinite(value).all():
+                    raise BadData(f"placement '{self.name}': its {name} is not known")
+        size = float(np.linalg.norm(self.direction))
+        object.__setattr__(self, "direction", frozen_array(self.direction / size))
+        if not np.linalg.norm(self.force) > 0:
+            raise BadData(f"placement '{self.name}': no force")
+
+    @property
+    def size(self) -> float:
+        """Size of the force [N]."""
+        return float(np.linalg.norm(self.force))
+
+    @property
+    def line(self) -> tuple[Array, Array]:
+        """Line of action in the plate's axes: the point nearest to the plate's center (3,) [m], unit direction (3,)."""
+        return np.cross(self.force, self.moment) / self.size**2, self.force / self.size
+
+
+def find_placements(
+    recording: PlateRecording,
+    plate_time: Array,
+    markers: Markers,
+    weight: MarkedWeight,
+    intervals: Sequence[tuple[float, float]] | None = None,
+    options: PlacementOptions | None = None,
+) -> tuple[Placement, ...]:
+    """Placements in one recording: each rest of a weight while the plate is loaded, each piece of a rod's push.
+
+    A weight that never rests while the plate carries it becomes a placement that says how far it moved.
+
+    Parameters
+    ----------
+    plate_time : (samples,) on the markers' clock [s]
+    intervals : (start, end) of the placements [s]; None looks for them
+
+    Raises
+    ------
+    UnknownName : a marker of the weight that was not recorded
+    BadData : the plate is never loaded, or markers are unseen in an interval
+    """
+    options = options or PlacementOptions()
+    lacking = [name for name in weight.markers if name not in markers.names]
+    if lacking:
+        raise UnknownName("marker", lacking[0], markers.names, "the recording")
+    force, moment = _on_weight(recording, plate_time, markers, options)
+    normal = np.abs(force[:, 2])
+    loaded = normal > options.least * np.quantile(normal, 0.995)
+    if options.tare and np.count_nonzero(~loaded) > 10:
+        force, moment = force - np.median(force[~loaded], axis=0), moment - np.median(moment[~loaded], axis=0)
+    if intervals is None:
+        intervals = _intervals(plate_time, loaded, markers, weight, options)
+    if not intervals:
+        raise BadData(f"no placement of '{weight.name}' on plate '{recording.name}': it is never loaded long enough")
+    found = []
+    for number, (start, end) in enumerate(intervals, 1):
+        samples = (plate_time >= start) & (plate_time <= end)
+        frames = (markers.time >= start) & (markers.time <= end)
+        if samples.sum() < 2 or not frames.any():
+            raise BadData(f"no samples of plate '{recording.name}' and markers between {start:g} and {end:g} s")
+        name = f"{weight.name} {number} ({start:.2f} to {end:.2f} s)"
+        found.append(
+            _placement(name, weight, force[samples], moment[samples], plate_time[samples], markers, frames, options)
+        )
+    return tuple(found)
+
+
+def _on_weight(
+    recording: PlateRecording, plate_time: Array, markers: Markers, options: PlacementOptions
+) -> tuple[Array, Array]:
+    """Wrench of the plate on what stands on it, in the plate's axes, whatever sign the file has."""
+    if len(recording.channels) != len(plate_time):
+        raise BadData(f"{recording.name} has {len(recording.channels)} samples, but its clock has {len(plate_time)}")
+    force, moment = plate_wrench(recording)
+    x, y = recording.corners[0] - recording.corners[1], recording.corners[0] - recording.corners[3]
+    down = float(np.cross(x, y) @ np.array(options.gravity))
+    # The force on a weight points up; of the plate's own axes z is down if the corners say so.
+    strongest = float(force[np.argmax(np.abs(force[:, 2])), 2])
+    sign = -np.sign(down) * np.sign(strongest) if down != 0 and strongest != 0 else 1.0
+    return sign * force, sign * moment
+
+
+def _intervals(
+    plate_time: Array, loaded: np.ndarray, markers: Markers, weight: MarkedWeight, options: PlacementOptions
+) -> list[tuple[float, float]]:
+    """Start and end [s] of rests, or of the pieces of a push."""
+    found: list[tuple[float, float]] = []
+    still = np.asarray(np.interp(plate_time, markers.time, _speed(markers, weight)) < options.still)
+    for start, stop in episodes(loaded):
+        first, last = float(plate_time[start]), float(plate_time[stop - 1])
+        if weight.axis is not None:
+            cuts = np.arange(first + options.settle, last - options.settle - options.window, options.window)
+            found += [(float(cut), float(cut) + options.window) for cut in cuts]
+            continue
+        if last - first < options.shortest:
+            continue
+        rests = [
+            (float(plate_time[start + a]) + options.settle, float(plate_time[start + b - 1]) - options.settle)
+            for a, b in episodes(still[start:stop])
+            if plate_time[start + b - 1] - plate_time[start + a] >= options.shortest
+        ]
+        found += rests or [(first + options.settle, last - options.settle)]
+    return found
+
+
+def _speed(markers: Markers, weight: MarkedWeight) -> Array:
+    """Speed (frames,) of the weight's markers over a tenth of a second either way, inf where unseen [m/s]."""
+    values = np.stack([markers[name] for name in weight.markers], axis=1)
+    reach = max(1, round(0.1 * markers.rate))
+    frames = np.arange(len(markers))
+    seen: Array = np.isfinite(values[:, :, :1]).astype(np.float64)
+    width = 2 * (reach // 2) + 1
+    shares = uniform_filter1d(seen, width, axis=0)
+    smooth = uniform_filter1d(np.where(seen > 0, values, 0.0), width, axis=0) / np.where(shares > 1e-9, shares, np.nan)
+    before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(frames) - 1)
+    moved = np.linalg.norm(smooth[after] - smooth[before], axis=2)
+    fastest = np.where(np.isfinite(moved), moved, -np.inf).max(axis=1)
+    elapsed = np.maximum(markers.time[after] - markers.time[before], 1e-9)
+    return np.where(fastest >= 0, fastest / elapsed, np.inf)
+
+
+def _placement(
+    name: str,
+    weight: MarkedWeight,
+    force: Array,
+    moment: Array,
+    time: Array,
+    markers: Markers,
+    frames: np.ndarray,
+    options: PlacementOptions,
+) -> Placement:
+    values = np.stack([markers[one][frames] for one in weight.markers], axis=1)
+    seen = np.isfinite(values).all(axis=2)
+    if not seen.any(axis=0).all():
+        hidden = weight.markers[int(np.flatnonzero(~seen.any(axis=0))[0])]
+        raise BadData(f"placement '{name}': marker '{hidden}' is never seen in it")
+    means = np.nanmean(values, axis=0)
+    shares = np.full(len(means), 1.0 / len(means)) if weight.shares is None else np.array(weight.shares)
+    gravity = np.array(options.gravity)
+    direction, contact = -gravity, None
+    if weight.axis is not None:
+        lower, upper = (means[weight.markers.index(one)] for one in weight.axis)
+        direction = upper - lower
+        if weight.tip is not None:
+            contact = lower - weight.tip * direction / np.linalg.norm(direction)
+    mean = force.mean(axis=0)
+    expected = float("nan") if weight.mass is None else weight.mass * float(np.linalg.norm(gravity))
+    return Placement(
+        name=name,
+        force=mean,
+        moment=moment.mean(axis=0),
+        point=shares @ means,
+        direction=direction,
+        weight=weight.name,
+        expected=expected if weight.axis is None else float("nan"),
+        contact=contact,
+        pushed=weight.axis is not None,
+        moved=_wander(markers.time[frames], values.mean(axis=1)),
+        unsteady=_wander(time, force) / float(np.linalg.norm(mean)),
+    )
+
+
+def _wander(time: Array, values: Array) -> float:
+    """Root mean square distance from the mean of averages over tenths of a second."""
+    number = np.floor((time - time[0]) / 0.1).astype(np.int64)
+    finite = np.isfinite(values).all(axis=1)
+    number, values = number[finite], values[finite]
+    counts = np.bincount(number)
+    sums = np.stack([np.bincount(number, weights=column) for column in values.T], axis=1)
+    averages = sums[counts > 0] / counts[counts > 0, None]
+    return float(np.sqrt(np.mean(np.sum((averages - averages.mean(axis=0)) ** 2, axis=1))))
