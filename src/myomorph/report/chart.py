@@ -141,9 +141,7 @@ def decimate(time: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array
     keep = np.empty((most, 2), dtype=np.int64)
     for i, (start, stop) in enumerate(itertools.pairwise(edges)):
         keep[i] = start + np.argmin(low[start:stop]), start + np.argmax(high[start:stop])
-    keep.sort(axis=1)
-    keep[0, 0], keep[-1, 1] = 0, len(time) - 1
-    chosen = np.unique(keep)
+    chosen = np.unique(np.append(keep, [0, len(time) - 1]))
     return time[chosen], values[chosen]
 
 

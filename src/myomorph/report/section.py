@@ -34,6 +34,7 @@ class Section:
     lead : a sentence or two before the figures
     legend : styles and what they stand for
     figures, grids : shown in this order
+    listed : whether the contents name it
     """
 
     key: str
@@ -42,6 +43,7 @@ class Section:
     legend: tuple[tuple[str, str], ...] = ()
     figures: tuple[Figure, ...] = ()
     grids: tuple[Grid, ...] = ()
+    listed: bool = True
 
 
 SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"))

@@ -29,7 +29,8 @@ class SwingCurves:
     swing : (frames,) number of the swing, -1 where frames are not used
     angles, rates : (frames, axes) [rad], [rad/s]
     torque, passive : (frames, axes) by inverse dynamics, and -viscosity times rates [N m]
-    wrench, predicted : (frames, 6) on the base, measured and by the inertial parameters [N m], [N]
+    wrench, predicted : (frames, 6) on the base, measured and by the inertial parameters, NaN where a frame is
+        not used [N m], [N]
     """
 
     trial: str
@@ -276,6 +277,8 @@ def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float)
     """
     keep = slice(None, None, -(-len(recording) // MOST_FRAMES))
     rates = recording.rates[keep]
+    unused = ~recording.used[keep][:, None]
+    predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
     return SwingCurves(
         recording.name,
         recording.axes,
@@ -285,6 +288,6 @@ def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float)
         rates,
         recording.torque_rows[keep] @ parameters,
         -viscosity * rates,
-        recording.wrench[keep],
-        recording.wrench_rows[keep] @ parameters,
+        np.where(unused, np.nan, recording.wrench[keep]),
+        predicted,
     )

@@ -10,6 +10,7 @@ from myomorph.model.series import Event
 from myomorph.report.chart import Line, Panel, number, time_plot
 from myomorph.report.identified import COMPONENTS, UNITS
 from myomorph.report.interval_bars import Beside, Level, interval_bars
+from myomorph.report.interval_rows import interval_rows
 from myomorph.report.scatter import Cloud, xy_plot
 from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.viscosity_given import (
@@ -27,6 +28,9 @@ MODELS = ("first", "second", "third", "fourth", "left", "middle")
 TITLES = {"without": "without muscles", "with": "with muscles"}
 LONGEST = 12.0
 """Charts over time show so much of a trial [s]."""
+
+MOST_MODELS = 4
+"""Alternatives printed of each condition."""
 
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
 
@@ -147,15 +151,13 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     if truth is not None:
         levels.append(Level("truth", truth, style="truth"))
     by_pcsa = found.by_pcsa.value * found.pcsa
-    bars = interval_bars(
+    rows = interval_rows(
         "Viscosity of each muscle, regularised",
         "Ns/m",
         found.muscles,
         found.by_muscle,
         (Beside("scaled by PCSA", "third", by_pcsa),),
         levels,
-        width=680,
-        height=240,
     )
     size = found.singular_values / max(float(found.singular_values[0]), 1e-300)
     rank = xy_plot(
@@ -179,15 +181,15 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
         "combinations: the values of single muscles also come from the regularisation that draws them to the common "
         "value."
     )
-    rows = tuple(
+    cells = tuple(
         (muscle, with_interval(value), number(float(share)), number(float(scaled)))
         for muscle, value, share, scaled in zip(found.muscles, found.by_muscle, found.pcsa, by_pcsa, strict=True)
     )
     head = ("Muscle", "Viscosity [Ns/m] (95 % interval)", "PCSA, mean 1", "In proportion to PCSA [Ns/m]")
-    grid = Grid(head, rows, "Values of each muscle", folded=True)
+    grid = Grid(head, cells, "Values of each muscle", folded=True)
     legend = (("first", "regularised, with interval"), ("third", "in proportion to PCSA"), ("left", "common value"))
-    figures = (Figure(bars, "wide"), Figure(rank))
-    return Section(f"muscles-{order}", f"Muscles of specimen {one.name}", lead, legend, figures, (grid,))
+    figures = (Figure(rows, "wide"), Figure(rank))
+    return Section(f"muscles-{order}", f"Muscles of specimen {one.name}", lead, legend, figures, (grid,), False)
 
 
 def _trust(one: SpecimenReport, order: int) -> Section | None:
@@ -198,7 +200,7 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
         figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
     if one.arms is not None:
         figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
-    grids = [grid for grid in (_model_grid(one), _arm_grid(one), _calibration_grid(one)) if grid is not None]
+    grids = [*_model_grids(one), *(grid for grid in (_arm_grid(one), _calibration_grid(one)) if grid is not None)]
     if not figures and not grids:
         return None
     lead = []
@@ -217,7 +219,7 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
     names = list(dict.fromkeys(name for held in one.held_out for name in held.predicted))
     legend = (("measured", "measured"), *zip(MODELS, names, strict=False)) if names else ()
     return Section(
-        f"trust-{order}", f"Trust in specimen {one.name}", " ".join(lead), legend, tuple(figures), tuple(grids)
+        f"trust-{order}", f"Trust in specimen {one.name}", " ".join(lead), legend, tuple(figures), tuple(grids), False
     )
 
 
@@ -263,31 +265,30 @@ def arm_plot(arms: ArmSpread, truth: float | None) -> str:
     return xy_plot("Muscle viscosity, moment arms in error", "Ns/m", "standard deviation of their error [%]", clouds)
 
 
-def _model_grid(one: SpecimenReport) -> Grid | None:
-    if not one.models:
-        return None
-    rows = tuple(
-        (
-            TITLES[model.condition],
-            model.terms + (" (chosen)" if model.chosen else ""),
-            model.values,
-            _signed(model.aic),
-            _signed(model.bic),
-            f"{number(float(np.rad2deg(model.angle_error)))} °" if np.isfinite(model.angle_error) else LACKING,
-            f"{number(model.wrench_error)} N·m" if np.isfinite(model.wrench_error) else LACKING,
+def _model_grids(one: SpecimenReport) -> list[Grid]:
+    """Of each condition the models that come nearest, plain viscosity always among them."""
+    grids = []
+    head = ("Model", "Values", "AIC over best", "BIC over best", "Held-out angle", "Held-out moment")
+    for condition, told in TITLES.items():
+        models = sorted((model for model in one.models if model.condition == condition), key=lambda model: model.bic)
+        near = [
+            model for i, model in enumerate(models) if i < MOST_MODELS or model.chosen or model.terms == "viscosity"
+        ]
+        rows = tuple(
+            (
+                model.terms + (" (chosen)" if model.chosen else ""),
+                model.values,
+                _signed(model.aic),
+                _signed(model.bic),
+                f"{number(float(np.rad2deg(model.angle_error)))} °" if np.isfinite(model.angle_error) else LACKING,
+                f"{number(model.wrench_error)} N·m" if np.isfinite(model.wrench_error) else LACKING,
+            )
+            for model in near
         )
-        for model in one.models
-    )
-    head = (
-        "Condition",
-        "Model",
-        "Values",
-        "AIC over the best",
-        "BIC over the best",
-        "Held-out angle",
-        "Held-out moment",
-    )
-    return Grid(head, rows, "Models of the passive torque")
+        if rows:
+            left = f"; {len(models) - len(near)} more are in models.csv" if len(near) < len(models) else ""
+            grids.append(Grid(head, rows, f"Models of the passive torque {told}, the best first{left}"))
+    return grids
 
 
 def _arm_grid(one: SpecimenReport) -> Grid | None:

@@ -69,7 +69,9 @@ def with_laws(
 
 
 def _unit(part: str) -> str:
-    return next((unit for start, unit in UNITS.items() if part.startswith(start)), "").replace(" ", "")
+    return (
+        next((unit for start, unit in UNITS.items() if part.startswith(start)), "").replace(" ", "").replace("^2", "²")
+    )
 
 
 def _held_out(name: str, compared: PassiveComparison) -> HeldOutSwing:
