@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from myomorph.identify.mass_map import parameters_of
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.inertia import inertia_matrices
 
+STEP = 0.01
 GRAVITY = np.array([0.0, -9.81, 0.0])
 MUSCLES = tuple(f"muscle {i}" for i in range(11))
 
@@ -77,27 +77,42 @@ def limb_rows(rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarra
     return np.concatenate([rotations @ moment, rotations @ force], axis=1), moment
 
 
-def swing(made: Made, start: np.ndarray, rate: np.ndarray, seconds: float, name: str = "swing") -> SwingRecording:
-    """One release from rotation vector `start` with angular velocity `rate` in the limb, at 200 Hz, exact."""
+def swing(made: Made, start: np.ndarray, rate: np.ndarray, seconds: float) -> tuple[SwingRecording, ...]:
+    """Releases from rotation vectors `start` (releases, 3) with angular velocity `rate` in the limb, at 100 Hz.
+
+    Accelerations are those of the states, so the equations hold exactly; the states are Runge and Kutta's.
+    """
     I, h = inertia_matrices(made.parameters), made.parameters[1:4]
     inverse = np.linalg.inv(I)
 
-    def derivative(_, state):
-        q, w = state[:4] / np.linalg.norm(state[:4]), state[4:]
+    def acceleration(q, w):
         R = Rotation.from_quat(q)
-        torque = made.passive(R.as_rotvec(), w) + np.cross(h, R.as_matrix().T @ GRAVITY)
-        alpha = inverse @ (torque - np.cross(w, I @ w))
+        torque = made.passive(R.as_rotvec(), w) + np.cross(h, GRAVITY @ R.as_matrix())
         if made.axis is not None:
-            alpha = made.axis * (made.axis @ torque) / (made.axis @ I @ made.axis)
-        v, s = q[:3], q[3]
-        return np.concatenate([0.5 * (s * w + np.cross(v, w)), [-0.5 * v @ w], alpha])
+            return np.outer(torque @ made.axis / (made.axis @ I @ made.axis), made.axis)
+        return (torque - np.cross(w, w @ I)) @ inverse
 
-    time = np.arange(0.0, seconds, 1.0 / 200.0)
-    first = np.concatenate([Rotation.from_rotvec(start).as_quat(), rate])
-    states = solve_ivp(derivative, (0.0, time[-1]), first, "DOP853", time, rtol=1e-10, atol=1e-12).y.T
-    accelerations = np.array([derivative(0.0, state)[4:] for state in states])
-    rotations = Rotation.from_quat(states[:, :4]).as_matrix()
-    return recorded(made, name, time, rotations, states[:, 4:], accelerations)
+    def derivative(state):
+        q, w = state[:, :4], state[:, 4:]
+        turning = 0.5 * np.concatenate([q[:, 3:] * w + np.cross(q[:, :3], w), -np.sum(q[:, :3] * w, 1)[:, None]], 1)
+        return np.concatenate([turning, acceleration(q, w)], axis=1)
+
+    time, step = np.arange(0.0, seconds, STEP), STEP
+    state = np.concatenate([Rotation.from_rotvec(start).as_quat(), rate], axis=1)
+    states = []
+    for _ in time:
+        states.append(state)
+        first = derivative(state)
+        second = derivative(state + 0.5 * step * first)
+        third = derivative(state + 0.5 * step * second)
+        fourth = derivative(state + step * third)
+        state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+    all_states = np.stack(states, axis=1)
+    return tuple(
+        recorded(made, f"release {i}", time, Rotation.from_quat(one[:, :4]).as_matrix(), one[:, 4:],
+                 acceleration(one[:, :4], one[:, 4:]))
+        for i, one in enumerate(all_states)
+    )  # fmt: skip
 
 
 def recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> SwingRecording:
@@ -121,7 +136,7 @@ def recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> 
         MUSCLES[: len(made.arms)],
         made.lengthening(angles) @ directions.T,
         rotations,
-        GRAVITY,
+        GRAVITY.copy(),
         np.cumsum(turns) // 2,
     )
 
@@ -132,11 +147,7 @@ def eleven(random: np.random.Generator, bend: float = 0.3) -> dict:
 
 
 def three_releases(made: Made, seconds: float = 6.0) -> tuple[SwingRecording, ...]:
-    starts = ([0.7, 0.1, 0.2], [0.1, 0.3, 0.8], [-0.5, -0.4, 0.5])
     if made.axis is not None:
-        starts = tuple(size * made.axis for size in (0.7, 1.0, -0.8))
-    spins = (1.5, -2.0, 1.0) if made.axis is None else (0.0, 0.0, 0.0)
-    return tuple(
-        swing(made, np.array(start), np.array([0.2, spin, 0.1]) if spin else np.zeros(3), seconds, f"release {i}")
-        for i, (start, spin) in enumerate(zip(starts, spins, strict=True))
-    )
+        return swing(made, np.outer([0.7, 1.0, -0.8], made.axis), np.zeros((3, 3)), seconds)
+    starts = np.array([[0.7, 0.1, 0.2], [0.1, 0.3, 0.8], [-0.5, -0.4, 0.5]])
+    return swing(made, starts, np.array([[0.2, 1.5, 0.1], [0.1, -2.0, 0.2], [0.0, 1.0, -0.2]]), seconds)

@@ -1,7 +1,9 @@
 """Swings condensed to sums of products, block by block, from which every step and every resampling is solved.
 
 A block is a few successive swings of one trial. Whatever is fitted by least squares to a choice of blocks needs
-only the sums over those blocks, so a draw of the bootstrap costs no pass over the frames.
+only the sums over those blocks, so a draw of the bootstrap costs no pass over the frames. Blocks fade into each
+other over half their length: cut off sharply, each would hold the noise of the limb's energy at its two ends,
+which cancels in the whole because the next block holds it too, but would count as scatter between blocks.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ class SwingSums:
     ----------
     names : of the trials
     trial : (blocks,) which trial a block belongs to
-    frames : (blocks,) frames in a block
+    frames : (blocks,) frames in a block, a frame in a fade shared by two
     uses : (blocks,) which frames of its trial
     wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench
     torque : (blocks, axes, 14 + muscles, 14 + muscles) of [torque_rows, rate, angle, 1, plate, u], one matrix an
@@ -88,18 +90,17 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         )
     speed = np.array([np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean()) for number, use in parts])
     live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
-    blocks = _blocks(live, swings)
-    predicted = predicted_rows(recordings, [_of(blocks, number) for number in range(len(recordings))])
+    blocks = [block for number in range(len(recordings)) for block in _blocks(live, number, swings)]
+    predicted = predicted_rows(recordings, [_of(live, number) for number in range(len(recordings))])
     along = free_directions(recordings)
     return SwingSums(
         tuple(one.name for one in recordings),
         recordings[0].axes,
         recordings[0].muscles,
-        np.array([number for number, _ in blocks]),
-        np.array([len(use) for _, use in blocks], float),
-        tuple(use for _, use in blocks),
-        np.stack([_wrench_products(recordings[number], predicted[number], use) for number, use in blocks]),
-        np.stack([_torque_products(recordings[number], along, use) for number, use in blocks]),
+        np.array([block.trial for block in blocks]),
+        np.array([block.weight.sum() for block in blocks]),
+        np.stack([_wrench_products(recordings[block.trial], predicted[block.trial], block) for block in blocks]),
+        np.stack([_torque_products(recordings[block.trial], along, block) for block in blocks]),
         sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
     )
 
@@ -122,29 +123,54 @@ def _swings(one: SwingRecording) -> list[np.ndarray]:
     return [np.flatnonzero(one.swing == number) for number in np.unique(one.swing[one.used])]
 
 
-def _blocks(parts: list[tuple[int, np.ndarray]], swings: int) -> list[tuple[int, np.ndarray]]:
-    """Trial and frames of each block; a last block of less than half its swings joins the one before."""
-    blocks = []
-    for number in sorted({number for number, _ in parts}):
-        own = [use for other, use in parts if other == number]
-        cuts = [own[i : i + swings] for i in range(0, len(own), swings)]
-        if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
-            cuts[-2] += cuts.pop()
-        blocks += [(number, np.concatenate(cut)) for cut in cuts]
-    return blocks
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Frames of a trial and how much each belongs to the block."""
+
+    trial: int
+    frames: np.ndarray
+    weight: Array
 
 
-def _of(blocks: list[tuple[int, np.ndarray]], number: int) -> np.ndarray:
-    own = [use for other, use in blocks if other == number]
+def _blocks(parts: list[tuple[int, np.ndarray]], trial: int, swings: int) -> list[_Block]:
+    """Blocks of a trial, each fading into the next; a last block of less than half its swings joins the one before."""
+    own = [use for number, use in parts if number == trial]
+    cuts = [own[i : i + swings] for i in range(0, len(own), swings)]
+    if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
+        cuts[-2] += cuts.pop()
+    frames = [np.concatenate(cut) for cut in cuts]
+    weights = [np.ones(len(use)) for use in frames]
+    fades = []
+    for k in range(len(frames) - 1):
+        half = min(len(frames[k]), len(frames[k + 1])) // 2
+        if half and frames[k][-half] + 2 * half - 1 == frames[k + 1][half - 1]:
+            rise = 0.5 + 0.5 * np.sin(np.pi * (np.arange(2 * half) - half + 0.5) / (2.0 * half))
+            weights[k][-half:], weights[k + 1][:half] = 1.0 - rise[:half], rise[half:]
+            fades.append((k, half, rise))
+    whole, given = [[use] for use in frames], [[weight] for weight in weights]
+    for k, half, rise in fades:
+        whole[k].append(frames[k + 1][:half])
+        given[k].append(1.0 - rise[half:])
+        whole[k + 1].append(frames[k][-half:])
+        given[k + 1].append(rise[:half])
+    return [
+        _Block(trial, np.concatenate(use), np.concatenate(weight)) for use, weight in zip(whole, given, strict=True)
+    ]
+
+
+def _of(parts: list[tuple[int, np.ndarray]], trial: int) -> np.ndarray:
+    own = [use for number, use in parts if number == trial]
     return np.concatenate(own) if own else np.zeros(0, np.int64)
 
 
-def _wrench_products(one: SwingRecording, predicted: Array, use: np.ndarray) -> Array:
+def _wrench_products(one: SwingRecording, predicted: Array, block: _Block) -> Array:
+    use = block.frames
     columns = [one.wrench_rows[use], one.wrench[use, :, None], predicted[use], np.ones((len(use), 6, 1))]
-    return _products(np.concatenate(columns, axis=2))
+    return _products(np.concatenate(columns, axis=2), block.weight)
 
 
-def _torque_products(one: SwingRecording, along: Array, use: np.ndarray) -> Array:
+def _torque_products(one: SwingRecording, along: Array, block: _Block) -> Array:
+    use = block.frames
     rates, J = one.rates[use], one.lengthening[use]
     speeds = np.einsum("fma,fa->fm", J, rates)
     plate = np.einsum("ai,fji,fj->fa", along, one.rotations[use], one.wrench[use, :3], optimize=True)
@@ -156,13 +182,13 @@ def _torque_products(one: SwingRecording, along: Array, use: np.ndarray) -> Arra
         plate[:, :, None],
         (J * speeds[:, :, None]).transpose(0, 2, 1),
     ]
-    return _products(np.concatenate(columns, axis=2))
+    return _products(np.concatenate(columns, axis=2), block.weight)
 
 
-def _products(columns: Array) -> Array:
-    """(rows, n, n) sums over frames of the products of columns (frames, rows, n)."""
+def _products(columns: Array, weight: Array) -> Array:
+    """(rows, n, n) weighted sums over frames of the products of columns (frames, rows, n)."""
     by_row = columns.transpose(1, 0, 2)
-    return by_row.transpose(0, 2, 1) @ by_row
+    return by_row.transpose(0, 2, 1) @ (by_row * weight[:, None])
 
 
 def eliminated(products: Array, columns: Sequence[int]) -> Array:
