@@ -1,0 +1,85 @@
+"""Faults of a swing experiment are named, and a sound one is not accused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from swung_limb import GRAVITY, LIMB, law, swung
+
+from myomorph.identify.swing_checks import condition_findings, plate_zero, recording_findings
+from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
+from myomorph.study.virtual_joint import mechanical_joint
+
+
+@pytest.fixture(scope="module")
+def sound() -> list:
+    starts, rates = [[0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]], [[0.5, 2.0, 0.0], [1.0, -3.0, 0.4]]
+    return swung(2 * [law(viscosity=0.05)], starts, rates, muscles=False)
+
+
+def with_constant(recordings: list, constant: np.ndarray) -> list:
+    return [replace(one, wrench=one.wrench + constant) for one in recordings]
+
+
+def test_the_constant_wrench_of_a_sound_plate_is_the_limbs(sound):
+    zero = plate_zero(sound)
+    assert zero.mass == pytest.approx(LIMB[0], rel=1e-3)
+    assert zero.moment == pytest.approx(0.0, abs=1e-3 * zero.own_moment)
+    assert zero.least_mass < LIMB[0]
+    assert zero.oscillation > np.linalg.norm(LIMB[1:4]) / LIMB[0]
+    assert recording_findings(sound) == ()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_plate_tared_with_the_limb_on_it_is_named(sound, side):
+    hanging = np.concatenate([np.zeros(3), -LIMB[0] * GRAVITY])
+    tared = with_constant(sound, -hanging)
+    if side < 0:
+        tared = [replace(one, wrench=-one.wrench, wrench_rows=-one.wrench_rows) for one in tared]
+    (found,) = recording_findings(tared)
+    assert (found.kind, found.hides_mass, found.fatal) == ("tare", True, False)
+    assert "with the limb on it" in found.line
+    assert "\n" not in found.line
+    assert plate_zero(tared).mass == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_viscosity_survives_a_hidden_mass(sound):
+    tared = with_constant(sound, np.concatenate([np.zeros(3), LIMB[0] * GRAVITY]))
+    found = identify_specimen("hidden", tared, [], options=ViscosityOptions(tare="unknown", draws=20))
+    assert found.without is not None
+    assert np.isnan(found.without.mass.value)
+    assert found.without.viscosity.value == pytest.approx(0.05, rel=1e-3)
+
+
+def test_a_zero_that_is_off_is_named(sound):
+    (found,) = recording_findings(with_constant(sound, np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])))
+    assert found.kind == "zero"
+    assert "1.50 N m" in found.line
+
+
+def test_too_few_swings_are_named(sound):
+    short = [replace(sound[0], swing=np.where(sound[0].swing < 2, sound[0].swing, -1))]
+    assert [one.kind for one in recording_findings(short)] == ["few swings"]
+
+
+def test_a_swing_too_small_is_named():
+    joint = mechanical_joint("ball", 0.03, 0.0, seed=4, seconds=10.0, swing=0.004)
+    condition = identify_specimen("still", joint.swings(), [], options=ViscosityOptions(draws=60)).without
+    assert condition is not None
+    (found,) = condition_findings(condition)
+    assert (found.kind, found.fatal) == ("small swing", True)
+
+
+def test_an_axis_that_does_not_turn_is_named():
+    joint = mechanical_joint("ball", 0.05, 0.0, seed=4, seconds=20.0)
+    condition = identify_specimen("wide", joint.swings(), [], options=ViscosityOptions(draws=60)).without
+    assert condition is not None
+    assert condition_findings(condition) == ()
+    doubtful = replace(condition, excited=(True, True, False))
+    assert ["'z'" in one.line for one in condition_findings(doubtful)] == [True]
+    level = [replace(one, rates=one.rates * [1.0, 1.0, 0.02]) for one in condition.recordings]
+    (found,) = condition_findings(replace(condition, recordings=tuple(level)))
+    assert (found.kind, found.fatal) == ("axis", False)
+    assert "axis 'z' is not excited" in found.line
