@@ -34,7 +34,7 @@ class SwingSums:
     names : of the trials
     trial : (blocks,) which trial a block belongs to
     frames : (blocks,) frames in a block, a frame in a fade shared by two
-    uses : (blocks,) which frames of its trial
+    uses : (blocks,) the frames of each block's own swings in its trial, without those of the fades
     wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench
     torque : (blocks, axes, 14 + muscles, 14 + muscles) of [torque_rows, rate, angle, 1, plate, u], one matrix an
         axis; `plate` is the moment that the plate measures about the axis, and u_m = J_m J_m . rates the torque
@@ -99,6 +99,7 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         recordings[0].muscles,
         np.array([block.trial for block in blocks]),
         np.array([block.weight.sum() for block in blocks]),
+        tuple(block.own for block in blocks),
         np.stack([_wrench_products(recordings[block.trial], predicted[block.trial], block) for block in blocks]),
         np.stack([_torque_products(recordings[block.trial], along, block) for block in blocks]),
         sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
@@ -125,9 +126,10 @@ def _swings(one: SwingRecording) -> list[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Frames of a trial and how much each belongs to the block."""
+    """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
 
     trial: int
+    own: np.ndarray
     frames: np.ndarray
     weight: Array
 
@@ -154,7 +156,8 @@ def _blocks(parts: list[tuple[int, np.ndarray]], trial: int, swings: int) -> lis
         whole[k + 1].append(frames[k][-half:])
         given[k + 1].append(rise[:half])
     return [
-        _Block(trial, np.concatenate(use), np.concatenate(weight)) for use, weight in zip(whole, given, strict=True)
+        _Block(trial, use[0], np.concatenate(use), np.concatenate(weight))
+        for use, weight in zip(whole, given, strict=True)
     ]
 
 
