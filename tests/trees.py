@@ -57,10 +57,10 @@ def floating_tree(seed, bodies=12):
     return replace(model, joints=(root, *model.joints[1:]), coordinates=coordinates + model.coordinates[1:])
 
 
-def functional_tree(seed):
+def functional_tree(seed, bodies=12):
     """A random tree whose joints are splines, polynomials and sine products of shared coordinates."""
     rng = np.random.default_rng(seed)
-    model = random_tree(seed)
+    model = random_tree(seed, bodies)
     joints = list(model.joints)
     for i in (2, 5, 8):
         spline = simm_spline(np.linspace(-2, 2, 7), rng.normal(size=7))
@@ -96,8 +96,8 @@ def swinging(model, frames, step, seed=0):
     )
 
 
-def to_mujoco(model):
-    """The tree as a compiled MuJoCo model, without contacts or passive forces."""
+def to_mujoco(model, compiled=True):
+    """The tree as a MuJoCo model (or its specification), without contacts or passive forces."""
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -123,7 +123,7 @@ def to_mujoco(model):
         kind = mujoco.mjtJoint.mjJNT_HINGE if joint.kind == "rotation" else mujoco.mjtJoint.mjJNT_SLIDE
         added.add_joint(name=joint.name, type=kind, axis=joint.axes[0].vector)
         placed[body.name] = added
-    return spec.compile()
+    return spec.compile() if compiled else spec
 
 
 def to_pinocchio(model):

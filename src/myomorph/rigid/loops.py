@@ -275,7 +275,7 @@ def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
         nearer = (left.sum(axis=1) < (back**2).sum(axis=1)) & (np.abs(closure(tree, trial)).max(axis=1) <= CLOSED)
         c[moving[nearer]] = trial[nearer]
         share[moving] = np.where(nearer, np.minimum(1.0, 2.0 * share[moving]), 0.25 * share[moving])
-        moving = moving[share[moving] * np.abs(along).max(axis=1) > NEAREST]
+        moving = moving[share[moving] * np.abs(along).max(axis=1, initial=0.0) > NEAREST]
         if not len(moving):
             break
     return c
@@ -294,7 +294,7 @@ def _shut(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
         if not len(moving):
             break
         step = -scale * np.einsum("fjr,fr->fj", _pseudo_inverse(G[:, :, free] * scale), error)
-        step /= np.maximum(1.0, np.abs(step).max(axis=1))[:, None]
+        step /= np.maximum(1.0, np.abs(step).max(axis=1, initial=0.0))[:, None]
         better = np.zeros(len(moving), np.bool_)
         for share in (1.0, 0.3, 0.1, 0.01):
             trial = c[moving]

@@ -1,0 +1,303 @@
+"""Closed loops: derivatives against differences, projections against their laws, and three other programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from looped import SHOULDERS, four_bar, four_bar_angles, looped_tree, opensim_constraints
+from myomorph.io.models import read_model
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.rigid.kinematics import couple_frames, couple_rates_frames
+from myomorph.rigid.loops import (
+    close_loops,
+    closure,
+    closure_jacobian,
+    closure_rates,
+    free_coordinates,
+    loop_basis,
+    project_rates,
+)
+from myomorph.rigid.tree import compile_tree
+from trees import to_mujoco, to_pinocchio
+
+SEEDS = range(3)
+
+
+def near(tree, closed, frames=4, spread=0.1, seed=0):
+    """Frames near closed coordinates, couplers obeyed."""
+    values = np.tile(closed, (frames, 1))
+    values += np.random.default_rng(seed).normal(scale=spread, size=values.shape)
+    couple_frames(tree.arrays, values)
+    return values
+
+
+@pytest.mark.parametrize("functional", [False, True])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_jacobian_is_the_derivative_of_the_closure(seed, functional):
+    model, closed = looped_tree(seed, functional=functional)
+    tree = compile_tree(model)
+    c, h = near(tree, closed), 1e-6
+    J = closure_jacobian(tree, c)
+    for j in tree.independent:
+        ends = []
+        for sign in (1, -1):
+            moved = c.copy()
+            moved[:, j] += sign * h
+            couple_frames(tree.arrays, moved)
+            ends.append(closure(tree, moved))
+        np.testing.assert_allclose(J[:, :, j], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
+
+
+@pytest.mark.parametrize("functional", [False, True])
+def test_rates_are_the_derivatives_in_time(functional):
+    model, closed = looped_tree(1, functional=functional)
+    tree = compile_tree(model)
+    c = near(tree, closed)
+    v, a = np.random.default_rng(3).normal(size=(2, *c.shape))
+    couple_rates_frames(tree.arrays, c, v, a)
+    first, second = closure_rates(tree, c, v, a)
+    h = 1e-4
+
+    def at(t):
+        moved = c + t * v + 0.5 * t**2 * a
+        couple_frames(tree.arrays, moved)
+        return closure(tree, moved)
+
+    before, now, after = at(-h), at(0.0), at(h)
+    np.testing.assert_allclose(first, (after - before) / (2 * h), atol=1e-5)
+    np.testing.assert_allclose(second, (after - 2 * now + before) / h**2, atol=1e-4)
+    J = closure_jacobian(tree, c)
+    free = tree.independent
+    np.testing.assert_allclose(first, np.einsum("frj,fj->fr", J[:, :, free], v[:, free]), atol=1e-12)
+
+
+def test_a_weld_tells_any_turning():
+    model, closed = looped_tree(0, kinds=("WeldConstraint",))
+    loop = model.loops[0]
+    axis = np.array([0.6, 0.0, -0.8])
+    for angle in (0.0, 1e-9, 1.0, 3.0, np.pi, -np.pi + 1e-9):
+        turned = replace(loop, pose_2=loop.pose_2 @ Transform(axis_rotation(axis, angle), np.zeros(3)))
+        error = closure(compile_tree(replace(model, loops=(turned,))), closed[None])[0]
+        along = error[:3] @ axis * np.sign(angle + 1e-300)
+        assert abs(along) == pytest.approx(2 * np.sin(abs(angle) / 2), abs=1e-9)
+        np.testing.assert_allclose(error[:3], (error[:3] @ axis) * axis, atol=1e-7)
+        np.testing.assert_allclose(error[3:], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("functional", [False, True])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_projection_is_closed_and_nearest(seed, functional):
+    """What it changes is orthogonal, in the weighted norm, to every motion that the loops allow."""
+    model, closed = looped_tree(seed, functional=functional)
+    tree = compile_tree(model)
+    free = free_coordinates(tree, held=(0,))
+    given = near(tree, closed, spread=0.03)
+    weights = np.random.default_rng(1).uniform(0.5, 2.0, given.shape[1])
+    found = close_loops(tree, given, weights, held=(0,))
+    assert np.abs(closure(tree, found)).max() < 1e-12
+    np.testing.assert_array_equal(found[:, 0], given[:, 0])
+    J = closure_jacobian(tree, found)[:, :, free]
+    for frame in range(len(given)):
+        rank = np.linalg.matrix_rank(J[frame], tol=1e-9)
+        allowed = np.linalg.svd(J[frame])[2][rank:]
+        change = weights[free] * (found - given)[frame, free]
+        np.testing.assert_allclose(allowed @ change, 0.0, atol=2e-7)
+    np.testing.assert_allclose(close_loops(tree, found, weights, held=(0,)), found, atol=1e-12)
+
+
+def test_projected_rates_keep_loops_closed():
+    model, closed = looped_tree(2, functional=True)
+    tree = compile_tree(model)
+    c = close_loops(tree, near(tree, closed, spread=0.03))
+    given_v, given_a = np.random.default_rng(4).normal(size=(2, *c.shape))
+    v, a = project_rates(tree, c, given_v, given_a)
+    first, second = closure_rates(tree, c, v, a)
+    np.testing.assert_allclose(first, 0.0, atol=1e-11)
+    np.testing.assert_allclose(second, 0.0, atol=1e-9)
+    again = project_rates(tree, c, v, a)
+    np.testing.assert_allclose(again[0], v, atol=1e-11)
+    np.testing.assert_allclose(again[1], a, atol=1e-9)
+    # A finite motion of these rates stays closed to third order.
+    opened = []
+    for h in (1e-2, 5e-3):
+        moved = c + h * v + 0.5 * h**2 * a
+        couple_frames(tree.arrays, moved)
+        opened.append(np.abs(closure(tree, moved)).max())
+    assert 1e-9 < opened[1] < opened[0] / 7.0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_slopes_are_those_of_projected_motion(seed):
+    model, closed = looped_tree(seed, functional=True)
+    tree = compile_tree(model)
+    c = close_loops(tree, near(tree, closed, spread=0.03))
+    basis = loop_basis(tree, c)
+    assert basis.rank == len(basis.dependent) == 9
+    assert sorted([*basis.independent, *basis.dependent]) == sorted(free_coordinates(tree))
+    h = 1e-5
+    for column, j in enumerate(basis.independent):
+        ends = []
+        for sign in (1, -1):
+            moved = c.copy()
+            moved[:, j] += sign * h
+            ends.append(close_loops(tree, moved, held=basis.independent)[:, basis.dependent])
+        slopes = basis.slopes[:, :, column]
+        scale = 1.0 + np.abs(slopes).max()
+        np.testing.assert_allclose(slopes, (ends[0] - ends[1]) / (2 * h), atol=1e-5 * scale**2)
+
+
+@pytest.mark.parametrize("kind", ["PointConstraint", "connect"])
+def test_four_bars_follow_the_law_of_cosines(kind):
+    """Three rows, two of them independent: in the plane the third says nothing."""
+    model = four_bar(kind=kind)
+    tree = compile_tree(model)
+    true = four_bar_angles(np.linspace(0.2, 5.9, 40))
+    assert np.abs(closure(tree, true)).max() < 1e-15
+    disturbed = true + np.array([0.0, 0.05, -0.05])
+    np.testing.assert_allclose(close_loops(tree, disturbed, held=(0,)), true, atol=1e-9)
+    basis = loop_basis(tree, true)
+    assert basis.rank == 2
+    assert basis.independent.tolist() == [0]
+    h = 1e-6
+    slopes = (four_bar_angles(true[:, 0] + h) - four_bar_angles(true[:, 0] - h))[:, 1:] / (2 * h)
+    np.testing.assert_allclose(basis.slopes[:, :, 0], slopes, atol=1e-8)
+
+
+def test_what_cannot_be_closed_is_named():
+    model = four_bar()
+    tree = compile_tree(model)
+    far = replace(model.loops[0], pose_2=Transform(np.eye(3), np.array([9.0, 0.0, 0.0])))
+    open_ = compile_tree(replace(model, loops=(far,)))
+    with pytest.raises(BadData, match=r"frame 1: PointConstraint 'pin' cannot be closed.*crank, coupler, rocker"):
+        close_loops(open_, np.array([[np.nan] * 3, [1.0, -0.5, 1.5]]))
+    held = four_bar_angles(np.array([1.0])) + np.array([[0.0, 0.1, 0.0]])
+    with pytest.raises(BadData, match="cannot be closed"):
+        close_loops(tree, held, held=(1, 2, 0))
+    still = four_bar_angles(np.array([1.0]))
+    with pytest.raises(BadData, match="rates cannot keep"):
+        project_rates(tree, still, np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 3)), held=(0, 1))
+
+
+def test_models_without_loops_pass_unchanged():
+    model = replace(four_bar(), loops=())
+    tree = compile_tree(model)
+    c = np.random.default_rng(0).normal(size=(3, 3))
+    np.testing.assert_array_equal(close_loops(tree, c), c)
+    assert closure(tree, c).shape == (3, 0)
+    basis = loop_basis(tree, c)
+    assert (basis.rank, basis.independent.tolist(), basis.slopes.shape) == (0, [0, 1, 2], (3, 0, 3))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_jacobian_spans_what_mujocos_does(seed):
+    mujoco = pytest.importorskip("mujoco")
+    model, closed = looped_tree(seed, kinds=("connect", "weld"))
+    spec = to_mujoco(replace(model, loops=()), compiled=False)
+    for loop in model.loops:
+        added = spec.add_equality(name=loop.name, name1=loop.body_1, name2=loop.body_2)
+        added.objtype = mujoco.mjtObj.mjOBJ_BODY
+        if loop.kind == "connect":
+            added.type = mujoco.mjtEq.mjEQ_CONNECT
+            added.data[:3] = loop.pose_1.translation
+        else:
+            added.type = mujoco.mjtEq.mjEQ_WELD
+            relative = loop.pose_1 @ loop.pose_2.inverse()
+            quaternion = np.empty(4)
+            mujoco.mju_mat2Quat(quaternion, relative.rotation.ravel())
+            added.data[:3] = loop.pose_2.translation
+            added.data[3:6] = loop.pose_1.translation
+            added.data[6:10] = quaternion
+            added.data[10] = 1.0
+    theirs = spec.compile()
+    data = mujoco.MjData(theirs)
+    order = [theirs.joint(joint.name).dofadr[0] for joint in model.joints]
+    for i, loop in enumerate(model.loops):
+        if loop.kind == "connect":
+            # MuJoCo finds the second anchor in its own default pose; ours is known.
+            theirs.eq_data[i, 3:6] = loop.pose_2.translation
+    data.qpos[order] = closed
+    mujoco.mj_forward(theirs, data)
+    assert np.abs(data.efc_pos).max() < 1e-9
+    expected = data.efc_J.reshape(-1, theirs.nv)[:, order]
+    tree = compile_tree(model)
+    ours = closure_jacobian(tree, closed[None])[0]
+    both = np.linalg.matrix_rank(np.vstack([ours, expected]), tol=1e-9)
+    assert both == np.linalg.matrix_rank(ours, tol=1e-9) == np.linalg.matrix_rank(expected, tol=1e-9) == 9
+    point = slice(0, 3)
+    np.testing.assert_allclose(
+        np.linalg.svd(ours[point], compute_uv=False), np.linalg.svd(expected[point], compute_uv=False), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_jacobian_and_projected_rates_agree_with_pinocchio(seed):
+    """With rates that we project, what is tied moves alike in Pinocchio."""
+    pin = pytest.importorskip("pinocchio")
+    model, closed = looped_tree(seed)
+    theirs, ids = to_pinocchio(model)
+    contacts = pin.StdVec_RigidConstraintModel()
+    for loop in model.loops:
+        kind = pin.ContactType.CONTACT_3D if loop.kind == "PointConstraint" else pin.ContactType.CONTACT_6D
+        one, two = (pin.SE3(np.array(pose.rotation), np.array(pose.translation)) for pose in (loop.pose_1, loop.pose_2))
+        contacts.append(
+            pin.RigidConstraintModel(
+                kind, theirs, ids[loop.body_1], one, ids[loop.body_2], two, pin.ReferenceFrame.LOCAL
+            )
+        )
+    datas = pin.StdVec_RigidConstraintData()
+    for contact in contacts:
+        datas.append(contact.createData())
+    data = theirs.createData()
+    tree = compile_tree(model)
+    ours = closure_jacobian(tree, closed[None])[0]
+    pin.computeJointJacobians(theirs, data, closed)
+    for contact, held in zip(contacts, datas, strict=True):
+        contact.calc(theirs, data, held)
+    expected = pin.getConstraintsJacobian(theirs, data, contacts, datas)
+    # Pinocchio's rows: linear, then angular, of the second frame against the first, in the first.
+    np.testing.assert_allclose(np.abs(ours[:3]), np.abs(expected[:3]), atol=1e-9)
+    np.testing.assert_allclose(np.abs(ours[3:]), np.abs(expected[[6, 7, 8, 3, 4, 5]]), atol=1e-9)
+    v, a = project_rates(tree, closed[None], *np.random.default_rng(seed).normal(size=(2, 1, len(closed))))
+    frames = [
+        theirs.addFrame(
+            pin.Frame(f"{loop.name}{end}", ids[body], pin.SE3(pose.rotation, pose.translation), pin.OP_FRAME)
+        )
+        for loop in model.loops
+        for end, (body, pose) in enumerate(((loop.body_1, loop.pose_1), (loop.body_2, loop.pose_2)))
+    ]
+    data = theirs.createData()
+    pin.forwardKinematics(theirs, data, closed, v[0], a[0])
+    in_ground = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for rate in (pin.getFrameVelocity, pin.getFrameClassicalAcceleration):
+        point_1, point_2, weld_1, weld_2 = (rate(theirs, data, frame, in_ground).vector for frame in frames)
+        np.testing.assert_allclose(point_1[:3], point_2[:3], atol=1e-8)
+        np.testing.assert_allclose(weld_1, weld_2, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", SHOULDERS)
+def test_shoulders_close_as_opensim_closes_them(data, name):
+    pytest.importorskip("opensim")
+    path = data(name)
+    model = read_model(path)
+    tree = compile_tree(model)
+    free = free_coordinates(tree)
+    c = np.tile(tree.defaults, (3, 1))
+    c[:, free] += np.random.default_rng(0).normal(scale=0.05, size=(3, len(free)))
+    gaps, derivatives, assembled = opensim_constraints(path, model, c)
+    # OpenSim reads the old file of the bone pins through a text of fewer digits.
+    same = 2e-7 if "bonepin" in name else 1e-12
+    np.testing.assert_allclose(np.linalg.norm(closure(tree, c), axis=1), np.linalg.norm(gaps, axis=1), atol=same)
+    ours = closure_jacobian(tree, c)
+    for one, other in zip(ours, derivatives, strict=True):
+        np.testing.assert_allclose(
+            np.linalg.svd(one, compute_uv=False), np.linalg.svd(other, compute_uv=False), atol=max(same, 1e-9)
+        )
+        np.testing.assert_allclose(one.T @ one, other.T @ other, atol=max(same, 1e-9))
+    assert np.abs(closure(tree, assembled)).max() < max(same, 1e-9)
+    found = close_loops(tree, c)
+    assert np.abs(closure(tree, found)).max() < 1e-12
+    assert (((found - c) ** 2).sum(axis=1) <= ((assembled - c) ** 2).sum(axis=1) * (1 + 1e-6)).all()
