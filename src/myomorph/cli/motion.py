@@ -22,10 +22,10 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import said, table_beside, warn
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.study.settings import Differentiation
+from myomorph.study.settings import Differentiation, TorqueTable
 
 IkOptions = options_class(InverseKinematicsOptions, leave_out=("only_weighted",))
-IdOptions = options_class(Differentiation)
+IdOptions = options_class(Differentiation, TorqueTable)
 
 
 def ik_command(
@@ -80,7 +80,7 @@ def id_command(
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         found = run_step("id", take, dataclasses.replace(Found(), recorded=recorded), writer, folder)
     assert found.torques is not None
-    warn(take.warnings)
+    warn((*take.warnings, *found.notes))
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     said(f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces; wrote {out}")
     return 0

@@ -44,8 +44,8 @@ def muscles_command(
     files = FileTake(model=model, motion=motion, time=time)
     take, recorded = open_motion_take(files, {"muscles": given(options)})
     with folder_with(out, "muscles") as (folder, writer):
-        run_step("muscles", take, Found(recorded=recorded), writer, folder)
-    warn(take.warnings)
+        found = run_step("muscles", take, Found(recorded=recorded), writer, folder)
+    warn((*take.warnings, *found.notes))
     said(f"{len(take.model.muscles)} muscles, {len(recorded)} frames; wrote {out}")
     return 0
 
@@ -75,10 +75,13 @@ def tension_command(
         found = run_step("tension", take, Found(recorded=recorded), writer, folder)
     tension = found.tension
     assert tension is not None
-    warn(take.warnings)
+    warn((*take.warnings, *found.notes))
     text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {int(tension.optimal.sum())} frames optimal"
     if tension.reserves.size:
         worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
         text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
+    if tension.pushing:
+        some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
+        text += f"; {len(tension.pushing)} muscles push somewhere, shortening against their viscosity ({some})"
     said(f"{text}; wrote {out}")
     return 0

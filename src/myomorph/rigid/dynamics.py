@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
 
@@ -86,6 +88,21 @@ def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
             cddot[:, j] = motion.accelerations[:, columns[name]]
     couple_rates_frames(tree.arrays, c, cdot, cddot)
     return c, cdot, cddot
+
+
+def rates_of(tree: Tree, motion: Motion) -> tuple[Array, Array]:
+    """Values and velocities (frames, coordinates) in the model's order, dependent ones consistent.
+
+    Raises
+    ------
+    BadData
+        where the motion carries no velocities
+    """
+    if motion.velocities is None:
+        raise BadData("this needs the motion's velocities: differentiate the motion first")
+    still = replace(motion, accelerations=np.zeros_like(motion.velocities))
+    coordinates, rates, _ = motion_arrays(tree, still)
+    return coordinates, rates
 
 
 def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tuple[Ints, Array, Array, Array]:

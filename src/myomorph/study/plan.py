@@ -12,7 +12,7 @@ from pydantic import Field, create_model
 
 from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
-from myomorph.study.settings import Differentiation, Setting, settings_of
+from myomorph.study.settings import Differentiation, Setting, TorqueTable, settings_of
 from myomorph.study.study_file import (
     Strict,
     StudyTable,
@@ -48,7 +48,7 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
         "calibrate": tuple(one for one in settings_of(CalibrationOptions) if one.name != "mass"),
         "identify": tuple(one for options in identification for one in settings_of(options)),
         "ik": kinematics,
-        "id": filters,
+        "id": (*filters, *settings_of(TorqueTable)),
         "muscles": filters,
         "tension": (*filters, *settings_of(TensionOptions)),
     }

@@ -43,6 +43,22 @@ class Differentiation:
     cutoff: float | None = None
 
 
+@dataclass(frozen=True)
+class TorqueTable:
+    """What the table of inverse dynamics holds.
+
+    Attributes
+    ----------
+    net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as OpenSim's tool
+        does where forces_to_exclude is Muscles; by default nothing is taken off, as with ALL
+    folded : only coordinates that follow no other, with what falls on those that couplers and closed loops make
+        follow handed on to them; by default every coordinate has its own column, as in OpenSim
+    """
+
+    net: bool = False
+    folded: bool = False
+
+
 def settings_of(options: type) -> tuple[Setting, ...]:
     """Settings of an option dataclass: every field that a number, a text or a switch can give.
 

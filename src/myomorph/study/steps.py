@@ -23,7 +23,7 @@ from myomorph.study import stored as store
 from myomorph.study.inputs import about, has_mass
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, Stored, provenance_of
-from myomorph.study.settings import Differentiation, plain_settings
+from myomorph.study.settings import Differentiation, TorqueTable, plain_settings
 
 if TYPE_CHECKING:
     from myomorph.tension.solve import Tension, TensionOptions
@@ -41,7 +41,7 @@ class Take:
     loads : external forces of a motion, or None where there are none
     mass : of the subject [kg], None where only the model tells
     time : start and end of what is used [s], None for all
-    kinematics, derivatives, tension : what the steps are told
+    kinematics, derivatives, torque_table, tension : what the steps are told
     actuators : beside the model's own; None adds a weak reserve for every coordinate
     plates : outlines of the force plates, for pictures
     emg_muscles : EMG channel to the muscles it was measured on
@@ -62,6 +62,7 @@ class Take:
     time: tuple[float, float] | None = None
     kinematics: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
     derivatives: Differentiation = field(default_factory=Differentiation)
+    torque_table: TorqueTable = field(default_factory=TorqueTable)
     tension: TensionOptions | None = None
     actuators: tuple[Actuator, ...] | None = None
     plates: tuple[ForcePlate, ...] = ()
@@ -85,6 +86,7 @@ class Found:
     recorded : coordinates as inverse kinematics or a file gave them
     motion : coordinates that forces belong to (filtered where asked for), with derivatives
     wrenches : external forces at the motion's times
+    notes : what was done about doubtful input, one line each
     """
 
     fit: KinematicsFit | None = None
@@ -93,6 +95,7 @@ class Found:
     wrenches: Wrenches | None = None
     torques: Series | None = None
     tension: Tension | None = None
+    notes: tuple[str, ...] = ()
 
 
 def solve_kinematics(take: Take) -> KinematicsFit:
@@ -104,13 +107,16 @@ def solve_kinematics(take: Take) -> KinematicsFit:
         return inverse_kinematics(take.model, markers, take.kinematics, advance)
 
 
-def with_derivatives(take: Take, recorded: Motion) -> Motion:
-    """The motion with velocities and accelerations, cut to the time that is asked for.
+def with_derivatives(take: Take, found: Found) -> Found:
+    """The motion with velocities and accelerations, cut to the time that is asked for, with closed loops closed.
 
     Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
     """
-    motion = differentiate(recorded, take.derivatives.cutoff)
-    return motion if take.time is None else cut(motion, *take.time)
+    from myomorph.rigid.closed_motion import closed_motion
+
+    motion = differentiate(_recorded(take, found), take.derivatives.cutoff)
+    motion, notes = closed_motion(take.model, motion if take.time is None else cut(motion, *take.time))
+    return replace(found, motion=motion, notes=(*found.notes, *notes))
 
 
 def loads_at(take: Take, recorded: Motion, motion: Motion) -> Wrenches | None:
@@ -125,11 +131,23 @@ def solve_dynamics(take: Take, found: Found) -> Found:
     from myomorph.rigid.dynamics import inverse_dynamics
 
     has_mass(take.model, "inverse dynamics")
-    recorded = _recorded(take, found)
-    motion = with_derivatives(take, recorded)
-    wrenches = loads_at(take, recorded, motion)
-    torques = inverse_dynamics(take.model, motion, wrenches)
-    return replace(found, motion=motion, wrenches=wrenches, torques=torques)
+    found = with_derivatives(take, found)
+    assert found.motion is not None
+    wrenches = loads_at(take, _recorded(take, found), found.motion)
+    return replace(found, wrenches=wrenches, torques=inverse_dynamics(take.model, found.motion, wrenches))
+
+
+def told_torques(take: Take, motion: Motion, torques: Series) -> Series:
+    """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
+    if take.torque_table.net:
+        from myomorph.muscles.passive import passive_generalized_forces
+
+        torques = replace(torques, values=torques.values - passive_generalized_forces(take.model, motion).values)
+    if take.torque_table.folded:
+        from myomorph.rigid.closed_motion import loop_torques
+
+        torques = loop_torques(take.model, motion, torques).torques
+    return torques
 
 
 def _recorded(take: Take, found: Found) -> Motion:
@@ -142,7 +160,7 @@ def run_step(step: str, take: Take, found: Found, writer: ResultWriter, folder: 
     """Run one of `CHAIN`, write its tables into a folder and its values into a result file."""
     with about(take.name):
         after = RUNNERS[step](take, found, writer, folder)
-    _put_take(writer, take)
+    _put_take(writer, replace(take, warnings=tuple(dict.fromkeys((*take.warnings, *after.notes)))))
     writer.provenance(step_provenance(step, take))
     return after
 
@@ -184,6 +202,8 @@ def _options(step: str, take: Take) -> dict[str, object]:
         return plain_settings(take.kinematics)
     if step == "tension" and take.tension is not None:
         return plain_settings(take.tension)
+    if step == "id":
+        return plain_settings(take.derivatives) | plain_settings(take.torque_table)
     return plain_settings(take.derivatives)
 
 
@@ -202,7 +222,7 @@ def _run_id(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Fou
     after = solve_dynamics(take, found)
     assert after.motion is not None
     assert after.torques is not None
-    write_sto(torque_table(after.torques, take.model), folder / "torques.sto")
+    write_sto(torque_table(told_torques(take, after.motion, after.torques), take.model), folder / "torques.sto")
     store.put_derivatives(writer, after.motion, take.model)
     store.put_torques(writer, after.torques, after.wrenches)
     return after
@@ -211,12 +231,12 @@ def _run_id(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Fou
 def _run_muscles(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
     from myomorph.study.muscle_files import write_muscles
 
-    motion = found.motion
-    if motion is None:
-        motion = with_derivatives(take, _recorded(take, found))
-        store.put_derivatives(writer, motion, take.model)
-    write_muscles(take.model, motion, writer, folder, f"{take.name}: muscle paths")
-    return replace(found, motion=motion)
+    if found.motion is None:
+        found = with_derivatives(take, found)
+        assert found.motion is not None
+        store.put_derivatives(writer, found.motion, take.model)
+    write_muscles(take.model, found.motion, writer, folder, f"{take.name}: muscle paths")
+    return found
 
 
 def _run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:

@@ -15,7 +15,7 @@ from myomorph.model.series import Emg, Motion, Trial
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
 from myomorph.study.results import file_source, value_source
-from myomorph.study.settings import Differentiation, with_settings
+from myomorph.study.settings import Differentiation, TorqueTable, with_settings
 from myomorph.study.steps import Take
 
 if TYPE_CHECKING:
@@ -128,6 +128,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         mass=files.mass,
         kinematics=kinematics_options(files, settings.get("ik", {}), model),
         derivatives=derivative_options(settings),
+        torque_table=with_settings(TorqueTable(), settings.get("id", {})),
         tension=tension_options(settings),
         actuators=_actuators(files, model),
         sources=tuple(sources),

@@ -122,23 +122,19 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
 def net_torques(
     model: Model, motion: Motion, wrenches: Wrenches | None, excluded: tuple[str, ...]
 ) -> tuple[Series, list[str]]:
-    """Generalized forces less those of the model's own passive torques that are not excluded, and warnings."""
-    from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+    """Generalized forces less those of the model's own springs and dampers that are not excluded, and warnings."""
+    from myomorph.muscles.passive import passive_generalized_forces
+    from myomorph.rigid.dynamics import inverse_dynamics
 
-    torques = inverse_dynamics(model, motion, wrenches)
     words = {word.upper() for word in excluded}
+    torques = inverse_dynamics(model, motion, wrenches)
     if "ALL" in words:
         return torques, []
-    coordinates, rates, _ = motion_arrays(compile_tree(model), motion)
-    values = np.array(torques.values)
-    for one in model.passive_torques:
-        if one.name not in excluded:
-            j = model.coordinate_names.index(one.coordinate)
-            values[:, j] -= one.total(coordinates[:, j], rates[:, j])
+    passive = passive_generalized_forces(model, motion, excluded)
     warnings = []
     if model.muscles and not words & {"MUSCLES", "ACTUATORS"}:
         warnings.append("forces_to_exclude does not name Muscles: their forces are left out all the same")
-    return replace(torques, values=values), warnings
+    return replace(torques, values=torques.values - passive.values), warnings
 
 
 def needed(path: Path | None, tag: str, source: Path) -> Path:

@@ -15,8 +15,8 @@ from myomorph.model.spatial import Array
 from myomorph.muscles.hill import Convention, compile_hill, fill_hill_forces, viscosities
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import loop_slopes, refuse_open
+from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kinematics import couple_rates_frames
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import RESIDUAL, default_reserves, free_coordinates
@@ -197,7 +197,7 @@ def tension_problem(
     """What `solve_tension` solves, set up but not solved, and the names of the actuators."""
     options = options or TensionOptions()
     tree = compile_tree(model)
-    coordinates, rates = _positions_and_rates(tree, motion)
+    coordinates, rates = rates_of(tree, motion)
     added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
     given = {one.name for one in added}
     own = [one for one in model.actuators if one.name not in given]
@@ -214,19 +214,6 @@ def tension_problem(
         j = model.coordinate_names.index(one.coordinate)
         tau[:, j] -= one.total(coordinates[:, j], rates[:, j])
     return TensionProblem(tree, helpers, options, coordinates, rates, tau), names
-
-
-def _positions_and_rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
-    if motion.velocities is None:
-        raise BadData("muscle tensions need the motion's velocities: differentiate the motion first")
-    coordinates = tree.coordinates_of(motion)
-    rates = np.zeros_like(coordinates)
-    columns = {name: i for i, name in enumerate(motion.names)}
-    for j, name in enumerate(tree.model.coordinate_names):
-        if name in columns:
-            rates[:, j] = motion.velocities[:, columns[name]]
-    couple_rates_frames(tree.arrays, coordinates, rates, np.zeros_like(rates))
-    return coordinates, rates
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
