@@ -1,0 +1,187 @@
+"""Inverse kinematics and calibration of models that close loops: recovered motion, bounds, laws, real bones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from looped import four_bar, four_bar_angles, looped_tree
+from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.io.tasks import read_ik_tasks
+from myomorph.io.trc import read_trc
+from myomorph.model.errors import BadData
+from myomorph.model.model import Marker
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers
+from myomorph.model.spatial import Transform
+from myomorph.motion.calibrate import calibrate
+from myomorph.motion.calibration import CalibrationOptions
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.online import OnlineKinematics
+from myomorph.rigid.kinematics import couple_frames, forward_kinematics
+from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
+from myomorph.rigid.tree import compile_tree
+
+BONES = "shoulder-bonepin/"
+
+
+def markers_of(model, values, noise=0.0, seed=0):
+    tree = compile_tree(model)
+    bodies = np.array([tree.body_index[one.body] for one in model.markers])
+    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in model.markers]))
+    places = places + np.random.default_rng(seed).normal(scale=noise, size=places.shape)
+    return Markers(np.arange(len(values)) * 0.01, model.marker_names, places)
+
+
+def marked(seed, functional, kinds=("PointConstraint", "WeldConstraint")):
+    """A looped random tree with three markers a body, starting near where it is closed, and a closed motion."""
+    model, closed = looped_tree(seed, kinds, functional)
+    rng = np.random.default_rng(seed)
+    markers = tuple(
+        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.1, size=3)) for body in model.bodies for i in range(3)
+    )
+    coordinates = tuple(replace(one, default=value) for one, value in zip(model.coordinates, closed, strict=True))
+    model = replace(model, markers=markers, coordinates=coordinates)
+    tree = compile_tree(model)
+    t = np.linspace(0.0, 1.0, 80)[:, None]
+    values = closed + 0.08 * np.sin(t * rng.uniform(1, 5, len(closed)) + rng.uniform(0, 6, len(closed)))
+    couple_frames(tree.arrays, values)
+    return model, close_loops(tree, values)
+
+
+@pytest.mark.parametrize("functional", [False, True])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_known_motion_is_recovered_and_closed(seed, functional):
+    model, values = marked(seed, functional)
+    fit = inverse_kinematics(model, markers_of(model, values))
+    assert fit.converged.all()
+    assert fit.closure.max() < 1e-9
+    assert np.nanmax(fit.errors) < 1e-5
+    assert fit.iterations.mean() < 5
+    poses = [forward_kinematics(compile_tree(model), one).origins for one in (fit.motion.values, values)]
+    np.testing.assert_allclose(*poses, atol=1e-5)
+
+
+def test_the_closed_optimum_is_stationary_in_noise():
+    """The gradient has no part along any motion that the loops allow."""
+    model, values = marked(1, functional=True)
+    markers = markers_of(model, values, noise=0.02)
+    exact = InverseKinematicsOptions(tolerance=1e-10, posture_weight=0.0)
+    fit = inverse_kinematics(model, markers, exact)
+    tree = compile_tree(model)
+    free = free_coordinates(tree)
+    assert fit.converged.all()
+    assert fit.closure.max() < 1e-9
+    assert fit.iterations.mean() < 7
+
+    def cost(c):
+        couple_frames(tree.arrays, c)
+        return ((markers_of(model, c).values - markers.values) ** 2).sum(axis=(1, 2))
+
+    h, found = 1e-6, fit.motion.values
+    gradient = np.zeros((len(found), len(free)))
+    for i, j in enumerate(free):
+        ends = []
+        for sign in (1, -1):
+            moved = found.copy()
+            moved[:, j] += sign * h
+            ends.append(cost(moved))
+        gradient[:, i] = (ends[0] - ends[1]) / (2 * h)
+    J = closure_jacobian(tree, found)[:, :, free]
+    for frame in range(0, len(found), 8):
+        rank = np.linalg.matrix_rank(J[frame], tol=1e-9)
+        allowed = np.linalg.svd(J[frame])[2][rank:]
+        assert np.abs(allowed @ gradient[frame]).max() < 1e-5 * np.abs(gradient[frame]).max() + 1e-7
+
+
+def test_bounds_hold_while_the_loop_stays_closed():
+    """The crank swings; the rocker may only go so far, and then all three stop."""
+    model = four_bar()
+    true = four_bar_angles(1.5 + 0.8 * np.sin(np.linspace(0.0, 6.0, 120)))
+    low, high = np.quantile(true[:, 2], [0.2, 0.8])
+    coordinates = list(model.coordinates)
+    coordinates[2] = replace(coordinates[2], clamped=True, range=(low, high))
+    bounded = replace(model, coordinates=tuple(coordinates))
+    fit = inverse_kinematics(bounded, markers_of(model, true))
+    assert fit.converged.all()
+    assert fit.closure.max() < 1e-9
+    rocker = fit.motion["rocker"]
+    assert rocker.min() >= low - 1e-9
+    assert rocker.max() <= high + 1e-9
+    assert ((rocker < low + 1e-9) | (rocker > high - 1e-9)).sum() > 20
+    inside = (true[:, 2] > low + 1e-6) & (true[:, 2] < high - 1e-6)
+    np.testing.assert_allclose(fit.motion.values[inside], true[inside], atol=1e-5)
+    at_bound = (np.abs(rocker - high) < 1e-9) | (np.abs(rocker - low) < 1e-9)
+    reached = four_bar_angles(fit.motion["crank"][at_bound])
+    np.testing.assert_allclose(fit.motion.values[at_bound], reached, atol=1e-6)
+
+
+def test_a_locked_coordinate_of_a_loop_stops_all_of_it():
+    model = four_bar()
+    true = four_bar_angles(np.linspace(1.0, 1.4, 5))
+    coordinates = list(model.coordinates)
+    coordinates[0] = replace(coordinates[0], locked=True, default=1.2)
+    fit = inverse_kinematics(replace(model, coordinates=tuple(coordinates)), markers_of(model, true))
+    np.testing.assert_allclose(fit.motion.values, np.tile(four_bar_angles(np.array([1.2])), (5, 1)), atol=1e-9)
+
+
+def test_a_loop_that_cannot_close_is_named():
+    model = four_bar()
+    far = replace(model.loops[0], pose_2=Transform(np.eye(3), np.array([9.0, 0.0, 0.0])))
+    with pytest.raises(BadData, match="PointConstraint 'pin' cannot be closed"):
+        inverse_kinematics(replace(model, loops=(far,)), markers_of(model, four_bar_angles(np.ones(3))))
+
+
+def test_frames_that_arrive_are_closed_too():
+    model = four_bar()
+    true = four_bar_angles(np.linspace(0.3, 2.0, 30))
+    markers = markers_of(model, true)
+    online = OnlineKinematics(model, markers.names)
+    found = np.array([online.solve(t, row)[0] for t, row in zip(markers.time, markers.values, strict=True)])
+    np.testing.assert_allclose(found, true, atol=1e-6)
+    assert np.abs(closure(compile_tree(model), found)).max() < 1e-9
+
+
+def test_bone_pins_cost_less_than_the_stored_result(data):
+    """Real: every frame of OpenSim's stored result costs at least as much, and its loop stands open further."""
+    model = read_model(data(BONES + "subject1_abdbonepin.osim"))
+    markers = read_trc(data(BONES + "abdbonepin.trc")).markers
+    weights = read_ik_tasks(data(BONES + "setup_ik_abdbonepin.xml")).marker_weights
+    stored = motion_from_table(read_sto(data(BONES + "std_subject1_abdbonepin_IK.mot")), model)
+    rows = np.abs(markers.time[:, None] - stored.time[None]).argmin(axis=0)
+    markers = Markers(markers.time[rows], markers.names, markers.values[rows])
+    fit = inverse_kinematics(model, markers, InverseKinematicsOptions(marker_weights=weights, only_weighted=True))
+    assert fit.converged.all()
+    assert fit.closure.max() < 1e-9
+    tree = compile_tree(model)
+    theirs = tree.coordinates_of(stored)
+    assert np.abs(closure(tree, theirs)).max() > fit.closure.max()
+    bodies = np.array([tree.body_index[model.marker(name).body] for name in fit.marker_names])
+    places = forward_kinematics(tree, theirs).points(
+        bodies, np.array([model.marker(name).location for name in fit.marker_names])
+    )
+    seen = markers.values[:, [markers.names.index(name) for name in fit.marker_names]]
+    cost = np.nansum(fit.weights * ((places - seen) ** 2).sum(axis=2), axis=1)
+    assert (np.nansum(fit.weights * fit.errors**2, axis=1) <= cost * (1 + 1e-6)).all()
+
+
+@pytest.mark.long
+def test_calibration_finds_lengths_and_keeps_loops_closed(data):
+    """Markers of the shoulder made larger, in poses of the recorded abduction."""
+    model = read_model(data(BONES + "subject1_abdbonepin.osim"))
+    markers = read_trc(data(BONES + "abdbonepin.trc")).markers
+    some = Markers(markers.time[:1900:20], markers.names, markers.values[:1900:20])
+    true = scale(model, {body: np.full(3, 1.15) for body in model.body_names})
+    values = close_loops(compile_tree(true), inverse_kinematics(model, some).motion.values)
+    made = markers_of(true, values, noise=1e-4)
+    found = calibrate(model, [made], CalibrationOptions(noise=1e-4, marker_sd=1e-3))
+    assert found.converged
+    tree = compile_tree(found.model)
+    assert max(np.abs(closure(tree, angles)).max() for angles in found.angles) < 1e-9
+    shown = {one.length.segment: one.factor for one in found.lengths if one.length.along and one.shown}
+    assert shown
+    for factor in shown.values():
+        assert factor == pytest.approx(1.15, abs=0.01)
