@@ -31,7 +31,7 @@ from myomorph.study.virtual_recording import Noise, Sampled, VirtualTrial, measu
 BASE, FIRST, FURTHER = "scapula_r", "humerus_r", ("ulna_r", "radius_r", "thirdmc_r")
 HELD = {"elbow_flexion_r": np.deg2rad(20.0), "pro_sup_r": np.deg2rad(15.0)}
 """The wires of [S] hold the elbow and the forearm so; the wrist is straight [rad]."""
-STEP, COARSE = 1e-3, 5e-3
+STEP, COARSE = 2.5e-3, 5e-3
 """Of the integrator, and where the muscles' scale is sought [s]."""
 USUAL_ARM = 0.02
 """A moment arm of a shoulder muscle, where the search begins [m]."""

@@ -1,0 +1,121 @@
+"""The example study of [S]: six virtual shoulders as a laboratory would hand them over, with their truth beside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from myomorph.identify.murai_tables import SPECIMENS, PublishedSpecimen
+from myomorph.study.virtual_files import specimen_mjcf, write_recording
+from myomorph.study.virtual_recording import Noise
+from myomorph.study.virtual_shoulder import BASE, FIRST, FURTHER, VirtualSpecimen, arm_model, virtual_specimen
+
+STUDY = "shoulder.toml"
+SECONDS, TRIALS = 10.0, 3
+WORKERS = 2
+
+
+def write_shoulder_study(
+    folder: Path,
+    numbers: Sequence[int] = tuple(range(1, len(SPECIMENS) + 1)),
+    *,
+    seconds: float = SECONDS,
+    trials: int = TRIALS,
+    done: Callable[[str], None] = lambda name: None,
+) -> Path:
+    """Swing the virtual specimens in MuJoCo and write models, markers, forces and the study file.
+
+    Parameters
+    ----------
+    folder : made where it does not exist
+    numbers : of the specimens, 1 to 6
+    seconds, trials : length [s] and number of the releases of each condition
+    done : called with each specimen's name when its files are written
+
+    Returns
+    -------
+    path of the study file
+
+    Raises
+    ------
+    BadData : `myo-sim` is not installed, or there is no such specimen
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    arm_model()
+
+    def made(number: int) -> str:
+        specimen = virtual_specimen(number, seconds=seconds, trials=trials)
+        table = _write_specimen(specimen, folder)
+        done(specimen.published.name)
+        return table
+
+    # The simulation runs outside Python's lock.
+    with ThreadPoolExecutor(WORKERS) as pool:
+        tables = list(pool.map(made, numbers))
+    text = "\n".join([_head(seconds, trials, Noise()), *tables])
+    (folder / STUDY).write_text(text, encoding="utf-8")
+    return folder / STUDY
+
+
+def _write_specimen(made: VirtualSpecimen, folder: Path) -> str:
+    """Write a specimen's files; its table of the study file."""
+    name = f"specimen_{made.published.name}"
+    (folder / name).mkdir(exist_ok=True)
+    (folder / name / "model.xml").write_text(specimen_mjcf(made.specimen), encoding="utf-8")
+    for condition in (made.without, made.intact):
+        for trial in condition.trials:
+            write_recording(trial, folder / name / trial.name.replace(" ", "_"))
+    bones = ", ".join(f'"{one}"' for one in FURTHER)
+    return f"""[[specimen]]
+name = "{made.published.name}"
+model = "{name}/model.xml"
+base = "{BASE}"
+first = "{FIRST}"
+bones = [{bones}]
+without = ["{name}/without_*.trc"]
+with = ["{name}/with_*.trc"]
+measured_muscle_mass = {made.published.measured_muscle_mass}
+truth = {{ {_pairs(truth_of(made))} }}
+paper = {{ {_pairs(paper_of(made.published))} }}
+"""
+
+
+def truth_of(made: VirtualSpecimen) -> dict[str, float]:
+    """What a virtual specimen truly is, by the names of `cohort.QUANTITIES`."""
+    return {
+        "mass_without": made.without.mass,
+        "com_without": made.without.com,
+        "joint_viscosity": made.joint_viscosity,
+        "mass_with": made.intact.mass,
+        "com_with": made.intact.com,
+        "total_viscosity": made.intact.viscosity,
+        "muscle_viscosity": made.muscle_viscosity,
+        "estimated_muscle_mass": made.intact.mass - made.without.mass,
+    }
+
+
+def paper_of(row: PublishedSpecimen) -> dict[str, float]:
+    """The same quantities as [S] prints them."""
+    names = (*(one for one in PublishedSpecimen.__dataclass_fields__ if one != "name"),)
+    return {name: float(getattr(row, name)) for name in names}
+
+
+def _pairs(values: dict[str, float]) -> str:
+    return ", ".join(f"{name} = {value!r}" for name, value in values.items())
+
+
+def _head(seconds: float, trials: int, noise: Noise) -> str:
+    lines = (
+        f"Everything: six virtual arms (bones and muscles of MyoArm, package myo-sim) with the masses, mass centers "
+        f"and viscosities of the paper's tables I and II, released {trials} times for {seconds:g} s without muscles "
+        "and as often with them, in MuJoCo; nobody was measured.",
+        f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces {noise.force:g} N, "
+        f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up to "
+        "40 ms and 50 millionths apart.",
+        "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. Each "
+        "specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total viscosity "
+        "over the true swing is that of table II. The measured mass of the muscles is only copied from the table.",
+    )
+    quoted = ",\n".join(f'  "{line}"' for line in lines)
+    return f'[study]\nname = "Six virtual shoulders"\nsimulated = [\n{quoted},\n]\n'
