@@ -13,7 +13,8 @@ from myomorph.cli.output import said, warn
 from myomorph.identify.tracking import TrackingOptions
 from myomorph.identify.viscosity import ViscosityOptions
 from myomorph.model.errors import BadData
-from myomorph.study.viscosity import FilterOptions, SpecimenOutcome
+from myomorph.study.viscosity import SpecimenOutcome
+from myomorph.study.viscosity_specimen import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
 

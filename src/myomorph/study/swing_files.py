@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from myomorph.io.loads import read_external_loads
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Trial, Wrenches
+from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.study.inputs import about, fitted_to, open_model, open_trial
 from myomorph.study.viscosity_plan import SpecimenFiles, SwingFiles
@@ -101,8 +101,15 @@ def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
         return {}
 
 
-def open_swing(files: SwingFiles, model: Model, tare: Path | None = None) -> tuple[SwingTrial, tuple[str, ...]]:
+def open_swing(
+    files: SwingFiles, model: Model, tare: Path | None = None, place: Callable[[Trial], Trial] | None = None
+) -> tuple[SwingTrial, tuple[str, ...]]:
     """A recording of a swing, in the model's ground axes, and what its files had to say.
+
+    Parameters
+    ----------
+    tare : forces without the limb
+    place : puts the plates of a C3D file where they are
 
     Raises
     ------
@@ -112,11 +119,10 @@ def open_swing(files: SwingFiles, model: Model, tare: Path | None = None) -> tup
     recorded = open_trial(files.markers)
     trial = fitted_to(model, recorded)
     turned = trial is not recorded
-    same = files.loads == files.markers
-    wrenches = plate_wrenches(trial, model.gravity) if same else open_wrench(files.loads, model, turned)
+    wrenches = open_wrench(files.loads, model, turned, place)
     markers = trial.markers
     assert markers is not None
-    empty = None if tare is None else open_wrench(tare, model, turned)
+    empty = None if tare is None else open_wrench(tare, model, turned, place)
     return SwingTrial(files.name, markers, wrenches, files.time, empty), tuple(
         f"{files.name}: {text}" for text in trial.warnings if "plate" not in text
     )
@@ -128,7 +134,9 @@ def marker_names(files: SwingFiles) -> tuple[str, ...]:
     return () if markers is None else markers.names
 
 
-def open_wrench(path: Path, model: Model, turned: bool = False) -> Wrenches:
+def open_wrench(
+    path: Path, model: Model, turned: bool = False, place: Callable[[Trial], Trial] | None = None
+) -> Wrenches:
     """Forces on the base: a table of force, point and torque in ground, an external loads file, or plates of a C3D.
 
     Parameters
@@ -138,12 +146,10 @@ def open_wrench(path: Path, model: Model, turned: bool = False) -> Wrenches:
     ending = path.suffix.lower()
     with about(path):
         if ending == ".c3d":
-            trial = open_trial(path)
-            if turned:
-                from myomorph.model.series import Z_UP_TO_Y_UP
-
-                trial = trial.rotated(Z_UP_TO_Y_UP)
-            return plate_wrenches(trial, model.gravity)
+            trial = open_trial(path) if place is None else place(open_trial(path))
+            return plate_wrenches(trial.rotated(Z_UP_TO_Y_UP) if turned else trial, model.gravity)
+        if place is not None:
+            raise BadFile(path, "is a table in ground, where no plate can be moved", "'plate' goes with C3D forces")
         if ending == ".xml":
             return read_external_loads(path)
         if ending not in (".mot", ".sto"):

@@ -3,74 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
-
-import numpy as np
 
 from myomorph import __version__
-from myomorph.identify.arm_sensitivity import ArmOptions
-from myomorph.identify.passive_models import PassiveOptions
-from myomorph.identify.specimen import Specimen, SwingTrial
-from myomorph.identify.swing_rows import SwingOptions, swing_recordings
-from myomorph.identify.swings import SwingRecording
-from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
-from myomorph.identify.viscosity import SpecimenViscosity, ViscosityOptions, identify_specimen
-from myomorph.model.errors import BadData, MyomorphError
+from myomorph.identify.viscosity import SpecimenViscosity
+from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Provenance, Source
 from myomorph.report.given import Note, SourceFile, Step
 from myomorph.report.viscosity import viscosity_page
-from myomorph.report.viscosity_given import Residual, SpecimenReport, ViscosityInput, specimen_report
+from myomorph.report.viscosity_given import SpecimenReport, ViscosityInput
 from myomorph.study.progress import Advance, progress
 from myomorph.study.results import file_name, file_source, provenance_of, whole_folder
-from myomorph.study.settings import plain_settings, with_settings
-from myomorph.study.swing_files import marker_names, open_specimen, open_swing
 from myomorph.study.viscosity_files import write_swings, write_tables, write_whole
-from myomorph.study.viscosity_plan import CONDITIONS, SpecimenFiles, SwingFiles, ViscosityPlan
+from myomorph.study.viscosity_plan import SpecimenFiles, ViscosityPlan
+from myomorph.study.viscosity_specimen import StudyOptions, input_sources, study_specimen
 from myomorph.study.viscosity_store import write_store
-from myomorph.study.viscosity_trust import trusted
 
 REPORT, PROVENANCE = "report.html", "provenance.json"
-TRACKING, IDENTIFYING = 0.5, 0.25
-"""Shares of a specimen's time, for the bar."""
-
-
-@dataclass(frozen=True)
-class FilterOptions:
-    """The low-pass of motion and wrench.
-
-    Attributes
-    ----------
-    cutoff : of motion and wrench [Hz]; chosen from the recordings by default
-    """
-
-    cutoff: float | None = None
-
-
-@dataclass(frozen=True)
-class StudyOptions:
-    """All that a study of swinging limbs may be told, each part in its own table."""
-
-    filter: FilterOptions = field(default_factory=FilterOptions)
-    tracking: TrackingOptions = field(default_factory=TrackingOptions)
-    swings: SwingOptions = field(default_factory=SwingOptions)
-    identification: ViscosityOptions = field(default_factory=ViscosityOptions)
-    laws: PassiveOptions = field(default_factory=PassiveOptions)
-    arms: ArmOptions = field(default_factory=ArmOptions)
-
-    @staticmethod
-    def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
-        """Options from the tables of a study file, or from a command line."""
-        plain = StudyOptions()
-        return replace(plain, **{name: with_settings(getattr(plain, name), own) for name, own in settings.items()})
-
-    @property
-    def plain(self) -> dict[str, dict[str, object]]:
-        """The settings as plain values, by table."""
-        return {name: plain_settings(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +85,11 @@ def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Ad
         advance(share)
 
     try:
-        return study_specimen(files, options, out / file_name(files.name), within)
+        sources = input_sources(files)
+        studied = study_specimen(files, options, within)
+        with whole_folder(out / file_name(files.name)) as folder:
+            write_swings(studied.found, folder)
+        return SpecimenOutcome(studied.report, studied.found, sources)
     except (MyomorphError, OSError) as error:
         return SpecimenOutcome(replace(report, failure=" ".join(str(error).split())))
     except Exception as error:
@@ -141,103 +97,6 @@ def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Ad
         return SpecimenOutcome(replace(report, failure=text), fault=True)
     finally:
         within(1.0)
-
-
-def study_specimen(files: SpecimenFiles, options: StudyOptions, folder: Path, advance: Advance) -> SpecimenOutcome:
-    """Identify one specimen and write the tables of its trials into a folder.
-
-    A condition that cannot be used is named in the notes, and what the other one shows is still found.
-
-    Parameters
-    ----------
-    advance : called with the share of the specimen's work just done
-
-    Raises
-    ------
-    BadData, BadFile, BadModel, UnknownName
-        where neither condition can be used
-    """
-    sources = input_sources(files)
-    first = next(iter((*files.without, *files.intact)))
-    specimen = open_specimen(files, marker_names(first))
-    notes = list(specimen.notes)
-    count = sum(1 for entries in (files.without, files.intact) if entries)
-    conditions: dict[str, Prepared] = {}
-    for name, entries in zip(CONDITIONS, (files.without, files.intact), strict=True):
-        if not entries:
-            notes.append(f"no recordings {name} muscles: what needs them is lacking")
-            continue
-        try:
-            conditions[name] = _prepared(
-                specimen, files, entries, options, lambda part: advance(TRACKING * part / count)
-            )
-        except MyomorphError as error:
-            notes.append(f"{name} muscles: {error}")
-    if not conditions:
-        raise BadData("; ".join(notes[len(specimen.notes) :]))
-    cutoff = options.filter.cutoff or 8.0
-    recordings: dict[str, tuple[SwingRecording, ...]] = dict.fromkeys(CONDITIONS, ())
-    for name, one in conditions.items():
-        notes += one.notes
-        recordings[name] = swing_recordings(one.tracked, cutoff, options.swings, muscles=name == "with")
-    pcsa = files.pcsa or dict(zip(specimen.muscles, specimen.isometric_forces.tolist(), strict=True))
-    found = identify_specimen(
-        files.name, recordings["without"], recordings["with"], pcsa, files.measured_muscle_mass, options.identification
-    )
-    advance(IDENTIFYING)
-    found = replace(found, notes=tuple(dict.fromkeys((*notes, *found.notes))))
-    report = trusted(specimen_report(found), found, options.laws, options.arms)
-    report = replace(report, truth=files.truth, paper=files.paper, calibration=_calibration(conditions))
-    with whole_folder(folder) as temporary:
-        write_swings(found, temporary)
-    return SpecimenOutcome(report, found, sources)
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """One condition's trials as motion and wrench, and what was said of them."""
-
-    tracked: TrackedSpecimen
-    notes: tuple[str, ...]
-
-
-def _prepared(
-    specimen: Specimen, files: SpecimenFiles, entries: Sequence[SwingFiles], options: StudyOptions, advance: Advance
-) -> Prepared:
-    notes: list[str] = []
-    trials: list[SwingTrial] = []
-    for entry in entries:
-        trial, told = open_swing(entry, specimen.model, files.tare)
-        trials.append(trial)
-        notes += told
-    frames = 2 * sum(len(trial.markers) for trial in trials)
-    tracked = track(specimen, trials, options.tracking, lambda done: advance(done / frames))
-    notes += [*tracked.notes, *(note for trial in tracked.trials for note in trial.notes)]
-    return Prepared(tracked, tuple(notes))
-
-
-def _calibration(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...]:
-    lines = []
-    for name, one in conditions.items():
-        rms = np.concatenate([trial.rms for trial in one.tracked.trials])
-        if np.isfinite(rms).any():
-            worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
-            value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
-            lines.append(Residual(f"markers to bones, {name} muscles", value, "mm", worst))
-    return tuple(lines)
-
-
-def input_sources(files: SpecimenFiles) -> tuple[Source, ...]:
-    """The files that a specimen is made from, by their hashes."""
-    sources = [file_source("model", files.model)]
-    for name, entries in zip(CONDITIONS, (files.without, files.intact), strict=True):
-        for entry in entries:
-            sources.append(file_source(f"markers {name} muscles", entry.markers))
-            if entry.loads != entry.markers:
-                sources.append(file_source(f"loads {name} muscles", entry.loads))
-    if files.tare is not None:
-        sources.append(file_source("tare", files.tare))
-    return tuple(sources)
 
 
 def write_cohort(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[SpecimenOutcome], out: Path) -> None:

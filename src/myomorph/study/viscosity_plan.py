@@ -10,9 +10,11 @@ from typing import Any, Literal
 
 from pydantic import Field, create_model
 
+from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.identify.cohort import QUANTITIES
 from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.study.plan import companion, plain_stem
+from myomorph.study.plate_files import PlateFiles
 from myomorph.study.settings import Setting, settings_of
 from myomorph.study.study_file import (
     Strict,
@@ -31,7 +33,7 @@ CONDITIONS = ("without", "with")
 
 def viscosity_settings() -> Mapping[str, tuple[Setting, ...]]:
     """Settings of every step, by its name in the table `[options]`."""
-    from myomorph.study.viscosity import StudyOptions
+    from myomorph.study.viscosity_specimen import StudyOptions
 
     plain = StudyOptions()
     return MappingProxyType({name: settings_of(type(one)) for name, one in vars(plain).items()})
@@ -54,6 +56,18 @@ class _Study(StudyTable):
     assumed: list[str] = Field(default_factory=list)
 
 
+class _Plate(Strict):
+    """C3D recordings of a marked weight on the plate, from which its place is calibrated."""
+
+    placements: list[str] = Field(min_length=1)
+    markers: list[str] = Field(min_length=1)
+    shares: list[float] | None = None
+    mass: float | None = Field(default=None, gt=0.0)
+    axis: tuple[str, str] | None = None
+    tip: float | None = None
+    name: str = ""
+
+
 class _Specimen(Strict):
     name: str
     model: str
@@ -67,6 +81,7 @@ class _Specimen(Strict):
     muscles: dict[str, list[str]] = Field(default_factory=dict)
     pcsa: dict[str, float] = Field(default_factory=dict)
     tare: str | None = None
+    plate: _Plate | None = None
     time: tuple[float, float] | None = None
     truth: dict[str, float] = Field(default_factory=dict)
     paper: dict[str, float] = Field(default_factory=dict)
@@ -95,6 +110,7 @@ class SpecimenFiles:
     muscles : strands of the model by the muscle's name, empty for the 11 of [S] figure 1
     pcsa : cross-section of each muscle, empty for shares of isometric force
     tare : forces of the plate with the fixture but without limb, None where it was set to zero so
+    plate : how its place among the markers is known, None where the C3D files know it
     truth, paper : values of `QUANTITIES` that are known from elsewhere
     """
 
@@ -110,6 +126,7 @@ class SpecimenFiles:
     muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     pcsa: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     tare: Path | None = None
+    plate: PlateFiles | None = None
     truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -212,9 +229,22 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
         MappingProxyType({name: tuple(strands) for name, strands in given.muscles.items()}),
         MappingProxyType(dict(given.pcsa)),
         existing(folder, given.tare, f"{where}: tare", problems),
+        None if given.plate is None else _plate(given.plate, folder, f"{where}: plate", problems),
         MappingProxyType(dict(given.truth)),
         MappingProxyType(dict(given.paper)),
     )
+
+
+def _plate(given: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:
+    placements = [path for name in given.placements for path in matching(folder, name, where, problems)]
+    problems += [f"{where}: '{path.name}' is no C3D recording" for path in placements if path.suffix.lower() != ".c3d"]
+    shares = None if given.shares is None else tuple(given.shares)
+    try:
+        weight = MarkedWeight("weight", tuple(given.markers), shares, given.mass, given.axis, given.tip)
+    except BadData as error:
+        problems.append(f"{where}: {error}")
+        return None
+    return PlateFiles(tuple(placements), weight, given.name)
 
 
 def _recordings(

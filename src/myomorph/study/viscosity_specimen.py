@@ -1,0 +1,234 @@
+"""One specimen from its files to its row of [S] tables I and II."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph.identify.arm_sensitivity import ArmOptions
+from myomorph.identify.passive_models import PassiveOptions
+from myomorph.identify.specimen import Specimen, SwingTrial
+from myomorph.identify.swing_checks import Finding, condition_findings, recording_findings, tracking_findings
+from myomorph.identify.swing_rows import swing_recordings
+from myomorph.identify.swings import SwingRecording
+from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.identify.viscosity import Condition, SpecimenViscosity, ViscosityOptions, identify_specimen
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.provenance import Source
+from myomorph.model.series import Trial
+from myomorph.report.viscosity_given import Residual, SpecimenReport, specimen_report
+from myomorph.study.plate_files import calibrate, placed, plate_residuals
+from myomorph.study.progress import Advance
+from myomorph.study.results import file_source
+from myomorph.study.settings import plain_settings, with_settings
+from myomorph.study.swing_files import marker_names, open_specimen, open_swing
+from myomorph.study.viscosity_plan import CONDITIONS, SpecimenFiles, SwingFiles
+from myomorph.study.viscosity_trust import trusted
+
+TRACKING, IDENTIFYING = 0.5, 0.25
+"""Shares of a specimen's time, for the bar."""
+
+MASSES = {"without": ("mass_without", "com_without"), "with": ("mass_with", "com_with")}
+VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
+"""What a condition gives to the tables."""
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """The low-pass of motion and wrench.
+
+    Attributes
+    ----------
+    cutoff : of motion and wrench [Hz]
+    """
+
+    cutoff: float = 8.0
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """All that a study of swinging limbs may be told, each part in its own table."""
+
+    filter: FilterOptions = field(default_factory=FilterOptions)
+    tracking: TrackingOptions = field(default_factory=TrackingOptions)
+    identification: ViscosityOptions = field(default_factory=ViscosityOptions)
+    laws: PassiveOptions = field(default_factory=PassiveOptions)
+    arms: ArmOptions = field(default_factory=ArmOptions)
+
+    @staticmethod
+    def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
+        """Options from the tables of a study file, or from a command line."""
+        plain = StudyOptions()
+        return replace(plain, **{name: with_settings(getattr(plain, name), own) for name, own in settings.items()})
+
+    @property
+    def plain(self) -> dict[str, dict[str, object]]:
+        """The settings as plain values, by table."""
+        return {name: plain_settings(getattr(self, name)) for name in self.__dataclass_fields__}
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One condition on its way: its trials tracked, as equations, and what is wrong with them."""
+
+    tracked: TrackedSpecimen
+    recordings: tuple[SwingRecording, ...]
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def hides_mass(self) -> bool:
+        """Whether the plate was set to zero with the limb on it."""
+        return any(one.hides_mass for one in self.findings)
+
+
+@dataclass(frozen=True, eq=False)
+class Studied:
+    """A specimen that could be done: what was found, and what the report shows of it."""
+
+    found: SpecimenViscosity
+    report: SpecimenReport
+
+
+def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
+    """Identify one specimen.
+
+    A condition that cannot be used is named in the notes, and what the other one shows is still found.
+
+    Parameters
+    ----------
+    advance : called with the share of the specimen's work just done
+
+    Raises
+    ------
+    BadData, BadFile, BadModel, UnknownName
+        where neither condition can be used
+    """
+    given = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
+    specimen = open_specimen(files, marker_names(next(one for entries in given.values() for one in entries)))
+    calibration = None if files.plate is None else calibrate(files.plate)
+    plate = files.plate
+    place = None if plate is None or calibration is None else partial(placed, files=plate, calibration=calibration)
+    notes = [*specimen.notes, *(() if calibration is None else calibration.notes)]
+    conditions: dict[str, Prepared] = {}
+    lost = []
+    share = TRACKING / sum(1 for entries in given.values() if entries)
+    for name, entries in given.items():
+        if not entries:
+            notes.append(f"no recordings {name} muscles: what needs them is lacking")
+            continue
+        try:
+            conditions[name] = _prepared(specimen, files, name, place, options, lambda part: advance(share * part))
+        except MyomorphError as error:
+            lost.append(f"{name} muscles: {error}")
+    if not conditions:
+        raise BadData("; ".join(lost))
+    notes += lost + [note for one in conditions.values() for note in one.notes]
+    found = _identified(specimen, files, conditions, options.identification)
+    advance(IDENTIFYING)
+    report, found = _judged(found, conditions, notes)
+    report = trusted(report, found, options.laws, options.arms)
+    residuals = () if calibration is None else plate_residuals(calibration)
+    residuals = (*residuals, *_marker_residuals(conditions))
+    return Studied(found, replace(report, truth=files.truth, paper=files.paper, calibration=residuals))
+
+
+def _prepared(
+    specimen: Specimen,
+    files: SpecimenFiles,
+    name: str,
+    place: Callable[[Trial], Trial] | None,
+    options: StudyOptions,
+    advance: Advance,
+) -> Prepared:
+    entries: tuple[SwingFiles, ...] = files.without if name == "without" else files.intact
+    notes: list[str] = []
+    trials: list[SwingTrial] = []
+    for entry in entries:
+        trial, told = open_swing(entry, specimen.model, files.tare, place)
+        trials.append(trial)
+        notes += told
+    frames = 2 * sum(len(trial.markers) for trial in trials)
+    tracked = track(specimen, trials, options.tracking, lambda done: advance(done / frames))
+    notes += [*tracked.notes, *(note for trial in tracked.trials for note in trial.notes)]
+    recordings = swing_recordings(tracked, options.filter.cutoff, muscles=name == "with")
+    findings = (*tracking_findings(tracked), *recording_findings(recordings))
+    return Prepared(tracked, recordings, findings, tuple(notes))
+
+
+def _identified(
+    specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: ViscosityOptions
+) -> SpecimenViscosity:
+    """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
+    pcsa = files.pcsa or dict(zip(specimen.muscles, specimen.isometric_forces.tolist(), strict=True))
+    recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
+
+    def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
+        bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
+        return identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
+
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    if not hidden:
+        return solved(CONDITIONS, options)
+    found = solved(CONDITIONS, replace(options, tare="unknown"))
+    for name in set(conditions) - set(hidden):
+        key = "without" if name == "without" else "intact"
+        known, alone = getattr(found, key), getattr(solved((name,), options), key)
+        if known is not None and alone is not None:
+            found = replace(found, **{key: replace(known, mass=alone.mass, com=alone.com)})
+    return replace(found, muscle_mass=None)
+
+
+def _judged(
+    found: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
+) -> tuple[SpecimenReport, SpecimenViscosity]:
+    """The specimen without what its recordings cannot tell, and every fault as a note."""
+    lacking: set[str] = set()
+    parts: dict[str, Condition | None] = {"without": found.without, "with": found.intact}
+    for name, condition in parts.items():
+        findings = list(conditions[name].findings) if name in conditions else []
+        findings += [] if condition is None else condition_findings(condition)
+        notes += [f"{name} muscles: {one.line}" for one in findings if one.line not in notes]
+        if any(one.hides_mass for one in findings):
+            lacking |= {*MASSES[name], "estimated_muscle_mass"}
+        if any(one.fatal for one in findings):
+            lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
+    muscles = None if "muscle_viscosity" in lacking else found.muscles
+    found = replace(found, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *found.notes))))
+    report = specimen_report(found)
+    return replace(report, row={name: one for name, one in report.row.items() if name not in lacking}), found
+
+
+def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...]:
+    lines = []
+    for name, one in conditions.items():
+        rms = np.concatenate([trial.rms for trial in one.tracked.trials])
+        if np.isfinite(rms).any():
+            worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
+            value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
+            lines.append(Residual(f"markers to bones, {name} muscles", value, "mm", worst))
+        for trial in one.tracked.trials:
+            clock = trial.clock
+            if clock.length > 0.0:
+                drift = f"drift {1e6 * clock.drift:.1f} parts per million"
+                lines.append(Residual(f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift))
+    return tuple(lines)
+
+
+def input_sources(files: SpecimenFiles) -> tuple[Source, ...]:
+    """The files that a specimen is made from, by their hashes."""
+    sources = [file_source("model", files.model)]
+    for name, entries in zip(CONDITIONS, (files.without, files.intact), strict=True):
+        for entry in entries:
+            sources.append(file_source(f"markers {name} muscles", entry.markers))
+            if entry.loads != entry.markers:
+                sources.append(file_source(f"loads {name} muscles", entry.loads))
+    further: list[tuple[str, Path]] = [] if files.tare is None else [("tare", files.tare)]
+    if files.plate is not None:
+        further += [("plate calibration", path) for path in files.plate.placements]
+    return (*sources, *(file_source(role, path) for role, path in further))
