@@ -59,8 +59,9 @@ def viscosity_command(
     threads: Threads = None,
 ) -> int:
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
-    from myomorph.study.viscosity import REPORT, run_viscosity
+    from myomorph.study.viscosity import run_viscosity
     from myomorph.study.viscosity_plan import fixed_plan, read_viscosity_plan
+    from myomorph.study.viscosity_store import REPORT
 
     use_threads(threads)
     if study is not None:

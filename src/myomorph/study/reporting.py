@@ -24,6 +24,7 @@ from myomorph.study import stored as store
 from myomorph.study.inputs import open_model
 from myomorph.study.results import STORED, Stored, file_name, file_source, read_result
 from myomorph.study.steps import CHAIN, Take
+from myomorph.study.viscosity_store import STORE, remake_report
 from myomorph.tension.solve import Tension, TensionOptions
 
 REPORT = "report.html"
@@ -71,6 +72,8 @@ def report_folder(folder: str | Path, take: Take | None = None) -> list[Path]:
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
     if take is not None:
         return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], take.model)]
+    if (folder / STORE).is_file():
+        return [remake_report(folder)]
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
     if not homes:

@@ -13,16 +13,15 @@ from myomorph.identify.viscosity import SpecimenViscosity
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Provenance, Source
 from myomorph.report.given import Note, SourceFile, Step
-from myomorph.report.viscosity import viscosity_page
 from myomorph.report.viscosity_given import SpecimenReport, ViscosityInput
 from myomorph.study.progress import Advance, progress
 from myomorph.study.results import file_name, file_source, provenance_of, whole_folder
 from myomorph.study.viscosity_files import write_swings, write_tables, write_whole
 from myomorph.study.viscosity_plan import SpecimenFiles, ViscosityPlan
 from myomorph.study.viscosity_specimen import StudyOptions, input_sources, study_specimen
-from myomorph.study.viscosity_store import write_store
+from myomorph.study.viscosity_store import remake_report, write_store
 
-REPORT, PROVENANCE = "report.html", "provenance.json"
+PROVENANCE = "provenance.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +106,7 @@ def write_cohort(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[
     write_whole(made.to_json() + "\n", out / PROVENANCE)
     given = viscosity_input(plan, options, reports, made)
     write_store(given, out)
-    write_whole(viscosity_page(given), out / REPORT)
+    remake_report(out)
 
 
 def _provenance(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[SpecimenOutcome]) -> Provenance:

@@ -16,10 +16,11 @@ from myomorph.identify.viscosity import MuscleViscosity
 from myomorph.model.errors import BadFile
 from myomorph.report import viscosity_given as shown
 from myomorph.report.given import Note, SourceFile, Step
+from myomorph.report.viscosity import viscosity_page
 from myomorph.report.viscosity_given import ViscosityInput
 from myomorph.study.viscosity_files import write_whole
 
-STORE = "viscosity.json"
+STORE, REPORT = "viscosity.json", "report.html"
 KIND, ARRAY = "is", "array"
 DIGITS = 6
 
@@ -66,6 +67,18 @@ def read_store(folder: Path) -> ViscosityInput:
     if not isinstance(found, ViscosityInput):
         raise BadFile(path, "is no result of 'myomorph viscosity'", "run the study again")
     return found
+
+
+def remake_report(folder: Path) -> Path:
+    """Make `report.html` of a folder of results again.
+
+    Raises
+    ------
+    BadFile
+        as `read_store`
+    """
+    write_whole(viscosity_page(read_store(folder)), folder / REPORT)
+    return folder / REPORT
 
 
 def _plain(value: object) -> Any:
