@@ -111,8 +111,8 @@ def _head(seconds: float, trials: int, noise: Noise) -> str:
         f"and viscosities of the paper's tables I and II, released {trials} times for {seconds:g} s without muscles "
         "and as often with them, in MuJoCo; nobody was measured.",
         f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces {noise.force:g} N, "
-        f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up to "
-        "40 ms and 50 millionths apart.",
+        f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up "
+        "to 40 ms and 50 millionths apart.",
         "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. Each "
         "specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total viscosity "
         "over the true swing is that of table II. The measured mass of the muscles is only copied from the table.",
