@@ -61,7 +61,7 @@ class PassiveProblem:
 
     def samples(self, counts: Array) -> float:
         """Frames times axes."""
-        return float(counts @ self.sums.frames) * len(self.axes)
+        return float(counts @ [len(use) for use in self.sums.uses]) * len(self.axes)
 
     def parameters(self, counts: Array) -> Array:
         """(10,) of the limb, from the wrench of blocks taken `counts` (blocks,) times."""

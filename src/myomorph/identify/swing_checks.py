@@ -152,11 +152,13 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
         if rate < LEAN * size.max():
             why = f"below {100 * LEAN:.0f} % of the fastest axis'"
         elif not excited:
-            why = f"and an interval of {each.low:.2g} to {each.high:.2g} N m s/rad, above +-{100 * TOLD:.0f} % of the joint's"
+            why = (
+                f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than +-{100 * TOLD:.0f} % of the joint's"
+            )
         else:
             continue
         line = (
-            f"axis '{axis}' is not excited, so its viscosity is not told: rates of {rate:.3g} rad/s (root mean square), "
+            f"axis '{axis}' is not excited, its viscosity not told: rates of {rate:.3g} rad/s (root mean square), "
             f"{why}; release the limb with a turn about that axis"
         )
         found.append(Finding("axis", line))
