@@ -1,0 +1,266 @@
+"""The spherical markers of a cluster in a CT: parts of a surface that are balls of a known size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.surface import Surface
+
+ROBUST = 1.345
+"""Huber's tuning constant: residuals beyond so many standard deviations weigh less."""
+
+AGREE = 0.15
+"""Share of the radius within which normals of a ball meet in its center."""
+
+COVERED = 0.25
+"""Share of a ball's surface that must be seen."""
+
+LIKE = 0.3
+"""A second order of the markers whose misfit is nearer than that [mm] to the best one's makes the order doubtful."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A sphere fitted to part of a surface.
+
+    Attributes
+    ----------
+    center : (3,) [m]
+    radius : as fitted [m]
+    residual : median of the absolute distances from the sphere [m]
+    covered : share of the sphere's area that the surface shows
+    """
+
+    center: Array
+    radius: float
+    residual: float
+    covered: float
+
+
+def surface_parts(surface: Surface) -> list[Surface]:
+    """The connected parts of a surface, the largest first; corners that lie on each other count as one."""
+    _, same = np.unique(np.round(surface.vertices, 7), axis=0, return_inverse=True)
+    same = same.reshape(-1)
+    faces = same[surface.faces]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    count = int(same.max()) + 1
+    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    parts = []
+    for number in np.argsort(-np.bincount(label)):
+        chosen = surface.faces[label == number]
+        used, index = np.unique(chosen, return_inverse=True)
+        parts.append(Surface(surface.vertices[used], index.reshape(-1, 3)))
+    return parts
+
+
+def fit_ball(points: Array, radius: float | None = None) -> Ball:
+    """Sphere through points (n, 3) with least squares that outliers do not pull (Huber 1964).
+
+    Parameters
+    ----------
+    radius : where to start [m]; None starts from the linear fit
+
+    Raises
+    ------
+    BadData : fewer than four points
+    """
+    if len(points) < 4:
+        raise BadData(f"a sphere needs four points, but got {len(points)}")
+    middle = points.mean(axis=0)
+    x = points - middle
+    linear = np.linalg.lstsq(np.column_stack((2 * x, np.ones(len(x)))), np.sum(x**2, axis=1), rcond=None)[0]
+    center, size = linear[:3], float(np.sqrt(max(linear[3] + linear[:3] @ linear[:3], 0.0)))
+    if radius is not None and not 0.3 * radius < size < 3.0 * radius:
+        center, size = np.zeros(3), radius
+    for _ in range(50):
+        away = x - center
+        distance = np.linalg.norm(away, axis=1)
+        left = distance - size
+        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12
+        weights = np.minimum(1.0, ROBUST * scale / np.maximum(np.abs(left), 1e-15))
+        slopes = np.column_stack((-away / np.maximum(distance, 1e-12)[:, None], -np.ones(len(x))))
+        step = np.linalg.lstsq(slopes * np.sqrt(weights)[:, None], -left * np.sqrt(weights), rcond=None)[0]
+        center, size = center + step[:3], size + float(step[3])
+        if np.linalg.norm(step) < 1e-9:
+            break
+    away = x - center
+    left = np.abs(np.linalg.norm(away, axis=1) - size)
+    return Ball(frozen_array(center + middle), size, float(np.median(left)), _covered(away, left, size))
+
+
+def _covered(away: Array, left: Array, radius: float) -> float:
+    """Share of directions near which a point lies on the sphere."""
+    on = away[left < 0.2 * radius]
+    if not len(on):
+        return 0.0
+    k = np.arange(200) + 0.5
+    height, turn = 1.0 - 2.0 * k / 200, np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - height**2)
+    around = np.column_stack((flat * np.cos(turn), flat * np.sin(turn), height))
+    nearest = cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(around)[0]
+    return float(np.mean(nearest < 0.3))
+
+
+def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.15) -> tuple[Ball, ...]:
+    """The balls of a diameter in a surface, whether apart or grown together with what holds them.
+
+    A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to at
+    one radius; where votes meet a ball is fitted to the points around.
+
+    Parameters
+    ----------
+    diameter : of the markers [m]
+    tolerance : share by which a fitted radius may differ
+
+    Returns
+    -------
+    the best seen first
+    """
+    radius = 0.5 * diameter
+    found: list[Ball] = []
+    for part in surface_parts(surface):
+        if len(part.vertices) < 12:
+            continue
+        whole = fit_ball(part.vertices, radius)
+        if _is_ball(whole, radius, tolerance) and whole.residual < 0.1 * radius:
+            found.append(whole)
+        elif np.ptp(part.vertices, axis=0).max() > 0.8 * diameter:
+            found += _voted(part, radius, tolerance)
+    found.sort(key=lambda ball: -ball.covered)
+    return tuple(found)
+
+
+def _is_ball(ball: Ball, radius: float, tolerance: float) -> bool:
+    return abs(ball.radius - radius) <= tolerance * radius and ball.covered >= COVERED
+
+
+def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
+    """Balls grown together with other things, by votes of the normals."""
+    corners = part.vertices[part.faces]
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(crossed, axis=1)
+    sound = areas > 0
+    places, normals = corners.mean(axis=1)[sound], crossed[sound] / areas[sound][:, None]
+    areas = areas[sound]
+    middle = part.vertices.mean(axis=0)
+    outward = np.sign(np.einsum("ij,ij->", corners[:, 0] - middle, crossed)) or 1.0
+    votes = places - outward * radius * normals
+    tree = cKDTree(votes)
+    weight = np.array([areas[near].sum() for near in tree.query_ball_point(votes, AGREE * radius)])
+    found: list[Ball] = []
+    free = np.ones(len(votes), dtype=bool)
+    needed = COVERED * 2.0 * 4.0 * np.pi * radius**2
+    for index in np.argsort(-weight):
+        if weight[index] < 0.5 * needed:
+            break
+        if not free[index]:
+            continue
+        center = votes[tree.query_ball_point(votes[index], AGREE * radius)].mean(axis=0)
+        for _ in range(3):
+            near = np.abs(np.linalg.norm(places - center, axis=1) - radius) < 0.25 * radius
+            if near.sum() < 8:
+                break
+            ball = fit_ball(corners[sound][near].reshape(-1, 3), radius)
+            center = ball.center
+        if near.sum() >= 8 and _is_ball(ball, radius, tolerance):
+            found.append(ball)
+        free &= np.linalg.norm(votes - center, axis=1) > radius
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCluster:
+    """The balls of a cluster with the names of its markers.
+
+    Attributes
+    ----------
+    centers : (3,) by marker [m]
+    misfit : root mean square difference of the distances between markers [m]; NaN without distances to compare with
+    notes : what looks wrong, one line each
+    """
+
+    centers: Mapping[str, Array]
+    misfit: float
+    notes: tuple[str, ...] = ()
+
+
+def name_cluster(
+    balls: Sequence[Ball],
+    names: Sequence[str],
+    distances: Array | None = None,
+    picked: Mapping[str, Array] | None = None,
+) -> NamedCluster:
+    """Which ball is which marker: by points picked near them, or by the distances between the recorded markers.
+
+    Parameters
+    ----------
+    names : of the markers, as recorded
+    distances : (markers, markers) between the markers as motion capture sees them [m]; NaN where unknown
+    picked : (3,) near some or all of the markers, by name [m]
+
+    Raises
+    ------
+    BadData : fewer balls than markers, or nothing that tells them apart
+    """
+    if len(balls) < len(names):
+        raise BadData(
+            f"{len(balls)} markers were found in the cluster's surface, expected {len(names)} ({', '.join(names)}): is "
+            "the diameter right, and are the markers part of the surface?"
+        )
+    centers = np.array([ball.center for ball in balls])
+    orders = list(permutations(range(len(balls)), len(names)))
+    if len(orders) > 5040:
+        orders = list(permutations(range(len(names))))
+    known = [name for name in names if picked and name in picked]
+    if not known and distances is None:
+        raise BadData(f"nothing tells the markers {', '.join(names)} apart: pick points near them, or give a recording")
+    by_pick = np.array([_pick_cost(centers[list(order)], names, picked or {}) for order in orders])
+    by_size = np.array([_size_cost(centers[list(order)], distances) for order in orders])
+    notes = []
+    if known:
+        best = int(np.argmin(by_pick))
+        if distances is not None and by_size[best] > by_size.min() + 1e-3:
+            other = dict(zip(names, orders[int(np.argmin(by_size))], strict=True))
+            swapped = [name for name, k in zip(names, orders[best], strict=True) if other[name] != k]
+            notes.append(
+                f"markers {', '.join(swapped)} look swapped: as picked their distances differ by "
+                f"{1e3 * by_size[best]:.1f} mm from the recording's, in another order by {1e3 * by_size.min():.1f} mm"
+            )
+    else:
+        best = int(np.argmin(by_size))
+        rest = np.delete(by_size, best)
+        if len(rest) and 1e3 * (rest.min() - by_size[best]) < LIKE:
+            raise BadData(
+                f"the markers {', '.join(names)} form a triangle of equal sides within {1e3 * rest.min():.1f} mm: their "
+                "distances do not tell which is which; pick a point near one of them"
+            )
+    if distances is not None and by_size[best] > 2e-3:
+        notes.append(
+            f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root mean square) between "
+            "CT and recording: another cluster, a bent one, or a wrong unit?"
+        )
+    chosen = {name: frozen_array(centers[k]) for name, k in zip(names, orders[best], strict=True)}
+    return NamedCluster(chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes))
+
+
+def _pick_cost(centers: Array, names: Sequence[str], picked: Mapping[str, Array]) -> float:
+    return float(sum(np.sum((centers[k] - picked[name]) ** 2) for k, name in enumerate(names) if name in picked))
+
+
+def _size_cost(centers: Array, distances: Array | None) -> float:
+    if distances is None:
+        return 0.0
+    apart = np.linalg.norm(centers[:, None] - centers[None], axis=2) - distances
+    upper = apart[np.triu_indices(len(centers), 1)]
+    upper = upper[np.isfinite(upper)]
+    return float(np.sqrt(np.mean(upper**2))) if len(upper) else 0.0
