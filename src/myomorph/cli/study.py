@@ -18,16 +18,24 @@ def demo_command(
     *,
     out: Annotated[Path, Parameter(help="Folder to write.")] = Path("demo"),
     study: Annotated[
-        Literal["jump", "simulated"],
-        Parameter(help="A recorded countermovement jump, or a simulated full-body squat with known truth."),
+        Literal["jump", "simulated", "shoulder"],
+        Parameter(
+            help="A recorded countermovement jump, a simulated full-body squat with known truth, or six virtual "
+            "shoulders that swing on a force plate."
+        ),
     ] = "jump",
     threads: Threads = None,
 ) -> int:
     """The main job on data that come with the installation, from markers to a report."""
+    use_threads(threads)
+    if study == "shoulder":
+        from myomorph.cli.viscosity import ended, told
+        from myomorph.study.shoulder_demo import run_shoulder_demo
+
+        return ended(run_shoulder_demo(out, told), out)
     from myomorph.study.demo import run_demo
     from myomorph.study.reporting import REPORT
 
-    use_threads(threads)
     outcome = run_demo(study, out)
     if outcome.error:
         sys.stderr.write(f"error: {outcome.error}\n")

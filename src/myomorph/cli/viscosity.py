@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -61,18 +62,23 @@ def viscosity_command(
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
     from myomorph.study.viscosity import run_viscosity
     from myomorph.study.viscosity_plan import fixed_plan, read_viscosity_plan
-    from myomorph.study.viscosity_store import REPORT
 
     use_threads(threads)
     if study is not None:
         plan = read_viscosity_plan(study)
-        refuse_files(model, intact, without, given(options))
+        refuse_files(model, intact, without, changed(options))
     else:
         files = {"without": (without, without_loads), "with": (intact, with_loads)}
         plan = fixed_plan(model, files, base, first, muscle_mass, time, given(options))
     for remark in plan.remarks:
         said(remark)
-    outcomes = run_viscosity(plan, out, told)
+    return ended(run_viscosity(plan, out, told), out)
+
+
+def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
+    """Say how many specimens were done and where the report is; the exit status."""
+    from myomorph.study.viscosity_store import REPORT
+
     failed = [one for one in outcomes if one.report.failure]
     said(f"{len(outcomes) - len(failed)} of {len(outcomes)} specimens done")
     said(f"report: {(out / REPORT).resolve()}")
@@ -81,12 +87,19 @@ def viscosity_command(
     return BAD_INPUT if failed else 0
 
 
-def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[Path], options: dict[str, Any]) -> None:
+def changed(options: Any) -> list[str]:
+    """Names of the options that are not as by default."""
+    if options is None:
+        return []
+    return [one.name for one in fields(options) if getattr(options, one.name) != one.default]
+
+
+def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[Path], options: Sequence[str]) -> None:
     """Raise `BadData` where a study file is given together with what it says itself."""
     if model is not None or intact or without:
         raise BadData("give a study file, or --model with --with and --without, but not both")
     if options:
-        name = next(iter(options)).replace("_", "-")
+        name = options[0].replace("_", "-")
         raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
 
 

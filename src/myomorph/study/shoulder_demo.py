@@ -7,13 +7,30 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from myomorph.identify.murai_tables import SPECIMENS, PublishedSpecimen
+from myomorph.study.progress import progress
 from myomorph.study.virtual_files import specimen_mjcf, write_recording
 from myomorph.study.virtual_recording import Noise
 from myomorph.study.virtual_shoulder import BASE, FIRST, FURTHER, VirtualSpecimen, arm_model, virtual_specimen
+from myomorph.study.viscosity import SpecimenOutcome, run_viscosity
+from myomorph.study.viscosity_plan import read_viscosity_plan
 
-STUDY = "shoulder.toml"
+STUDY, RECORDINGS = "shoulder.toml", "recordings"
 SECONDS, TRIALS = 10.0, 3
 WORKERS = 2
+
+
+def run_shoulder_demo(out: Path, said: Callable[[SpecimenOutcome], None]) -> list[SpecimenOutcome]:
+    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`.
+
+    Parameters
+    ----------
+    said : called with each specimen's outcome when it ends
+
+    Raises
+    ------
+    BadData : `myo-sim` is not installed
+    """
+    return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 
 
 def write_shoulder_study(
@@ -22,7 +39,6 @@ def write_shoulder_study(
     *,
     seconds: float = SECONDS,
     trials: int = TRIALS,
-    done: Callable[[str], None] = lambda name: None,
 ) -> Path:
     """Swing the virtual specimens in MuJoCo and write models, markers, forces and the study file.
 
@@ -31,7 +47,6 @@ def write_shoulder_study(
     folder : made where it does not exist
     numbers : of the specimens, 1 to 6
     seconds, trials : length [s] and number of the releases of each condition
-    done : called with each specimen's name when its files are written
 
     Returns
     -------
@@ -43,16 +58,16 @@ def write_shoulder_study(
     """
     folder.mkdir(parents=True, exist_ok=True)
     arm_model()
+    with progress("simulation", len(numbers), "specimens") as advance:
 
-    def made(number: int) -> str:
-        specimen = virtual_specimen(number, seconds=seconds, trials=trials)
-        table = _write_specimen(specimen, folder)
-        done(specimen.published.name)
-        return table
+        def made(number: int) -> str:
+            table = _write_specimen(virtual_specimen(number, seconds=seconds, trials=trials), folder)
+            advance(1.0)
+            return table
 
-    # The simulation runs outside Python's lock.
-    with ThreadPoolExecutor(WORKERS) as pool:
-        tables = list(pool.map(made, numbers))
+        # MuJoCo runs outside Python's lock.
+        with ThreadPoolExecutor(WORKERS) as pool:
+            tables = list(pool.map(made, numbers))
     text = "\n".join([_head(seconds, trials, Noise()), *tables])
     (folder / STUDY).write_text(text, encoding="utf-8")
     return folder / STUDY
