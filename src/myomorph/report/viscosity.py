@@ -19,7 +19,7 @@ from myomorph.report.viscosity_tables import scientific, table_section, truth_gr
 def viscosity_page(given: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
     failed = [
-        Note("warning", f"Specimen {one.name} is not in the tables: {one.failure}")
+        Note("warning", f"Specimen {one.name} could not be done: {one.failure}")
         for one in given.specimens
         if one.failure
     ]

@@ -49,8 +49,8 @@ def run_viscosity(
 ) -> list[SpecimenOutcome]:
     """Identify every specimen of a plan and write tables and `report.html` into a folder.
 
-    A specimen that fails is named with its reason, and the others are done all the same. What is known so far is
-    written after every specimen, each file whole or not at all.
+    A specimen that fails is named with its reason, and the others are done all the same. The tables are written
+    after every specimen, the report at the end, each file whole or not at all.
 
     Parameters
     ----------
@@ -69,7 +69,8 @@ def run_viscosity(
             outcome = replace(_outcome(files, options, out, advance), seconds=time.monotonic() - started)
             outcomes.append(outcome)
             said(outcome)
-            write_cohort(plan, options, outcomes, out)
+            write_tables([one.report for one in outcomes], out)
+    write_report(plan, options, outcomes, out)
     return outcomes
 
 
@@ -98,14 +99,11 @@ def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Ad
         within(1.0)
 
 
-def write_cohort(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[SpecimenOutcome], out: Path) -> None:
-    """Write tables, provenance and report of the specimens so far."""
-    reports = tuple(one.report for one in outcomes)
-    write_tables(reports, out)
+def write_report(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[SpecimenOutcome], out: Path) -> None:
+    """Write provenance and report of all specimens."""
     made = _provenance(plan, options, outcomes)
     write_whole(made.to_json() + "\n", out / PROVENANCE)
-    given = viscosity_input(plan, options, reports, made)
-    write_store(given, out)
+    write_store(viscosity_input(plan, options, tuple(one.report for one in outcomes), made), out)
     remake_report(out)
 
 

@@ -1,0 +1,156 @@
+"""A specimen that fails is named and the rest of the cohort is done; files are whole and the report opens."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from myomorph.cli.program import main
+from myomorph.identify.murai_tables import SPECIMENS
+from myomorph.model.errors import BadData, BadFile
+from myomorph.report.viscosity_given import specimen_report
+from myomorph.study import viscosity
+from myomorph.study.viscosity_plan import read_viscosity_plan
+from myomorph.study.viscosity_specimen import Studied, StudyOptions
+from swing_cohort import specimens
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A study of four specimens whose files are empty."""
+    for name in ("arm.osim", "a.trc", "a.mot", "b.trc", "b.mot"):
+        (tmp_path / name).write_text("")
+    tables = [
+        f'[[specimen]]\nname = "{one.name}"\nmodel = "arm.osim"\nwithout = ["a.trc"]\nwith = ["b.trc"]\n'
+        for one in SPECIMENS[:4]
+    ]
+    text = '[study]\nname = "four shoulders"\n' + "".join(tables) + "[options.identification]\ndraws = 7\n"
+    path = tmp_path / "shoulder.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def studied(monkeypatch):
+    """Specimen 02 fails by its input, 03 by a fault of ours."""
+    known = {one.name: one for one in specimens()}
+
+    def study_specimen(files, options, advance):
+        assert options.identification.draws == 7
+        advance(0.4)
+        if files.name == "02":
+            raise BadData("a wire slipped:\n the elbow turns")
+        if files.name == "03":
+            raise ZeroDivisionError("by nothing")
+        return Studied(known[files.name], specimen_report(known[files.name]))
+
+    monkeypatch.setattr(viscosity, "study_specimen", study_specimen)
+
+
+def rows(path):
+    with path.open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.mark.usefixtures("studied")
+def test_the_rest_of_the_cohort_is_done(study, tmp_path):
+    out, seen = tmp_path / "out", []
+    outcomes = viscosity.run_viscosity(read_viscosity_plan(study), out, seen.append)
+    assert outcomes == seen
+    assert [bool(one.report.failure) for one in outcomes] == [False, True, True, False]
+    assert [one.fault for one in outcomes] == [False, False, True, False]
+    assert [row["name"] for row in rows(out / "specimens.csv")] == ["01", "04"]
+    mean = np.mean([SPECIMENS[0].total_viscosity, SPECIMENS[3].total_viscosity])
+    cohort = {row["quantity"]: row for row in rows(out / "cohort.csv")}
+    assert float(cohort["total_viscosity"]["mean"]) == pytest.approx(mean)
+    assert cohort["total_viscosity"]["n"] == "2"
+    failed = [row for row in rows(out / "notes.csv") if row["kind"] == "failed"]
+    assert [row["text"] for row in failed] == ["a wire slipped: the elbow turns", "ZeroDivisionError: by nothing"]
+    page = (out / "report.html").read_text()
+    assert "Specimen 02 could not be done: a wire slipped" in page
+    assert "four shoulders" in page
+    assert (out / "01" / "with_swing1.sto").is_file()
+    assert not list(out.rglob(".*"))
+
+
+@pytest.mark.usefixtures("studied")
+def test_provenance_tells_inputs_and_options(study, tmp_path):
+    viscosity.run_viscosity(read_viscosity_plan(study), tmp_path / "out")
+    made = json.loads((tmp_path / "out" / "provenance.json").read_text())
+    assert made["options"]["identification.draws"] == 7
+    roles = {source["role"] for source in made["sources"]}
+    assert roles == {
+        "study",
+        "model",
+        "markers without muscles",
+        "loads without muscles",
+        "markers with muscles",
+        "loads with muscles",
+    }
+
+
+@pytest.mark.usefixtures("studied")
+def test_the_command_says_who_failed_and_ends_with_2_or_1(study, tmp_path, capsys):
+    status = main(["viscosity", str(study), "--out", str(tmp_path / "out")])
+    told = capsys.readouterr().out
+    assert status == 1  # one of the failures is a fault of ours
+    assert "specimen 02: FAILED: a wire slipped: the elbow turns" in told
+    assert "specimen 01: joint 0.0761 (" in told
+    assert "2 of 4 specimens done" in told
+    study.write_text(study.read_text().replace('name = "03"', 'name = "06"'))
+    assert main(["viscosity", str(study), "--out", str(tmp_path / "out")]) == 2
+    assert main(["report", str(tmp_path / "out")]) == 0
+
+
+def test_options_that_are_out_of_range_stop_before_anything_is_written(study, tmp_path):
+    study.write_text(study.read_text().replace("draws = 7", "draws = 0"))
+    with pytest.raises(BadData, match="draws from 2"):
+        viscosity.run_viscosity(read_viscosity_plan(study), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_options_come_from_their_tables():
+    options = StudyOptions.of({"filter": {"cutoff": 6.0}, "arms": {"factor": 0.2}})
+    assert (options.filter.cutoff, options.arms.factor) == (6.0, 0.2)
+    assert options.identification == StudyOptions().identification
+    assert options.plain["filter"] == {"cutoff": 6.0}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "give a study file, or --model with --with and --without"),
+        (["STUDY", "--model", "arm.osim"], "but not both"),
+        (["STUDY", "--draws", "20"], "--draws is for --model: write it into the table [options]"),
+        (["--model", "none.osim", "--with", "b.trc"], "none.osim: does not exist"),
+        (["--model", "arm.osim"], "no recordings: give --with and --without"),
+        (["--model", "arm.osim", "--with", "b.trc", "--with-loads", "a.mot", "b.mot"], "1 recordings but 2 files"),
+        (["--model", "arm.osim", "--without", "lone.trc"], "lone.trc: has no forces beside it; give --without-loads"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_status_2(arguments, told, study, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lone.trc").write_text("")
+    arguments = [str(study) if one == "STUDY" else one for one in arguments]
+    assert main(["viscosity", *arguments, "--out", "out"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert told in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_that_cannot_be_read_are_named_specimen_by_specimen(study, tmp_path):
+    outcomes = viscosity.run_viscosity(read_viscosity_plan(_with(study, "draws = 7", "draws = 20")), tmp_path / "out")
+    assert all(one.report.failure for one in outcomes)
+    assert "a.trc" in outcomes[0].report.failure
+    assert rows(tmp_path / "out" / "specimens.csv") == []
+    with pytest.raises(BadFile, match="cannot be read"):
+        read_viscosity_plan(tmp_path / "none.toml")
+
+
+def _with(study, old, new):
+    study.write_text(study.read_text().replace(old, new))
+    return study
