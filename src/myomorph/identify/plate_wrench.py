@@ -55,3 +55,16 @@ def on_clock(time: Array, values: Array, frames: Array) -> Array:
         nearest = np.clip(np.searchsorted(time, frames), 0, len(time) - 1)
         found[near[nearest]] = np.nan
     return found
+
+
+def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
+    """Every gap-free run of rows filtered by itself; runs shorter than six are lost, as those of the motion."""
+    if cutoff is None:
+        return values
+    found = np.full(values.shape, np.nan)
+    seen = np.isfinite(values).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start > 5:
+            found[start:stop] = lowpass(values[start:stop], rate, cutoff)
+    return found

@@ -9,30 +9,18 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.identify.held_still import mean_rotation
 from myomorph.identify.limb_motion import LimbMotion, lengthening, limb_motion
+from myomorph.identify.plate_wrench import lowpass_runs
 from myomorph.identify.specimen import Specimen
-from myomorph.identify.swing_segments import REACH, swing_numbers, touched_frames, whole_frames
+from myomorph.identify.swing_segments import swing_numbers, whole_frames
 from myomorph.identify.swings import SwingRecording
 from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
-from myomorph.motion.filters import differentiate, lowpass
+from myomorph.motion.filters import differentiate
 
-
-@dataclass(frozen=True)
-class SwingOptions:
-    """What counts as a free swing.
-
-    Attributes
-    ----------
-    find_touch : leave out frames in which the wrench says that somebody holds the limb
-    touch : part of the limb's weight under which a mismatch is no hand
-    least_turn : angle between two turns under which the limb counts as still [rad]
-    """
-
-    find_touch: bool = True
-    touch: float = 0.04
-    least_turn: float = 0.005
+LEAST_TURN = 0.005
+"""Angle between two turns under which the limb counts as still [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +34,7 @@ class _Filtered:
 
 
 def swing_recordings(
-    tracked: TrackedSpecimen,
-    cutoff: float | None,
-    options: SwingOptions | None = None,
-    muscles: bool = True,
+    tracked: TrackedSpecimen, cutoff: float | None, muscles: bool = True
 ) -> tuple[SwingRecording, ...]:
     """The trials of one condition as the equations of [S] step 1 to 3.
 
@@ -66,50 +51,25 @@ def swing_recordings(
     ------
     BadData : no trial has a frame of free swing
     """
-    options = options or SwingOptions()
     specimen, trials = tracked.specimen, tracked.trials
     made = [_filtered(specimen, trial, cutoff) for trial in trials]
-    free = [one.whole for one in made]
+    free = [one.whole & ~trial.touched for one, trial in zip(made, trials, strict=True)]
     if not any(one.any() for one in free):
         raise BadData(
-            f"none of the trials {', '.join(one.name for one in trials)} has a frame with motion and wrench beyond the "
-            "reach of the filter: record longer, or raise the cutoff"
+            f"none of the trials {', '.join(one.name for one in trials)} has a frame of free swing with motion and "
+            "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
         )
-    if options.find_touch:
-        touched = touched_frames(
-            [one.limb.wrench_rows for one in made],
-            [one.wrench for one in made],
-            [one.time for one in (trial.motion for trial in trials)],
-            free,
-            options.touch,
-            REACH / cutoff if cutoff else 0.05,
-        )
-        free = [one & ~hand for one, hand in zip(free, touched, strict=True)]
     rest = _rest(specimen, made, free)
     return tuple(
-        _recording(specimen, trial, one, use, rest, options, muscles)
-        for trial, one, use in zip(trials, made, free, strict=True)
+        _recording(specimen, trial, one, use, rest, muscles) for trial, one, use in zip(trials, made, free, strict=True)
     )
 
 
 def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:
     motion = differentiate(trial.motion, cutoff)
-    wrench = _lowpass_runs(trial.wrench, motion.rate, cutoff)
+    wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
     finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
     return _Filtered(motion, limb_motion(specimen, motion), wrench, whole_frames(motion.time, finite, cutoff))
-
-
-def _lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
-    """Every gap-free run of rows filtered by itself; runs shorter than six are lost, as those of the motion."""
-    if cutoff is None:
-        return values
-    found = np.full(values.shape, np.nan)
-    seen = np.isfinite(values).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        if stop - start > 5:
-            found[start:stop] = lowpass(values[start:stop], rate, cutoff)
-    return found
 
 
 def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
@@ -136,7 +96,6 @@ def _recording(
     one: _Filtered,
     free: np.ndarray,
     rest: Array,
-    options: SwingOptions,
     muscles: bool,
 ) -> SwingRecording:
     angles = _angles(specimen, one, rest)
@@ -158,5 +117,5 @@ def _recording(
         lengthening=arms,
         rotations=one.limb.rotations,
         gravity=np.array(specimen.model.gravity),
-        swing=swing_numbers(angles @ main, one.limb.rates @ main, free, options.least_turn),
+        swing=swing_numbers(angles @ main, one.limb.rates @ main, free, LEAST_TURN),
     )

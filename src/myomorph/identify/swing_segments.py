@@ -51,9 +51,10 @@ def touched_frames(
 ) -> list[np.ndarray]:
     """Per trial, (frames,) where something besides the joint carries the limb.
 
-    While nobody touches the limb, wrench = rows phi + constant with one phi over all trials. A robust fit
-    (redescending weights) finds phi from the frames that agree, which must be the most; frames whose mismatch,
-    averaged over `WINDOW`, passes both `OUTLYING` of its usual size and a share of the limb's weight are touched.
+    While nobody touches the limb, force = rows phi + constant with one phi over all trials. A robust fit finds
+    phi from the frames that agree, which must be the most; frames whose mismatch, averaged over `WINDOW`,
+    passes both `OUTLYING` of its usual size and a share of the limb's weight are touched. Moments tell nothing: a
+    joint carries hardly any, whether the limb is held or not.
 
     Parameters
     ----------
@@ -62,54 +63,49 @@ def touched_frames(
     share : mismatch below which nothing is called a touch, as part of the limb's weight
     reach : how far a touch spoils its neighbours [s]
     """
-    mismatch, weight, com = _robust_mismatch(rows, wrenches, candidates)
+    mismatch, weight = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
     found = []
     for one, time, use in zip(mismatch, times, candidates, strict=True):
-        known = np.isfinite(one).all(axis=1) & use
-        error = np.where(known[:, None], one, 0.0)
+        error = np.where(use[:, None], one, 0.0)
         frames = max(1, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 1
-        count = np.maximum(uniform_filter1d(known.astype(float), frames), 1.0 / frames)
-        mean = uniform_filter1d(error, frames, axis=0) / count[:, None]
-        usual = 1.4826 * np.median(np.abs(mean[known]), axis=0) if known.any() else np.ones(6)
-        floor = share * weight * np.array([com] * 3 + [1.0] * 3)
-        hand = known & (np.abs(mean) > np.maximum(OUTLYING * usual, floor)).any(axis=1)
-        found.append(near(hand, time, reach))
+        count = np.maximum(uniform_filter1d(use.astype(float), frames), 1.0 / frames)
+        size = np.linalg.norm(uniform_filter1d(error, frames, axis=0) / count[:, None], axis=1)
+        usual = float(np.median(size[use])) if use.any() else 0.0
+        found.append(near(use & (size > max(OUTLYING * usual, share * weight)), time, reach))
     return found
 
 
-def _robust_mismatch(
-    rows: Sequence[Array], wrenches: Sequence[Array], candidates: Sequence[np.ndarray]
-) -> tuple[list[Array], float, float]:
-    """Measured less predicted wrench of each trial, weight of the limb [N] and distance of its center [m]."""
+def force_mismatch(
+    rows: Sequence[Array], forces: Sequence[Array], candidates: Sequence[np.ndarray]
+) -> tuple[list[Array], float]:
+    """Measured less predicted force (frames, 3) of each trial, and the limb's weight [N].
+
+    Least absolute errors first, then weights that forget what is far off.
+
+    Parameters
+    ----------
+    rows : (frames, 3, 4) force of unit mass and first moments
+    """
     trials = len(rows)
     chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
     tables = []
     for k, (Y, frames) in enumerate(zip(rows, chosen, strict=True)):
-        constant = np.zeros((len(frames), 6, 6 * trials))
-        constant[:, np.arange(6), 6 * k + np.arange(6)] = 1.0
+        constant = np.zeros((len(frames), 3, 3 * trials))
+        constant[:, np.arange(3), 3 * k + np.arange(3)] = 1.0
         tables.append(np.concatenate([Y[frames], constant], axis=2))
     A = np.concatenate(tables)
-    b = np.concatenate([w[frames] for w, frames in zip(wrenches, chosen, strict=True)])
-    size = np.sqrt(np.square(A).mean(axis=(0, 1)))
-    A = A / np.where(size > 0.0, size, 1.0)
-    trust, scale, x = np.ones(len(A)), np.maximum(b.std(axis=0), 1e-9), np.zeros(A.shape[2])
-    for _ in range(ROUNDS):
-        root = np.sqrt(trust)[:, None] / scale
+    b = np.concatenate([force[frames] for force, frames in zip(forces, chosen, strict=True)])
+    trust = np.ones(len(A))
+    for turn in range(2 * ROUNDS):
+        root = np.sqrt(trust)[:, None]
         x = np.linalg.lstsq((A * root[..., None]).reshape(-1, A.shape[2]), (b * root).ravel(), rcond=1e-9)[0]
-        error = b - A @ x
-        scale = np.maximum(1.4826 * np.median(np.abs(error), axis=0), 1e-9 * np.abs(b).max(initial=1e-9))
-        far = np.square(error / scale).mean(axis=1)
-        trust = 1.0 / np.square(1.0 + far / 9.0)
-    x = x / np.where(size > 0.0, size, 1.0)
-    phi = x[:10]
-    mismatch = [w - Y @ phi - x[10 + 6 * k : 16 + 6 * k] for k, (Y, w) in enumerate(zip(rows, wrenches, strict=True))]
-    # The weight as the plates carry it, whatever they were tared with.
-    forces = np.linalg.norm(
-        np.concatenate([(Y @ phi)[use] for Y, use in zip(rows, candidates, strict=True)])[:, 3:], axis=1
-    )
-    weight = float(np.median(forces)) if len(forces) else 0.0
-    com = float(np.linalg.norm(phi[1:4]) / max(abs(phi[0]), 1e-9))
-    return mismatch, weight, com
+        far = np.linalg.norm(b - A @ x, axis=1)
+        scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
+        trust = 1.0 / np.maximum(far, scale) if turn < ROUNDS else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
+    mismatch = [Y @ x[:4] + x[4 + 3 * k : 7 + 3 * k] for k, Y in enumerate(rows)]
+    # Gravity is the mean of the force that carries the limb, whatever the plate was tared with.
+    weight = float(np.median(np.linalg.norm(b, axis=1))) if len(b) else 0.0
+    return [force - one for force, one in zip(forces, mismatch, strict=True)], weight
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:

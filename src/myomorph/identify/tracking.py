@@ -10,13 +10,17 @@ import numpy as np
 from myomorph.identify.ball_angles import on_one_branch
 from myomorph.identify.clusters import checked_clusters
 from myomorph.identify.held_still import Slip, cluster_poses, mean_base, mean_held, mean_rotation, slips
-from myomorph.identify.plate_wrench import on_clock, wrench_about
+from myomorph.identify.limb_motion import LimbMotion, limb_motion
+from myomorph.identify.plate_wrench import lowpass_runs, on_clock, wrench_about
 from myomorph.identify.specimen import Specimen, SwingTrial
+from myomorph.identify.swing_clock import CUTOFF, plate_clock
+from myomorph.identify.swing_segments import REACH, touched_frames, whole_frames
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array, Transform
 from myomorph.motion.clocks import Clock
+from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut
 
@@ -36,15 +40,19 @@ class TrackingOptions:
     slip : a held joint, or the base, that turns by more is named [rad]
     shift : a base that moves by more is named [m]
     clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
+    find_touch : find the frames in which the wrench says that something besides the joint carries the limb
+    touch : part of the limb's weight under which a mismatch is no hand
     """
 
     cluster: float = 0.006
     slip: float = 0.035
     shift: float = 0.002
     clock: bool = True
+    find_touch: bool = True
+    touch: float = 0.04
 
     def __post_init__(self) -> None:
-        for name in ("cluster", "slip", "shift"):
+        for name in ("cluster", "slip", "shift", "touch"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
 
@@ -58,6 +66,7 @@ class TrackedTrial:
     motion : of the joint's coordinates [rad], NaN where too few markers are seen
     wrench : (frames, 6) on the base, moment about the joint's center and force, in ground [N m], [N]; NaN
         where the plate did not record
+    touched : (frames,) whether something besides the joint carries the limb
     rms : (frames,) of the distances between markers and model [m]
     clock : of the plate against the markers, as it was taken
     notes : what was found odd, one line each
@@ -66,6 +75,7 @@ class TrackedTrial:
     name: str
     motion: Motion
     wrench: Array
+    touched: np.ndarray
     rms: Array
     clock: Clock
     notes: tuple[str, ...] = ()
@@ -133,11 +143,11 @@ def track(
         own = [slip for slip in found if slip.trial == trial.name]
         fit = _joint_alone(posed, seen, motion, own, progress)
         wrench, clock, doubts = _wrench(posed, trial, fit.motion, options)
-        tracked.append(
-            TrackedTrial(
-                trial.name, fit.motion, wrench, fit.rms, clock, (*notes, *(_told(slip) for slip in own), *doubts)
-            )
-        )
+        told = (*notes, *(_told(slip) for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
+        untouched = np.zeros(len(fit.motion), bool)
+        tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
+    if options.find_touch:
+        tracked = _with_touches(posed, tracked, options.touch)
     return TrackedSpecimen(posed, tuple(tracked), held, tuple(found))
 
 
@@ -206,23 +216,43 @@ def _joint_alone(
 def _wrench(
     specimen: Specimen, trial: SwingTrial, motion: Motion, options: TrackingOptions
 ) -> tuple[Array, Clock, list[str]]:
+    """The wrench about the center at the motion's times, the plate's clock, and what is doubtful."""
     center = specimen.center_in_ground
-    raw = wrench_about(trial.wrenches, center)
+    time, raw = trial.wrenches.time, wrench_about(trial.wrenches, center)
     if trial.tare is not None:
-        raw = raw - _mean_wrench(trial.tare, center)
-    clock = Clock()
-    found = on_clock(clock.times(trial.wrenches.time), raw, motion.time)
+        raw = raw - np.nanmean(wrench_about(trial.tare, center), axis=0)
+    clock, doubts = Clock(), list[str]()
+    if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
+        limb, whole = _low(specimen, motion)
+        clock, doubts = plate_clock(motion.time, limb.wrench_rows, whole, time, raw, options.touch)
+    found = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(found).any():
         raise BadData(
             f"trial '{trial.name}': markers ({motion.time[0]:g} to {motion.time[-1]:g} s) and plate "
-            f"({trial.wrenches.time[0]:g} to {trial.wrenches.time[-1]:g} s) have no time in common"
+            f"({time[0]:g} to {time[-1]:g} s) have no time in common"
         )
-    return found, clock, []
+    return found, clock, doubts
 
 
-def _mean_wrench(tare: Wrenches, center: Array) -> Array:
-    mean: Array = np.nanmean(wrench_about(tare, center), axis=0)
-    return mean
+def _low(specimen: Specimen, motion: Motion) -> tuple[LimbMotion, np.ndarray]:
+    """The limb at the cutoff that looks for clocks and hands, and the frames out of reach of its ends."""
+    slow = differentiate(motion, CUTOFF)
+    finite = np.asarray(np.isfinite(slow.values).all(axis=1))
+    return limb_motion(specimen, slow), whole_frames(slow.time, finite, CUTOFF)
+
+
+def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: float) -> list[TrackedTrial]:
+    """The trials with the frames in which somebody touches the limb, found over all of them together."""
+    rows, wrenches, frames = [], [], []
+    for one in trials:
+        limb, whole = _low(specimen, one.motion)
+        wrench = lowpass_runs(one.wrench, one.motion.rate, CUTOFF)
+        rows.append(limb.wrench_rows)
+        wrenches.append(wrench)
+        frames.append(whole & np.asarray(np.isfinite(wrench).all(axis=1)))
+    times = [one.motion.time for one in trials]
+    found = touched_frames(rows, wrenches, times, frames, share, REACH / CUTOFF)
+    return [replace(one, touched=touched) for one, touched in zip(trials, found, strict=True)]
 
 
 def _told(slip: Slip) -> str:

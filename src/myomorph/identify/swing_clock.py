@@ -1,0 +1,109 @@
+"""The clock of the plate under a swinging limb, found although hands hold the limb now and then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.identify.clock_fit import wrench_clock
+from myomorph.identify.plate_wrench import on_clock
+from myomorph.identify.swing_segments import force_mismatch, touched_frames
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.motion.clocks import Clock, ClockOptions
+from myomorph.motion.filters import lowpass
+
+CUTOFF = 6.0
+"""Low-pass of what looks for clocks and for hands [Hz]: limbs swing at about 1 Hz."""
+
+AGREES = 0.98
+"""Share of the wrench that the motion explains, from which two clocks are taken as brought together."""
+
+SEARCH, LAG = 2.0, 0.05
+"""Offsets that are tried where the given clock does not agree, and their distance [s]."""
+
+CHANCE = 13.8
+"""Squared distance of offset and drift from zero, in standard deviations, that chance passes 1 time in 1000."""
+
+LEAST = 5e-4
+"""Largest lag of a recording that is left as it is [s]."""
+
+
+def plate_clock(
+    time: Array, rows: Array, whole: np.ndarray, wrench_time: Array, wrench: Array, share: float
+) -> tuple[Clock, list[str]]:
+    """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and what is doubtful.
+
+    Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks agree. So the
+    clock as given is tried first; where the motion then does not explain the wrench, the lag at which most
+    frames agree (least median mismatch of the force) is the start.
+
+    Parameters
+    ----------
+    time, rows : (frames,), (frames, 6, 10) of the markers, filtered at `CUTOFF`
+    whole : (frames,) out of the reach of the filter's ends
+    wrench_time, wrench : (samples,), (samples, 6) as measured
+    share : as `TrackingOptions.touch`
+    """
+    known = np.asarray(np.isfinite(wrench).all(axis=1))
+    start, end = np.flatnonzero(known)[[0, -1]]
+    part = slice(start, end + 1)
+    own, values = wrench_time[part], wrench[part].copy()
+    for column in values.T:
+        column[~known[part]] = np.interp(own[~known[part]], own[known[part]], column[known[part]])
+    best = _fitted(time, rows, whole, own, values, share, 0.0)
+    if best.explained < AGREES:
+        lag = _best_lag(time, rows, whole, own, values)
+        other = _fitted(time, rows, whole, own, values, share, lag)
+        best = other if other.explained > best.explained else best
+    if best.explained < AGREES:
+        explained = f"{100 * best.explained:.0f} %"
+        return Clock(), [f"the clocks cannot be compared: the motion explains only {explained} of the wrench"]
+    sizes = np.sqrt(np.diag(best.covariance)).clip(min=1e-12)
+    doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
+    if doubt < CHANCE or np.abs(best.times(time) - time).max() < LEAST:
+        return Clock(), []
+    return best, [
+        f"the plate's clock is {1000 * best.offset:+.2f} ms off the markers' and drifts {1e6 * best.drift:+.0f} ppm "
+        f"(± {1000 * best.offset_sd:.2f} ms, ± {1e6 * best.drift_sd:.0f} ppm): corrected"
+    ]
+
+
+def _fitted(time: Array, rows: Array, whole: np.ndarray, own: Array, wrench: Array, share: float, lag: float) -> Clock:
+    """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
+    seen, force = _filtered(time, whole, own + lag, wrench)
+    if seen.sum() < 6:
+        return Clock()
+    hand = touched_frames([rows], [force], [time], [seen], share, 0.75 / CUTOFF)[0]
+    # Around the lag already found a swing cannot be taken for the next one.
+    options = ClockOptions(search=SEARCH if lag == 0.0 else 2.0 * LAG, cutoff=CUTOFF)
+    try:
+        found = wrench_clock(time, rows, own + lag, wrench, options, seen & ~hand)
+    except BadData:
+        return Clock(explained=0.0)
+    return replace(found, offset=found.offset + lag, epoch=found.epoch - lag)
+
+
+def _filtered(time: Array, whole: np.ndarray, own: Array, wrench: Array) -> tuple[np.ndarray, Array]:
+    """Frames on which motion and wrench are known, and the wrench there, through the filter of the motion."""
+    force = on_clock(own, wrench, time)
+    known = np.asarray(np.isfinite(force).all(axis=1))
+    if known.sum() >= 6:
+        span = slice(int(np.flatnonzero(known)[0]), int(np.flatnonzero(known)[-1]) + 1)
+        force[span] = lowpass(force[span], 1.0 / float(np.median(np.diff(time))), CUTOFF)
+    return np.asarray(whole & known), np.where(known[:, None], force, 0.0)
+
+
+def _best_lag(time: Array, rows: Array, whole: np.ndarray, own: Array, wrench: Array) -> float:
+    """The lag at which the median frame's force is explained best, relative to how the force varies [s]."""
+    lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
+    left = []
+    for lag in lags:
+        seen, force = _filtered(time, whole, own + lag, wrench)
+        if seen.sum() < 0.5 * whole.sum():
+            left.append(np.inf)
+            continue
+        mismatch, _ = force_mismatch([rows[:, 3:, :4]], [force[:, 3:]], [seen])
+        left.append(float(np.median(np.linalg.norm(mismatch[0][seen], axis=1)) / max(force[seen, 3:].std(), 1e-9)))
+    return float(lags[int(np.argmin(left))])
