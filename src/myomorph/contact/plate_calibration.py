@@ -165,6 +165,8 @@ def calibrate_plate(
     )
     distances, angles = sizes(residuals(kept, pose.rotation, pose.center))
     out_distances, out_angles = sizes(apart)
+    if not all(one.tared for one in kept):
+        notes.append("a recording never shows the plate unloaded: what the plate reads then could not be subtracted")
     notes += unknown_notes(pose, kept, nominal is not None) + line_notes(kept, options)
     notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose, options)
     shares = [one.size / one.expected for one in kept if np.isfinite(one.expected)]
@@ -195,7 +197,7 @@ def check_plate(
     """
     calibration = calibrate_plate(placements, recording, options)
     axes, center = plate_axes(recording), recording.corners.mean(axis=0)
-    used = [one for one in placements if one.name in calibration.names]
+    used, _ = believed(placements, options or PlateFitOptions())
     distances, angles = sizes(residuals(used, axes, center))
     turn = rotation_vector(calibration.rotation @ axes.T)
     shift = calibration.center - center

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from myomorph.contact.plates import episodes, plate_wrench
+from myomorph.contact.plates import episodes, plate_axes, plate_wrench
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, PlateRecording
 from myomorph.model.spatial import Array, frozen_array
 
-GRAVITY = (0.0, 0.0, -9.80665)
+STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,8 @@ class PlacementOptions:
     window : pieces into which a push of a rod is cut [s]
     least : share of the largest normal force above which the plate is loaded
     tare : subtract what the plate reads while nothing is on it
-    gravity : (3,) in the laboratory [m/s^2]
+    gravity : (3,) in the laboratory [m/s^2]; None takes the laboratory's axis that is nearest to the plate's normal,
+        away from the markers
     """
 
     still: float = 0.01
@@ -70,7 +71,7 @@ class PlacementOptions:
     window: float = 0.25
     least: float = 0.1
     tare: bool = True
-    gravity: tuple[float, float, float] = GRAVITY
+    gravity: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,7 @@ class Placement:
     expected : size the force should have, NaN if unknown [N]
     contact : (3,) where the plate's surface is touched, in the laboratory [m], or None
     pushed : a rod's push, which need not be steady
+    tared : whether what the unloaded plate reads was subtracted, or needed not to be
     moved : how far the weight moved while it should have rested [m]
     unsteady : standard deviation of the force, low-passed by averaging over a tenth of a second, as a share of it
     """
@@ -101,6 +103,7 @@ class Placement:
     expected: float = float("nan")
     contact: Array | None = None
     pushed: bool = False
+    tared: bool = True
     moved: float = 0.0
     unsteady: float = 0.0
 
@@ -153,10 +156,12 @@ def find_placements(
     lacking = [name for name in weight.markers if name not in markers.names]
     if lacking:
         raise UnknownName("marker", lacking[0], markers.names, "the recording")
-    force, moment = _on_weight(recording, plate_time, markers, options)
+    gravity = _gravity(recording, markers, weight) if options.gravity is None else np.array(options.gravity)
+    force, moment = _on_weight(recording, plate_time, gravity)
     normal = np.abs(force[:, 2])
     loaded = normal > options.least * np.quantile(normal, 0.995)
-    if options.tare and np.count_nonzero(~loaded) > 10:
+    tared = options.tare and int(np.count_nonzero(~loaded)) > 10
+    if tared:
         force, moment = force - np.median(force[~loaded], axis=0), moment - np.median(moment[~loaded], axis=0)
     if intervals is None:
         intervals = _intervals(plate_time, loaded, markers, weight, options)
@@ -169,25 +174,30 @@ def find_placements(
         if samples.sum() < 2 or not frames.any():
             raise BadData(f"no samples of plate '{recording.name}' and markers between {start:g} and {end:g} s")
         name = f"{weight.name} {number} ({start:.2f} to {end:.2f} s)"
-        found.append(
-            _placement(name, weight, force[samples], moment[samples], plate_time[samples], markers, frames, options)
-        )
+        one = _placement(name, weight, force[samples], moment[samples], plate_time[samples], markers, frames, gravity)
+        found.append(replace(one, tared=tared))
     return tuple(found)
 
 
-def _on_weight(
-    recording: PlateRecording, plate_time: Array, markers: Markers, options: PlacementOptions
-) -> tuple[Array, Array]:
+def _gravity(recording: PlateRecording, markers: Markers, weight: MarkedWeight) -> Array:
+    """Gravity (3,) along the laboratory's axis nearest to the plate's normal [m/s^2]."""
+    normal = plate_axes(recording)[:, 2]
+    places = np.concatenate([markers[name] for name in weight.markers]) - recording.corners.mean(axis=0)
+    above = np.nanmedian(places @ normal) if np.isfinite(places).any() else -1.0
+    axis = int(np.argmax(np.abs(normal)))
+    gravity = np.zeros(3)
+    gravity[axis] = -STANDARD_GRAVITY * np.sign(normal[axis]) * np.sign(above)
+    return gravity
+
+
+def _on_weight(recording: PlateRecording, plate_time: Array, gravity: Array) -> tuple[Array, Array]:
     """Wrench of the plate on what stands on it, in the plate's axes, whatever sign the file has."""
     if len(recording.channels) != len(plate_time):
         raise BadData(f"{recording.name} has {len(recording.channels)} samples, but its clock has {len(plate_time)}")
     force, moment = plate_wrench(recording)
-    x, y = recording.corners[0] - recording.corners[1], recording.corners[0] - recording.corners[3]
-    down = float(np.cross(x, y) @ np.array(options.gravity))
-    # The force on a weight points up; of the plate's own axes z is down if the corners say so.
-    strongest = float(force[np.argmax(np.abs(force[:, 2])), 2])
-    sign = -np.sign(down) * np.sign(strongest) if down != 0 and strongest != 0 else 1.0
-    return sign * force, sign * moment
+    strongest = force[np.argmax(np.abs(force[:, 2]))]
+    pulls_down = float(plate_axes(recording) @ strongest @ gravity) > 0
+    return (-force, -moment) if pulls_down else (force, moment)
 
 
 def _intervals(
@@ -237,7 +247,7 @@ def _placement(
     time: Array,
     markers: Markers,
     frames: np.ndarray,
-    options: PlacementOptions,
+    gravity: Array,
 ) -> Placement:
     values = np.stack([markers[one][frames] for one in weight.markers], axis=1)
     seen = np.isfinite(values).all(axis=2)
@@ -246,7 +256,6 @@ def _placement(
         raise BadData(f"placement '{name}': marker '{hidden}' is never seen in it")
     means = np.nanmean(values, axis=0)
     shares = np.full(len(means), 1.0 / len(means)) if weight.shares is None else np.array(weight.shares)
-    gravity = np.array(options.gravity)
     direction, contact = -gravity, None
     if weight.axis is not None:
         lower, upper = (means[weight.markers.index(one)] for one in weight.axis)

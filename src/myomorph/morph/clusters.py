@@ -241,13 +241,13 @@ def name_cluster(
         rest = np.delete(by_size, best)
         if len(rest) and 1e3 * (rest.min() - by_size[best]) < LIKE:
             raise BadData(
-                f"the markers {', '.join(names)} form a triangle of equal sides within {1e3 * rest.min():.1f} mm: their "
-                "distances do not tell which is which; pick a point near one of them"
+                f"the markers {', '.join(names)} form a triangle of equal sides within {1e3 * rest.min():.1f} mm: "
+                "their distances do not tell which is which; pick a point near one of them"
             )
     if distances is not None and by_size[best] > 2e-3:
         notes.append(
-            f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root mean square) between "
-            "CT and recording: another cluster, a bent one, or a wrong unit?"
+            f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root mean square) "
+            "between CT and recording: another cluster, a bent one, or a wrong unit?"
         )
     chosen = {name: frozen_array(centers[k]) for name, k in zip(names, orders[best], strict=True)}
     return NamedCluster(chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes))
