@@ -7,7 +7,8 @@ coordinates are angles about axes that turn with the joint: with omega = E(q) qd
     tau_q = -E^T D E qdot - E^T K theta(q),
 
 a full matrix that changes with the pose. OpenSim's springs of coordinates have a constant and no coupling, so what
-is written is what comes nearest over a motion; the share that is lost is told.
+is written is what comes nearest over a motion; the share that is lost is told. A bushing (`joint_bushing`)
+loses far less where the angles' first and last axis come close, as they do at a shoulder with a hanging arm.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from myomorph.model.errors import BadData, BadModel
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
+from myomorph.rigid.bushings import jacobian_frames
 from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.kinematics import Poses, forward_kinematics, gather_dependents
+from myomorph.rigid.kinematics import forward_kinematics, gather_dependents
 from myomorph.rigid.tree import Tree, compile_tree
 
 STILL = 1e-6
@@ -82,10 +84,10 @@ def coordinate_damping(model: Model, base: str, first: str, viscosity: ArrayLike
     BadModel
         where no coordinate turns the bodies against each other
     """
-    D = _along_axes("viscosity", viscosity)
+    D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
     coordinates, rates = rates_of(tree, motion)
-    E, _, moving = _turning(tree, base, first, coordinates)
+    E, _, moving = turning(tree, base, first, coordinates)
     speeds = rates[:, moving]
     full = np.einsum("fak,a,faj->fkj", E, D, E)
     torque = np.einsum("fkj,fj->fk", full, speeds)
@@ -97,7 +99,7 @@ def coordinate_damping(model: Model, base: str, first: str, viscosity: ArrayLike
     names = tuple(model.coordinate_names[j] for j in moving)
     return CoordinateDamping(
         dict(zip(names, damping.tolist(), strict=True)),
-        _share(torque - damping * speeds, torque),
+        share(torque - damping * speeds, torque),
         mean,
         tuple(name for name, one in zip(names, still, strict=True) if one),
     )
@@ -125,12 +127,12 @@ def coordinate_stiffness(
     BadModel
         where no coordinate turns the bodies against each other
     """
-    K = _along_axes("stiffness", stiffness)
+    K = along_axes("stiffness", stiffness)
     tree = compile_tree(model)
     at_rest = Motion(np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1))
-    _, R_rest, _ = _turning(tree, base, first, tree.coordinates_of(at_rest))
+    _, R_rest, _ = turning(tree, base, first, tree.coordinates_of(at_rest))
     coordinates = tree.coordinates_of(motion)
-    E, R, moving = _turning(tree, base, first, coordinates)
+    E, R, moving = turning(tree, base, first, coordinates)
     theta = Rotation.from_matrix(np.swapaxes(R_rest, 1, 2) @ R).as_rotvec()
     torque = -np.einsum("fak,a,fa->fk", E, K, theta)
     values, ends, line = {}, {}, np.zeros_like(torque)
@@ -143,24 +145,27 @@ def coordinate_stiffness(
         values[name] = max(slope, 0.0)
         ends[name] = float(q.mean() + torque[:, i].mean() / slope) if slope > 0.0 else float(q.mean())
         line[:, i] = -values[name] * (q - ends[name])
-    return CoordinateStiffness(values, ends, _share(torque - line, torque))
+    return CoordinateStiffness(values, ends, share(torque - line, torque))
 
 
-def _along_axes(what: str, values: ArrayLike) -> Array:
+def along_axes(what: str, values: ArrayLike) -> Array:
+    """Three values along a body's axes of one or three; `BadData` where they cannot be damping or stiffness."""
     given = np.asarray(values, dtype=np.float64)
     if given.shape not in ((), (1,), (3,)) or not (given >= 0.0).all() or not np.isfinite(given).all():
         raise BadData(f"{what} of a joint is {given.tolist()}: expected one number or three, 0 or more")
     return np.array(np.broadcast_to(given, (3,)))
 
 
-def _turning(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Array, Array, np.ndarray]:
+def turning(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Array, Array, np.ndarray]:
     """E (frames, 3, moving), rotations (frames, 3, 3) of `first` in `base`, and the coordinates that turn it there."""
     model = tree.model
     for body in (base, first):
         model.body(body)
     poses = forward_kinematics(tree, coordinates)
     a, b = tree.body_index[base], tree.body_index[first]
-    turned = np.stack([_against(poses, frame, a, b) for frame in range(len(coordinates))])
+    nowhere = np.zeros((len(coordinates), 3))
+    moved = jacobian_frames(tree, poses, b, nowhere) - jacobian_frames(tree, poses, a, nowhere)
+    turned = np.swapaxes(poses.rotations[:, b], 1, 2) @ moved[:, :3]
     for frame, c in enumerate(np.array(coordinates)):
         gather_dependents(tree.arrays, c, turned[frame])
     stays = set(model.dependent_coordinates)
@@ -175,14 +180,7 @@ def _turning(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Arr
     return turned[:, :, able], R, np.array(able, np.int64)
 
 
-def _against(poses: Poses, frame: int, base: int, first: int) -> Array:
-    """d(angular velocity of a body against another)/d(speeds), (3, coordinates), along the first body's axes."""
-    nowhere = np.zeros(3)
-    both = [poses.jacobian(frame, body, nowhere)[:3] for body in (first, base)]
-    along: Array = poses.rotations[frame, first].T @ (both[0] - both[1])
-    return along
-
-
-def _share(lost: Array, whole: Array) -> float:
+def share(lost: Array, whole: Array) -> float:
+    """Root mean square of what is lost, relative to that of the whole."""
     total = float(np.sqrt((whole**2).sum()))
     return float(np.sqrt((lost**2).sum())) / total if total > 0.0 else 0.0

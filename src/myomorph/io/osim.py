@@ -15,7 +15,7 @@ from myomorph.io.osim_forces import read_forces
 from myomorph.io.osim_frames import OFFSET_KINDS, Frames
 from myomorph.io.osim_joints import ReadJoint, free_joint, read_joint, reversed_joint
 from myomorph.io.osim_kept import kept_elsewhere, warnings_of
-from myomorph.io.osim_springs import read_passive_torques
+from myomorph.io.osim_springs import read_bushings, read_passive_torques
 from myomorph.model.errors import BadFile, BadModel
 from myomorph.model.model import GROUND, Body, Coordinate, Joint, Loop, Marker, Mesh, Model
 from myomorph.model.paths import WrapObject
@@ -77,6 +77,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         str(path),
         tuple(document.warnings),
         read_passive_torques(node, tree.coordinates),
+        read_bushings(node, frames),
     )
 
 

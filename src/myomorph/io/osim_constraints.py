@@ -50,12 +50,13 @@ def _loop(node: Node, frames: Frames) -> Loop:
             body, _ = frames.place(node.socket(f"body_{i}"), node)
             ends.append((body, Transform.from_euler_xyz((0, 0, 0), node.vector(f"location_body_{i}", (0.0, 0.0, 0.0)))))
     else:
-        ends = [_welded(node, frames, i) for i in "12"]
+        ends = [tied_frame(node, frames, i) for i in "12"]
     (body_1, pose_1), (body_2, pose_2) = ends
     return Loop(node.name, node.kind, body_1, body_2, pose_1, pose_2)
 
 
-def _welded(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
+def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
+    """Body and pose of the first ("1") or second ("2") frame of what links two, in any version's layout."""
     text = node.socket(f"frame{i}", f"body_{i}")
     body, pose = frames.place(text, node)
     place = node.vector(f"location_body_{i}", (0.0, 0.0, 0.0))

@@ -17,7 +17,7 @@ EFFECTS = {
     "Ligament": "the ligament's force is left out",
     "ExpressionBasedPathForce": "the force along its path is left out",
     "PathSpring": "the spring's force is left out",
-    "BushingForce": "the bushing's force is left out",
+    "BushingForce": HARMLESS,
     "FunctionBasedBushingForce": "the bushing's force is left out",
     "ExpressionBasedBushingForce": "the bushing's force is left out",
     "ElasticFoundationForce": "its contact force is left out",

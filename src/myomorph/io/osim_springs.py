@@ -1,4 +1,4 @@
-"""OpenSim's springs and limits of single coordinates as passive torques."""
+"""OpenSim's springs and limits of single coordinates as passive torques, and its bushings."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial import polynomial as poly
 
+from myomorph.io.osim_constraints import tied_frame
 from myomorph.io.osim_document import Node
+from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_joints import plain_name
 from myomorph.model.errors import UnknownName
 from myomorph.model.functions import PiecewisePolynomial, constant, linear
-from myomorph.model.model import Coordinate, PassiveTorque
+from myomorph.model.model import Bushing, Coordinate, PassiveTorque
 
+BUSHING = "BushingForce"
 KINDS = ("CoordinateLimitForce", "SpringGeneralizedForce")
 
 
@@ -38,6 +41,28 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
             found.append(PassiveTorque(node.name, name, spring, constant(node.number("viscosity", 0.0))))
         else:
             found += _limits(node, by_name[name])
+    return tuple(found)
+
+
+def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
+    """The bushings of a model's forces, those switched off left out.
+
+    Raises
+    ------
+    UnknownName
+        One names a frame that the model does not have.
+    """
+    found = []
+    for node in model.items("ForceSet"):
+        if node.kind != BUSHING or not node.flag("appliesForce", not node.flag("isDisabled", False)):
+            continue
+        (body_1, pose_1), (body_2, pose_2) = (tied_frame(node, frames, i) for i in "12")
+        parts = {
+            f"{what}_{part}": node.vector(f"{what}_{part}", (0.0, 0.0, 0.0))
+            for what in ("rotational", "translational")
+            for part in ("stiffness", "damping")
+        }
+        found.append(Bushing(node.name, body_1, body_2, pose_1, pose_2, **parts))
     return tuple(found)
 
 

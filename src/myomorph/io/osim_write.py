@@ -13,6 +13,7 @@ from myomorph.io.marker_set import put_marker
 from myomorph.io.osim_document import NEWEST
 from myomorph.io.osim_write_forces import (
     write_actuator,
+    write_bushing,
     write_coupler,
     write_loop,
     write_muscle,
@@ -105,6 +106,9 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
     for passive in model.passive_torques:
         if not _is_kept(passive.name, kept):
             write_passive(sets["ForceSet"], passive, warnings)
+    for bushing in model.bushings:
+        if not _is_kept(bushing.name, kept):
+            write_bushing(sets["ForceSet"], bushing)
     for name, objects in sets.items():
         _put_back(objects, kept, name)
     _write_groups(holders["ForceSet"], model)
@@ -234,6 +238,8 @@ def _usable(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
         new = part.version >= 40000 and not (part.room == "ControllerSet" and part.version < NEWEST)
         if new or part.room == "Model" or part.kind in SAME_SINCE_2:
             usable.append(part)
+        elif part.kind == "BushingForce":
+            continue  # the model's own bushing is written
         elif part.version:
             warnings.append(f"{part.kind} '{part.name}' is left out: its layout is of document version {part.version}")
         else:

@@ -9,7 +9,7 @@ from myomorph.io.osim_viscosity import DAMPER, damper_expression
 from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.io.osim_write_joints import body_path, write_offset_frame
 from myomorph.model.functions import PiecewisePolynomial
-from myomorph.model.model import Actuator, Coupler, Loop, PassiveTorque
+from myomorph.model.model import Actuator, Bushing, Coupler, Loop, PassiveTorque
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap
 
 FLAGS = frozenset({"ignore_tendon_compliance", "ignore_activation_dynamics", "ignore_passive_fiber_force"})
@@ -171,6 +171,15 @@ def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list
     child(element, "viscosity", number(float(damping(0.0))))
 
 
+def write_bushing(parent: etree._Element, bushing: Bushing) -> None:
+    """Springs and dampers between two frames."""
+    element = child(parent, "BushingForce", name=bushing.name)
+    _write_ends(element, bushing)
+    for what in ("rotational", "translational"):
+        for part in ("stiffness", "damping"):
+            child(element, f"{what}_{part}", numbers(getattr(bushing, f"{what}_{part}")))
+
+
 def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str]) -> None:
     """A coordinate coupler."""
     element = child(parent, "CoordinateCouplerConstraint", name=coupler.name)
@@ -194,10 +203,15 @@ def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
             child(element, f"location_body_{i}", numbers(pose.translation))
     elif loop.kind in ("WeldConstraint", "weld"):
         element = child(parent, "WeldConstraint", name=loop.name)
-        frames = etree.Element("frames")
-        for i, body, pose in (("1", loop.body_1, loop.pose_1), ("2", loop.body_2, loop.pose_2)):
-            child(element, f"socket_frame{i}", legal(f"{body}_frame{i}"))
-            write_offset_frame(frames, f"{body}_frame{i}", body_path(body), pose)
-        element.append(frames)
+        _write_ends(element, loop)
     else:
         warnings.append(f"constraint '{loop.name}' of kind '{loop.kind}' cannot be written")
+
+
+def _write_ends(element: etree._Element, tie: Loop | Bushing) -> None:
+    """The two frames of what links bodies, as offset frames of its own."""
+    frames = etree.Element("frames")
+    for i, body, pose in (("1", tie.body_1, tie.pose_1), ("2", tie.body_2, tie.pose_2)):
+        child(element, f"socket_frame{i}", legal(f"{body}_frame{i}"))
+        write_offset_frame(frames, f"{body}_frame{i}", body_path(body), pose)
+    element.append(frames)

@@ -246,6 +246,37 @@ class PassiveTorque:
 
 
 @dataclass(frozen=True, eq=False)
+class Bushing:
+    """Springs and dampers that hold one frame at another, as OpenSim's BushingForce defines them.
+
+    With q the body-fixed x-y-z angles and the origin of frame 2 seen from frame 1, the generalized forces on q are
+    -stiffness q - damping qdot, along each of the six alone.
+
+    Attributes
+    ----------
+    body_1, body_2 : the bodies held together
+    pose_1, pose_2 : the frames in those bodies
+    rotational_stiffness, rotational_damping : (3,) [N m/rad], [N m s/rad]
+    translational_stiffness, translational_damping : (3,) [N/m], [N s/m]
+    """
+
+    name: str
+    body_1: str
+    body_2: str
+    pose_1: Transform
+    pose_2: Transform
+    rotational_stiffness: Array = field(default_factory=lambda: np.zeros(3))
+    rotational_damping: Array = field(default_factory=lambda: np.zeros(3))
+    translational_stiffness: Array = field(default_factory=lambda: np.zeros(3))
+    translational_damping: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        for what in ("rotational", "translational"):
+            for name in (f"{what}_stiffness", f"{what}_damping"):
+                object.__setattr__(self, name, frozen_array(getattr(self, name), (3,)))
+
+
+@dataclass(frozen=True, eq=False)
 class Kept:
     """A part of the file that Myomorph does not model: carried to the file it writes.
 
@@ -280,6 +311,7 @@ class Model:
     kept : what the file holds that is not modelled
     warnings : what reading the file found odd, one line each
     passive_torques : of joints' tissues and springs
+    bushings : springs and dampers between two frames
     """
 
     name: str
@@ -299,6 +331,7 @@ class Model:
     source: str = ""
     warnings: tuple[str, ...] = ()
     passive_torques: tuple[PassiveTorque, ...] = ()
+    bushings: tuple[Bushing, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.errors import BadData
 from myomorph.model.functions import constant, linear
-from myomorph.model.model import Model, PassiveTorque, index_of
+from myomorph.model.model import Bushing, Model, PassiveTorque, index_of
 
 NOTHING: Mapping[str, float] = {}
 PASSIVE = "passive_"
@@ -21,21 +21,26 @@ def with_passive_dynamics(
     stiffness: Mapping[str, float] = NOTHING,
     rest: Mapping[str, float] = NOTHING,
     viscosity: Mapping[str, float] = NOTHING,
+    bushings: Sequence[Bushing] = (),
 ) -> Model:
-    """The model with passive torques at coordinates and viscosity along muscles.
+    """The model with passive torques at coordinates, bushings at joints and viscosity along muscles.
 
         tau_passive = -stiffness (q - rest) - damping qdot,    f = viscosity * lengthening velocity
 
     A coordinate's torque is named "passive_<coordinate>" and replaces an earlier one of that name; springs
-    and limits that the model has under other names stay. A muscle's viscosity replaces what it had.
+    and limits that the model has under other names stay. So does a bushing replace one of its name, and a
+    muscle's viscosity what it had. All of it is written into `.osim` in forms that OpenSim honours
+    (SpringGeneralizedForce, BushingForce, ExpressionBasedPathForce) and read back.
 
     Parameters
     ----------
-    damping : of coordinates [N m s/rad or N s/m]; `identify.coordinate_damping` makes them from the
+    damping : of coordinates [N m s/rad or N s/m]; `identify.coordinate_damping.coordinate_damping` makes them from the
         damping of a ball joint
     stiffness, rest : of coordinates [N m/rad or N/m], [rad or m]; at rest by default where the coordinate's
         default is
     viscosity : of muscles [N s/m]; see `strand_viscosity`
+    bushings : `identify.joint_bushing.joint_bushing` makes one of the damping of a ball joint, which expresses
+        it better than dampers of coordinates
 
     Raises
     ------
@@ -57,11 +62,12 @@ def with_passive_dynamics(
     added = [_spring(model, name, damping, stiffness, rest) for name in dict.fromkeys((*damping, *stiffness))]
     for name in viscosity:
         index_of("muscle", name, model.muscle_names)
-    names = {one.name for one in added}
+    names = {one.name for one in added} | {one.name for one in bushings}
     return replace(
         model,
         passive_torques=(*(one for one in model.passive_torques if one.name not in names), *added),
         kept=tuple(one for one in model.kept if one.name not in names),
+        bushings=(*(one for one in model.bushings if one.name not in names), *bushings),
         muscles=tuple(replace(one, viscosity=viscosity.get(one.name, one.viscosity)) for one in model.muscles),
     )
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
-from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
+from myomorph.model.model import GROUND, Actuator, Axis, Body, Bushing, Coordinate, Coupler, Joint, Loop, Mesh, Model
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.spatial import Array, Transform
+
+Tie = TypeVar("Tie", Loop, Bushing)
 
 FIBER_LENGTHS = ("L0", "LT", "lengthrange0", "lengthrange1")
 
@@ -65,7 +67,8 @@ def scale(
         wrap_objects=tuple(_wrap(one, sizes[one.body]) for one in model.wrap_objects),
         muscles=tuple(replace(one, path=_path(one.path, sizes)) for one in model.muscles),
         actuators=tuple(_actuator(one, sizes) for one in model.actuators),
-        loops=tuple(_loop(one, sizes) for one in model.loops),
+        loops=tuple(_tied(one, sizes) for one in model.loops),
+        bushings=tuple(_tied(one, sizes) for one in model.bushings),
     )
     if path_lengths is None:
         return result
@@ -271,9 +274,9 @@ def _actuator(actuator: Actuator, sizes: Mapping[str, Array]) -> Actuator:
     )
 
 
-def _loop(loop: Loop, sizes: Mapping[str, Array]) -> Loop:
+def _tied(tie: Tie, sizes: Mapping[str, Array]) -> Tie:
     return replace(
-        loop,
-        pose_1=_shifted(loop.pose_1, sizes[loop.body_1]),
-        pose_2=_shifted(loop.pose_2, sizes[loop.body_2]),
+        tie,
+        pose_1=_shifted(tie.pose_1, sizes[tie.body_1]),
+        pose_2=_shifted(tie.pose_2, sizes[tie.body_2]),
     )

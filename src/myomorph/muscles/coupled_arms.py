@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.spatial import Array
+from myomorph.rigid.bushings import angular_velocities
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import gather_dependents
 from myomorph.rigid.loops import RANK, closure_jacobian
@@ -136,11 +137,7 @@ def _leads(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:
 
 
 def _turn(tree: Tree, group: LoopGroup, coordinates: Array, leads: Array) -> None:
-    """Make angular velocities of the rates of three angles x, y, z turned about body-fixed axes in this order.
-
-    omega = (1, 0, 0) xdot + (0, cos x, sin x) ydot + (sin y, -sin x cos y, cos x cos y) zdot along the axes before
-    they are turned.
-    """
+    """Make angular velocities of the rates of three angles turned about body-fixed axes, in `TURNING` joints."""
     names = tree.model.coordinate_names
     places = {int(j): place for place, j in enumerate(group.coordinates)}
     for joint in tree.model.joints:
@@ -151,9 +148,5 @@ def _turn(tree: Tree, group: LoopGroup, coordinates: Array, leads: Array) -> Non
         if not places.keys() >= set(members):
             continue
         rows = [places[j] for j in members]
-        x, y = coordinates[:, members[0]], coordinates[:, members[1]]
-        turn = np.zeros((len(coordinates), 3, 3))
-        turn[:, 0, 0] = 1.0
-        turn[:, :, 1] = np.stack([np.zeros_like(x), np.cos(x), np.sin(x)], axis=1)
-        turn[:, :, 2] = np.stack([np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)], axis=1)
+        turn = angular_velocities(coordinates[:, members[0]], coordinates[:, members[1]])
         leads[:, rows] = turn @ leads[:, rows]

@@ -1,4 +1,4 @@
-"""Generalized forces of what resists by itself: springs, dampers and limits of joints, and viscosity of muscles."""
+"""Generalized forces of what resists by itself: springs, limits and bushings of joints, and viscosity of muscles."""
 
 from __future__ import annotations
 
@@ -8,16 +8,38 @@ import numpy as np
 
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
+from myomorph.model.spatial import Array
 from myomorph.muscles.hill import viscosities
 from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.bushings import bushing_forces
 from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.tree import Tree, compile_tree
+
+
+def joint_forces(tree: Tree, coordinates: Array, rates: Array, without: Collection[str] = ()) -> Array:
+    """What passive torques and bushings do at every coordinate, (frames, coordinates) [N m or N].
+
+    Parameters
+    ----------
+    coordinates, rates : (frames, coordinates) consistent
+    without : names that are left out, see `passive_generalized_forces`
+    """
+    model, left_out = tree.model, set(without)
+    tau = np.zeros_like(coordinates)
+    for one in model.passive_torques:
+        if not {one.name, one.name.removesuffix("_upper"), one.name.removesuffix("_lower")} & left_out:
+            j = model.coordinate_names.index(one.coordinate)
+            tau[:, j] += one.total(coordinates[:, j], rates[:, j])
+    bushings = [one for one in model.bushings if one.name not in left_out]
+    if bushings:
+        tau += bushing_forces(tree, bushings, coordinates, rates)
+    return tau
 
 
 def passive_generalized_forces(model: Model, motion: Motion, without: Collection[str] = ()) -> Series:
-    """What the model's passive torques and its muscles' viscosity do at every coordinate.
+    """What the model's passive torques, bushings and the muscles' viscosity do at every coordinate.
 
-        tau = sum torque(q) - damping(q) qdot  +  R^T (viscosity * lengthening velocity)
+        tau = sum torque(q) - damping(q) qdot  +  bushings  +  R^T (viscosity * lengthening velocity)
 
     Every coordinate keeps its own share, as in `inverse_dynamics`: taken off its torques, this leaves what
     muscles and reserves have to give. Elastic passive force of muscles is not part of it.
@@ -25,7 +47,7 @@ def passive_generalized_forces(model: Model, motion: Motion, without: Collection
     Parameters
     ----------
     motion : with velocities; a coordinate it lacks rests at its default
-    without : names of passive torques (a limit's, with or without "_upper" or "_lower") and of muscles'
+    without : names of passive torques (a limit's, with or without "_upper" or "_lower"), bushings and muscles'
         dampers ("<muscle>_viscosity") that are left out
 
     Returns
@@ -39,18 +61,14 @@ def passive_generalized_forces(model: Model, motion: Motion, without: Collection
     """
     tree = compile_tree(model)
     coordinates, rates = rates_of(tree, motion)
-    tau = np.zeros_like(coordinates)
-    for one in model.passive_torques:
-        if not {one.name, one.name.removesuffix("_upper"), one.name.removesuffix("_lower")} & set(without):
-            j = model.coordinate_names.index(one.coordinate)
-            tau[:, j] += one.total(coordinates[:, j], rates[:, j])
+    tau = joint_forces(tree, coordinates, rates, without)
     viscosity = viscosities(model) * [f"{name}_viscosity" not in without for name in model.muscle_names]
     if viscosity.any():
         tau += _of_muscles(model, motion, viscosity)
     return Series(motion.time, model.coordinate_names, tau)
 
 
-def _of_muscles(model: Model, motion: Motion, viscosity: np.ndarray) -> np.ndarray:
+def _of_muscles(model: Model, motion: Motion, viscosity: Array) -> Array:
     """(frames, coordinates) generalized forces of dampers along muscles."""
     moved = muscle_kinematics(model, motion)
     assert moved.arms is not None

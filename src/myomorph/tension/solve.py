@@ -13,6 +13,7 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
 from myomorph.muscles.hill import Convention, compile_hill, fill_hill_forces, viscosities
+from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import loop_slopes, refuse_open
 from myomorph.rigid.dynamics import rates_of
@@ -33,7 +34,7 @@ class TensionOptions:
     exponent : p, 1.2 to 5, in sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u
     weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
     passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
-        (passive torques of the model's joints always take part, as there)
+        (passive torques and bushings of the model's joints always take part, as there)
     viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that have none. It
         does in OpenSim, where it is a force of its own beside the muscle's
     curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
@@ -209,10 +210,7 @@ def tension_problem(
     if not any(muscle.enabled for muscle in model.muscles):
         raise BadModel(f"model '{model.name}' has no muscle that is switched on")
     refuse_open(tree, coordinates)
-    tau = _torques_of(tree, motion, torques)
-    for one in model.passive_torques:
-        j = model.coordinate_names.index(one.coordinate)
-        tau[:, j] -= one.total(coordinates[:, j], rates[:, j])
+    tau = _torques_of(tree, motion, torques) - joint_forces(tree, coordinates, rates)
     return TensionProblem(tree, helpers, options, coordinates, rates, tau), names
 
 

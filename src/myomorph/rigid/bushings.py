@@ -1,0 +1,81 @@
+"""Generalized forces of bushings: springs and dampers between two frames, in OpenSim's coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.model.model import Bushing
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import ROTATION, Tree
+
+
+def bushing_forces(tree: Tree, bushings: Sequence[Bushing], coordinates: Array, rates: Array) -> Array:
+    """What bushings do at every coordinate, (frames, coordinates) [N m or N].
+
+        tau = -B^T (K q + D B cdot),   B = dq/dc
+
+    with q (6,) the body-fixed x-y-z angles and the origin of the second frame seen from the first. Dependent
+    coordinates keep their own share.
+
+    Parameters
+    ----------
+    coordinates, rates : (frames, coordinates) consistent
+    """
+    tau = np.zeros_like(coordinates)
+    poses = forward_kinematics(tree, coordinates)
+    for one in bushings:
+        q, B = deflection(tree, poses, one)
+        stiffness = np.concatenate([one.rotational_stiffness, one.translational_stiffness])
+        damping = np.concatenate([one.rotational_damping, one.translational_damping])
+        force = stiffness * q + damping * np.einsum("fij,fj->fi", B, rates)
+        tau -= np.einsum("fij,fi->fj", B, force)
+    return tau
+
+
+def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> tuple[Array, Array]:
+    """A bushing's q (frames, 6) and dq/dc (frames, 6, coordinates); singular where the middle angle is 90 degrees."""
+    ends = []
+    for body, pose in ((bushing.body_1, bushing.pose_1), (bushing.body_2, bushing.pose_2)):
+        b = tree.body_index[body]
+        R = poses.rotations[:, b]
+        ends.append((b, R @ pose.rotation, poses.origins[:, b] + R @ pose.translation))
+    (b1, R1, x1), (b2, R2, x2) = ends
+    towards = np.swapaxes(R1, 1, 2)
+    Q = towards @ R2
+    x, y = np.arctan2(-Q[:, 1, 2], Q[:, 2, 2]), np.arcsin(np.clip(Q[:, 0, 2], -1.0, 1.0))
+    z = np.arctan2(-Q[:, 0, 1], Q[:, 0, 0])
+    apart = np.einsum("fij,fj->fi", towards, x2 - x1)
+    # Both bodies' motion at the second frame's origin: what is left turns or moves one frame against the other.
+    moved = jacobian_frames(tree, poses, b2, x2) - jacobian_frames(tree, poses, b1, x2)
+    B = np.concatenate(
+        [np.linalg.solve(angular_velocities(x, y), towards @ moved[:, :3]), towards @ moved[:, 3:]], axis=1
+    )
+    return np.column_stack([x, y, z, apart]), B
+
+
+def angular_velocities(x: Array, y: Array) -> Array:
+    """E (frames, 3, 3): angular velocity along the first frame = E (xdot, ydot, zdot) of body-fixed angles x, y, z."""
+    E = np.zeros((len(x), 3, 3))
+    E[:, 0, 0] = 1.0
+    E[:, 1, 1], E[:, 2, 1] = np.cos(x), np.sin(x)
+    E[:, 0, 2], E[:, 1, 2], E[:, 2, 2] = np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)
+    return E
+
+
+def jacobian_frames(tree: Tree, poses: Poses, body: int, points: Array) -> Array:
+    """`Poses.jacobian` of all frames at once: (frames, 6, coordinates) at points (frames, 3) in ground [m]."""
+    arrays = tree.arrays
+    columns = np.zeros((len(points), 6, len(tree.model.coordinates)))
+    for k in np.flatnonzero(tree.supports[body]):
+        w = poses.axis_directions[:, k]
+        if arrays.axis_kind[k] == ROTATION:
+            twist = np.concatenate([w, np.cross(w, points - poses.axis_points[:, k])], axis=1)
+        else:
+            twist = np.concatenate([np.zeros_like(w), w], axis=1)
+        for s, j in enumerate(arrays.axis_coordinate[k]):
+            if j >= 0:
+                columns[:, :, j] += poses.axis_slopes[:, k, s, None] * twist
+    return columns
