@@ -15,6 +15,7 @@ from benchmarks import (
     accuracy_masspoints,
     accuracy_models,
     accuracy_muscles,
+    accuracy_pendulum,
     accuracy_regressor,
     accuracy_scale,
     accuracy_shape,
@@ -66,6 +67,9 @@ def run() -> list[Row]:
         "identification": lambda: accuracy_identification.measure(folder),
         "identification_prototype": lambda: accuracy_identification.measure_prototype(folder),
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
+        "pendulum_inertias": lambda: accuracy_pendulum.measure_inertias(folder / "pendulum-swing-inertia"),
+        "pendulum_damping": lambda: accuracy_pendulum.measure_decay(folder / "pendulum-swing-inertia"),
+        "pendulum_period": lambda: accuracy_pendulum.measure_periods(folder / "pendulum-swing-inertia"),
         "cohort": accuracy_cohort.measure,
     }
     document = (TEXT / "head.md").read_text()
