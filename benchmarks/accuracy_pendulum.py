@@ -26,6 +26,8 @@ Numbers = Mapping[str, tuple[float, float]]
 
 def measure_decay(folder: Path) -> Iterator[Row]:
     """Laws of damping fitted to the recorded swing of a fork."""
+    if not folder.exists():
+        return
     time, signal = _recording(folder)
     fits = compare_decays(time, signal)
     least = min(one.bic for one in fits)
@@ -44,6 +46,8 @@ def measure_decay(folder: Path) -> Iterator[Row]:
 
 def measure_periods(folder: Path) -> Iterator[Row]:
     """Period, damping and inertia of the fork from the recording, beside what the authors print."""
+    if not folder.exists():
+        return
     measured, printed = (_numbers(folder / f"Browser{kind}.txt") for kind in ("Measured", "Benchmark"))
     time, signal = _recording(folder)
     as_authors = fit_decay(*_their_part(time, signal), ("viscous",), bend=False)
@@ -68,7 +72,7 @@ def measure_periods(folder: Path) -> Iterator[Row]:
 
 def measure_inertias(folder: Path) -> Iterator[Row]:
     """Geometry, mass centers and inertias from the authors' measured periods and lengths, by our formulas."""
-    for bicycle in BICYCLES:
+    for bicycle in BICYCLES if folder.exists() else ():
         measured, printed = (_numbers(folder / f"{bicycle}{kind}.txt") for kind in ("Measured", "Benchmark"))
         for kind, names in (
             ("geometry", ("rF", "rR", "lam", "c", "w")),
