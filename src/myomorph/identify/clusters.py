@@ -16,6 +16,9 @@ from myomorph.model.spatial import Array
 REPAIRED = 0.9
 """Share of the doubtful frames that a change of labels must put right to be believed."""
 
+LONG = 0.05
+"""Share of a trial from which a marker that is unseen is named."""
+
 Relabel = dict[int, int]
 
 
@@ -165,17 +168,23 @@ def _leave_out(clusters: Clusters, values: Array, bone: str, frames: np.ndarray,
 
 
 def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str]:
-    notes = []
+    """Markers unseen for long, a line each; all that blink, in one."""
+    notes, blinking = [], 0
     for bone, own in clusters.columns.items():
-        for column in own:
-            gone = np.flatnonzero(~np.isfinite(values[:, column]).all(axis=1))
-            if len(gone):
-                left = int(np.isfinite(values[gone[:, None], own]).all(axis=2).sum(axis=1).min())
-                solved = "the bone is still solved with its joint" if left >= 2 else "the bone follows the others"
-                notes.append(
-                    f"trial '{name}': marker '{clusters.names[column]}' of '{bone}' is unseen {_when(time, gone)}; at "
-                    f"least {left} left there, {solved}"
-                )
+        seen = np.isfinite(values[:, own]).all(axis=2)
+        for i, column in enumerate(own):
+            gone = np.flatnonzero(~seen[:, i])
+            if len(gone) < LONG * len(values):
+                blinking += bool(len(gone))
+                continue
+            left = int(seen[gone].sum(axis=1).min())
+            how = "it is still solved with its joints" if left == 2 else "it follows the bones beside it"
+            notes.append(
+                f"trial '{name}': marker '{clusters.names[column]}' is unseen {_when(time, gone)}; '{bone}' has {left} "
+                f"left there, {how}"
+            )
+    if blinking:
+        notes.append(f"trial '{name}': {blinking} markers are unseen now and then, each under {100 * LONG:.0f} % of it")
     return notes
 
 

@@ -121,9 +121,9 @@ def joint_center(source: Anatomy, base: str, first: str) -> tuple[Array, Array, 
     directions, points = poses.axis_directions[0, axes], poses.axis_points[0, axes]
     away = np.eye(3) - np.einsum("ai,aj->aij", directions, directions)
     origin = source.pose(first).translation
-    # The pull towards the origin decides only where the axes leave a direction open.
-    pull = 1e-9 * np.eye(3)
-    center = np.linalg.solve(away.sum(axis=0) + pull, np.einsum("aij,aj->i", away, points) + pull @ origin)
+    # The shortest way from the origin, where parallel axes leave a direction open.
+    miss = np.einsum("aij,aj->ai", away, points - origin)
+    center = origin + np.linalg.lstsq(away.reshape(-1, 3), miss.ravel(), rcond=1e-6)[0]
     distance = np.linalg.norm(np.einsum("aij,aj->ai", away, center - points), axis=1).max()
     return center, directions, float(distance)
 

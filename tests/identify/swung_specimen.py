@@ -1,0 +1,222 @@
+"""A specimen swung by an integrator of its own: markers without noise, wrench without noise, and the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from myomorph.identify.made_clusters import with_clusters
+from myomorph.identify.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.identify.specimen_bodies import moved_parameters
+from myomorph.model.functions import linear
+from myomorph.model.inertia import inertia_matrices, inertial_parameters
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, Path, PathPoint
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.spatial import Array, Transform, axis_rotation
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+STEP = 1e-3
+EVERY = 5
+"""Samples of the plate, 1000 Hz, a frame of the markers, 200 Hz."""
+
+HELD = {"elbow": 0.35, "forearm": -0.4, "wrist_a": 0.1, "wrist_b": -0.15}
+
+
+CENTER = (-0.01, -0.03, 0.01)
+"""Of the shoulder, in the scapula [m]."""
+
+PATHS = {
+    "front": [("scapula", (0.02, -0.02, 0.02)), ("humerus", (0.01, -0.09, 0.015))],
+    "back_1": [("scapula", (-0.07, -0.03, -0.03)), ("humerus", (-0.01, -0.04, 0.01))],
+    "back_2": [("scapula", (-0.06, -0.07, -0.03)), ("humerus", (-0.012, -0.05, 0.0))],
+    "long": [("scapula", (-0.01, -0.055, 0.02)), ("humerus", (0.0, -0.2, 0.03)), ("ulna", (0.02, -0.02, 0.0))],
+    "chest": [("trunk", (0.1, 0.3, 0.05)), ("humerus", (0.01, -0.06, 0.0))],
+}
+FORCES = {"front": 300.0, "back_1": 100.0, "back_2": 300.0, "long": 200.0, "chest": 200.0}
+
+
+def arm_model() -> Model:
+    """A trunk, a scapula on it, an arm on a chain with a phantom body, a wrist of two axes, and muscles."""
+
+    def body(name: str, mass: float, center: tuple[float, float, float]) -> Body:
+        return Body(name, mass, np.array(center), mass * np.diag([0.004, 0.001, 0.004]))
+
+    def joint(name: str, parent: str, child: str, at, axes=(), turn=(0.0, 0.0, 0.0)) -> Joint:
+        frame = Transform.from_euler_xyz(turn, at)
+        made = tuple(Axis("rotation", np.eye(3)["xyz".index(axis)], linear(1.0), (one,)) for axis, one in axes)
+        return Joint(name, "made", parent, child, frame, Transform.identity(), made, tuple(one for _, one in axes))
+
+    def path(name: str) -> Path:
+        return Path(tuple(PathPoint(f"{name}{i}", one, np.array(at)) for i, (one, at) in enumerate(PATHS[name])))
+
+    bodies = (
+        body("trunk", 20.0, (0.0, 0.1, 0.0)),
+        body("scapula", 0.5, (-0.04, -0.03, -0.04)),
+        body("phantom", 1e-4, (0.0, 0.0, 0.0)),
+        body("humerus", 1.2, (0.01, -0.14, -0.01)),
+        body("ulna", 0.4, (0.01, -0.1, 0.02)),
+        body("radius", 0.3, (0.01, -0.12, 0.01)),
+        body("carpus", 0.1, (0.0, -0.01, 0.0)),
+        body("hand", 0.2, (0.0, -0.06, 0.0)),
+        body("finger", 0.05, (0.0, -0.02, 0.0)),
+    )
+    joints = (
+        joint("root", GROUND, "trunk", (0.0, 1.0, 0.0), [("y", "heading")]),
+        joint("scapulothoracic", "trunk", "scapula", (0.0, 0.4, 0.15), [("y", "protraction")], (0.1, -0.5, 0.2)),
+        joint(
+            "plane", "scapula", "phantom", (-0.01, -0.03, 0.01), [("y", "plane"), ("x", "elevation")], (0.0, 0.4, 0.1)
+        ),
+        joint("rotation", "phantom", "humerus", (0.0, 0.0, 0.0), [("y", "rotation")]),
+        joint("elbow", "humerus", "ulna", (0.005, -0.29, -0.01), [("z", "elbow")], (0.05, 0.0, 0.1)),
+        joint("forearm", "ulna", "radius", (0.0, -0.01, 0.02), [("y", "forearm")]),
+        joint("wrist", "radius", "carpus", (0.02, -0.23, 0.01), [("x", "wrist_a")], (0.0, 0.3, 0.0)),
+        joint("palm", "carpus", "hand", (0.0, -0.02, 0.0), [("z", "wrist_b")]),
+        joint("finger", "hand", "finger", (0.0, -0.09, 0.0), [("z", "grip")]),
+    )
+    names = [name for one in joints for name in one.coordinates]
+    coordinates = tuple(Coordinate(name, default=0.2 if name == "elevation" else 0.0) for name in names)
+    muscles = tuple(Muscle(name, "made", path(name), FORCES[name], 0.1, 0.1) for name in PATHS)
+    return Model("arm", bodies, joints, coordinates, np.array([0.0, -9.81, 0.0]), muscles=muscles)
+
+
+NAMES = SpecimenNames(
+    "scapula",
+    "humerus",
+    ("ulna", "radius", "hand"),
+    {"front": ("front",), "back": ("back_1", "back_2"), "long": ("long",)},
+)
+
+
+def arm_specimen() -> Specimen:
+    """The specimen of the made arm, on a plate somewhere in the laboratory, with clusters."""
+    specimen = with_clusters(build_specimen(arm_model(), NAMES))
+    stand = Transform.from_euler_xyz((0.3, -1.1, 0.2), (0.4, 1.3, -0.2))
+    return specimen.standing(stand)
+
+
+@dataclass(frozen=True, eq=False)
+class Swung:
+    """A recording with what is true of it.
+
+    Attributes
+    ----------
+    rotations, rates : (frames, 3, 3), (frames, 3) of the humerus in ground, and in its own axes
+    parameters : (10,) of the limb about the joint's center
+    """
+
+    trial: SwingTrial
+    rotations: Array
+    rates: Array
+    parameters: Array
+    damping: float
+
+
+def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
+    """(10,) of all bones of the limb about the joint's center, along the humerus' axes, at held angles."""
+    model = specimen.model
+    tree = compile_tree(model)
+    values = np.array([[held.get(name, 0.0) for name in model.coordinate_names]])
+    poses = forward_kinematics(tree, values)
+
+    def pose(name: str) -> Transform:
+        b = tree.body_index[name]
+        return Transform(poses.rotations[0, b], poses.origins[0, b])
+
+    frame = pose(specimen.first) @ Transform(np.eye(3), specimen.center_in_limb)
+    table = dict(zip(model.body_names, inertial_parameters(model), strict=True))
+    return sum(moved_parameters(table[name], frame.inverse() @ pose(name)) for name in specimen.limb)
+
+
+def swing(
+    specimen: Specimen,
+    name: str = "swing",
+    release: tuple[float, float, float] = (0.6, 0.2, -0.5),
+    seconds: float = 6.0,
+    damping: float = 0.05,
+    held: dict[str, float] | None = None,
+    hold: float = 0.0,
+) -> Swung:
+    """Let the limb go, turned by a rotation vector from hanging; a hand holds it for the first `hold` seconds."""
+    held = HELD if held is None else held
+    phi = limb_parameters(specimen, held)
+    mass, h, inertia = phi[0], phi[1:4], inertia_matrices(phi)
+    gravity = specimen.model.gravity
+    hanging = _turn_onto(h / np.linalg.norm(h), gravity / np.linalg.norm(gravity))
+    angle = float(np.linalg.norm(release))
+    start = hanging @ axis_rotation(np.array(release) / angle, angle)
+    inverse = np.linalg.inv(inertia)
+
+    def turning(R: Array, w: Array) -> Array:
+        moment = np.cross(h, np.einsum("...ji,j->...i", R, gravity)) - damping * w - np.cross(w, w @ inertia)
+        return moment @ inverse
+
+    def change(_, state: Array) -> Array:
+        R, w = state[:9].reshape(3, 3), state[9:]
+        x, y, z = w
+        spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.concatenate([(R @ spin).ravel(), turning(R, w)])
+
+    time = STEP * np.arange(round(seconds / STEP))
+    after = time >= hold
+    begin = np.concatenate([start.ravel(), np.zeros(3)])
+    states = np.tile(begin, (len(time), 1))
+    solved = solve_ivp(
+        change, (hold, seconds), begin, method="DOP853", t_eval=time[after], rtol=1e-10, atol=1e-11, max_step=0.05
+    )
+    states[after] = solved.y.T
+    R, w = states[:, :9].reshape(-1, 3, 3), states[:, 9:]
+    a = np.where(after[:, None], turning(R, w), 0.0)
+    wrench = np.empty((len(time), 6))
+    wrench[:, :3] = np.einsum("fij,fj->fi", R, -damping * w)
+    wrench[:, 3:] = np.einsum("fij,fj->fi", R, np.cross(a, h) + np.cross(w, np.cross(w, h))) - mass * gravity
+    wrench[~after, 3:] *= 0.3  # The hand carries the rest.
+    center = specimen.center_in_ground
+    point = np.tile(center + [0.1, 0.0, -0.05], (len(time), 1))
+    torque = wrench[:, :3] - np.cross(point - center, wrench[:, 3:])
+    wrenches = Wrenches(time, ("plate",), ("",), wrench[:, None, 3:], point[:, None], torque[:, None])
+    seen = R[::EVERY]
+    markers = markers_of(specimen, time[::EVERY], seen, held)
+    return Swung(SwingTrial(name, markers, wrenches), seen, w[::EVERY], phi, damping)
+
+
+def _turn_onto(one: Array, other: Array) -> Array:
+    axis = np.cross(one, other)
+    size = float(np.linalg.norm(axis))
+    return axis_rotation(axis / size, float(np.arctan2(size, one @ other)))
+
+
+def markers_of(specimen: Specimen, time: Array, rotations: Array, held: dict[str, float]) -> Markers:
+    """Where the clusters are while the humerus has rotations (frames, 3, 3) in ground."""
+    model = specimen.model
+    center, in_limb = (Transform(np.eye(3), place) for place in (specimen.center, specimen.center_in_limb))
+    joints = tuple(
+        replace(one, axes=(), coordinates=(), parent_frame=center, child_frame=in_limb)
+        if one.child == specimen.first
+        else one
+        for one in model.joints
+    )
+    coordinates = tuple(
+        replace(one, default=held.get(one.name, 0.0))
+        for one in model.coordinates
+        if one.name not in specimen.joint_coordinates
+    )
+    straight = replace(model, joints=joints, muscles=(), coordinates=coordinates)
+    tree = compile_tree(straight)
+    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    columns = []
+    about = specimen.center_in_ground
+    base = tree.body_index[specimen.base]
+    for one in model.markers:
+        b = tree.body_index[one.body]
+        place = poses.points(np.array([b]), one.location[None])[0, 0]
+        if b == base:
+            columns.append(np.tile(place, (len(time), 1)))
+        else:
+            # Straight, the humerus has the rotation of the base.
+            arm = poses.rotations[0, base].T @ (place - about)
+            columns.append(about + np.einsum("fij,j->fi", rotations, arm))
+    return Markers(time, tuple(one.name for one in model.markers), np.stack(columns, axis=1))
