@@ -1,0 +1,253 @@
+"""Bones from clusters: the truth comes back, in any laboratory, and what is wrong with markers is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from swung_specimen import HELD, Swung, arm_specimen, markers_of, swing
+
+from myomorph.identify.specimen import SwingTrial
+from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.model.errors import BadData
+from myomorph.model.series import Markers
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+MARKERS_ONLY = TrackingOptions(clock=False, find_touch=False)
+SPECIMEN = arm_specimen()
+
+
+@lru_cache(maxsize=1)
+def swung() -> Swung:
+    return swing(SPECIMEN, seconds=4.0)
+
+
+def with_markers(trial: SwingTrial, change) -> SwingTrial:
+    """The trial with its marker values changed: `change(values, column of a name)`."""
+    values = np.array(trial.markers.values)
+    change(values, {name: i for i, name in enumerate(trial.markers.names)})
+    return replace(trial, markers=replace(trial.markers, values=values))
+
+
+def rotations(tracked: TrackedSpecimen, trial: int = 0) -> Array:
+    """(frames, 3, 3) of the humerus in ground."""
+    pendulum = compile_tree(tracked.specimen.pendulum)
+    return forward_kinematics(pendulum, pendulum.coordinates_of(tracked.trials[trial].motion)).rotations[:, 1]
+
+
+def apart(one: Array, other: Array) -> Array:
+    """(frames,) angles between rotations [degrees]."""
+    return np.degrees(2.0 * np.arcsin(np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0)))
+
+
+def test_exact_markers_give_the_exact_motion_base_and_held_angles():
+    truth = swung()
+    tracked = track(SPECIMEN, [truth.trial], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert tracked.held == pytest.approx(HELD, abs=1e-7)
+    np.testing.assert_allclose(tracked.specimen.center_in_ground, SPECIMEN.center_in_ground, atol=1e-8)
+    assert tracked.trials[0].rms.max() < 1e-8
+    assert not tracked.slips
+    assert not tracked.trials[0].notes
+
+
+def test_noise_of_a_third_of_a_millimeter():
+    """Clusters with arms of 30 to 50 mm; the limb's twelve markers together, every frame by itself."""
+    truth = swung()
+    rng = np.random.default_rng(3)
+    noisy = with_markers(
+        truth.trial, lambda values, _: np.add(values, 3e-4 * rng.normal(size=values.shape), out=values)
+    )
+    tracked = track(SPECIMEN, [noisy], MARKERS_ONLY)
+    error = np.degrees(Rotation.from_matrix(np.einsum("fji,fjk->fik", truth.rotations, rotations(tracked))).as_rotvec())
+    # About the humerus' length the clusters' width counts, about the others the limb's length.
+    assert np.sqrt(np.mean(error**2, axis=0)) == pytest.approx([0.017, 0.105, 0.013], rel=0.25)
+    assert np.degrees(max(abs(tracked.held[name] - HELD[name]) for name in HELD)) < 0.03
+    assert np.linalg.norm(tracked.specimen.center_in_ground - SPECIMEN.center_in_ground) < 2e-5
+
+
+def test_a_turned_laboratory_changes_nothing():
+    truth = swung()
+    turn = Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix()
+    trial = truth.trial
+    wrenches = replace(
+        trial.wrenches, **{name: getattr(trial.wrenches, name) @ turn.T for name in ("forces", "points", "torques")}
+    )
+    turned = replace(trial, markers=trial.markers.rotated(turn), wrenches=wrenches)
+    here = track(SPECIMEN, [trial], MARKERS_ONLY)
+    there = track(SPECIMEN.turned(turn), [turned], MARKERS_ONLY)
+    np.testing.assert_allclose(there.trials[0].motion.values, here.trials[0].motion.values, atol=1e-7)
+    np.testing.assert_allclose(rotations(there), turn @ rotations(here), atol=1e-7)
+    moved = here.trials[0].wrench.reshape(-1, 2, 3) @ turn.T
+    np.testing.assert_allclose(there.trials[0].wrench.reshape(-1, 2, 3), moved, atol=1e-6)
+
+
+def test_a_base_whose_angles_would_be_singular_is_tracked_as_any_other():
+    for angles in ((0.0, np.pi / 2, 0.0), (3.0, -np.pi / 2, 1.0)):
+        turn = Rotation.from_euler("XYZ", angles).as_matrix()
+        truth = swung()
+        turned = replace(truth.trial, markers=truth.trial.markers.rotated(turn))
+        tracked = track(SPECIMEN, [turned], MARKERS_ONLY)
+        assert apart(rotations(tracked), turn @ truth.rotations).max() < 1e-5
+
+
+@pytest.mark.parametrize("part", [slice(None), slice(200, 420)])
+@pytest.mark.parametrize(
+    ("one", "other"), [("humerus_1", "humerus_3"), ("ulna_2", "radius_2"), ("scapula_1", "hand_3")]
+)
+def test_swapped_markers_are_put_right(one, other, part):
+    truth = swung()
+
+    def exchange(values, column):
+        first = values[part, column[one]].copy()
+        values[part, column[one]] = values[part, column[other]]
+        values[part, column[other]] = first
+
+    tracked = track(SPECIMEN, [with_markers(truth.trial, exchange)], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    (note,) = tracked.trials[0].notes
+    assert f"'{one}' and '{other}'" in note
+    assert "put right" in note
+    assert ("throughout" if part == slice(None) else "between 1.00 and 2.10 s") in note
+
+
+def test_a_lost_marker_leaves_the_bone_solved():
+    truth = swung()
+
+    def hide(values, column):
+        values[100:500, column["humerus_2"]] = np.nan
+        values[300:350, column["scapula_1"]] = np.nan
+
+    tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    notes = " ".join(tracked.trials[0].notes)
+    assert "'humerus_2' is unseen in 400 frames between 0.50 and 2.50 s; 'humerus' has 2 left" in notes
+
+
+def test_a_whole_cluster_lost_follows_the_bones_beside_it():
+    truth = swung()
+
+    def hide(values, column):
+        for i in (1, 2, 3):
+            values[200:400, column[f"humerus_{i}"]] = np.nan
+
+    tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert any("'humerus' has 0 left" in note for note in tracked.trials[0].notes)
+
+
+def test_nothing_of_the_limb_seen_is_no_pose():
+    truth = swung()
+
+    def hide(values, column):
+        for name, i in column.items():
+            if not name.startswith("scapula"):
+                values[200:260, i] = np.nan
+
+    tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
+    lost = ~np.isfinite(tracked.trials[0].motion.values).all(axis=1)
+    assert lost[200:260].all()
+    assert not lost[:200].any()
+    assert not lost[260:].any()
+
+
+def test_a_marker_that_is_not_on_its_bone_is_left_out():
+    truth = swung()
+    tracked = track(
+        SPECIMEN,
+        [with_markers(truth.trial, lambda values, column: values[150:250, column["radius_1"]].__iadd__(0.03))],
+        MARKERS_ONLY,
+    )
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert any("'radius_1' is off its cluster in 100 frames" in note for note in tracked.trials[0].notes)
+
+
+def test_another_cluster_than_the_models_is_refused():
+    truth = swung()
+
+    def grow(values, column):
+        own = [column[f"ulna_{i}"] for i in (1, 2, 3)]
+        middle = values[:, own].mean(axis=1, keepdims=True)
+        values[:, own] = middle + 1.3 * (values[:, own] - middle)
+
+    with pytest.raises(BadData, match="the markers of 'ulna' are not the model's cluster"):
+        track(SPECIMEN, [with_markers(truth.trial, grow)], MARKERS_ONLY)
+
+
+@pytest.mark.parametrize(("joint", "by"), [("elbow", 0.12), ("wrist_a", -0.2)])
+def test_a_wire_that_slips_is_named_and_followed(joint, by):
+    truth = swung()
+    time = truth.trial.markers.time
+    after = markers_of(SPECIMEN, time, truth.rotations, HELD | {joint: HELD[joint] + by})
+    values = np.where((time > 2.5)[:, None, None], after.values, truth.trial.markers.values)
+    slipped = replace(truth.trial, markers=Markers(time, after.names, values))
+    whole = replace(truth.trial, name="whole")
+    tracked = track(SPECIMEN, [slipped, whole], MARKERS_ONLY)
+    (slip,) = tracked.slips
+    assert (slip.trial, slip.what, slip.lasting) == ("swing", joint, True)
+    assert slip.time == pytest.approx(2.5, abs=0.05)
+    assert slip.amount == pytest.approx(abs(by), rel=0.05)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-3
+    assert any("a wire slipped" in note for note in tracked.trials[0].notes)
+    assert not tracked.trials[1].notes
+
+
+def test_a_base_that_moves_on_its_plate_is_named():
+    truth = swung()
+    moved = with_markers(truth.trial, lambda values, _: values[500:].__iadd__([0.0, 0.0, 0.006]))
+    tracked = track(SPECIMEN, [moved], MARKERS_ONLY)
+    assert [slip.what for slip in tracked.slips] == ["base"]
+    assert any("the base moves" in note and "6.0 mm" in note for note in tracked.trials[0].notes)
+
+
+def test_markers_that_the_model_does_not_name():
+    truth = swung()
+    other = replace(truth.trial.markers, names=tuple(f"m{i}" for i in range(15)))
+    with pytest.raises(BadData, match="0 markers of the base 'scapula' are recorded, of which three are needed"):
+        track(SPECIMEN, [replace(truth.trial, markers=other)], MARKERS_ONLY)
+    with pytest.raises(BadData, match="no trial"):
+        track(SPECIMEN, [])
+
+
+def test_the_wrench_is_moved_to_the_center_and_to_the_markers_clock():
+    truth = swung()
+    tracked = track(SPECIMEN, [truth.trial], MARKERS_ONLY)
+    wrench = tracked.trials[0].wrench
+    joint = np.einsum("fij,fj->fi", truth.rotations, -truth.damping * truth.rates)
+    inside = slice(20, -20)
+    np.testing.assert_allclose(wrench[inside, :3], joint[inside], atol=2e-4)
+    # The same wrench by another point of application.
+    given = truth.trial.wrenches
+    shift = np.array([0.3, -0.2, 0.1])
+    elsewhere = replace(given, points=given.points + shift, torques=given.torques - np.cross(shift, given.forces))
+    again = track(SPECIMEN, [replace(truth.trial, wrenches=elsewhere)], MARKERS_ONLY)
+    np.testing.assert_allclose(again.trials[0].wrench, wrench, atol=1e-9)
+
+
+def test_the_fixture_is_taken_off_as_tare():
+    truth = swung()
+    given = truth.trial.wrenches
+    fixture = np.array([3.0, 40.0, -2.0]), np.array([0.3, 0.0, 1.2]), np.array([0.4, -0.1, 0.9])
+
+    def added(forces: Array, points: Array, torques: Array):
+        force, moment = forces + fixture[0], torques + np.cross(points, forces)
+        total = moment + fixture[1] + np.cross(fixture[2], fixture[0])
+        return replace(given, forces=force, points=np.zeros_like(points), torques=total)
+
+    loaded = added(given.forces, given.points, given.torques)
+    tare = added(0.0 * given.forces, given.points, 0.0 * given.torques)
+    plain = track(SPECIMEN, [truth.trial], MARKERS_ONLY).trials[0].wrench
+    tared = track(SPECIMEN, [replace(truth.trial, wrenches=loaded, tare=tare)], MARKERS_ONLY).trials[0].wrench
+    np.testing.assert_allclose(tared, plain, atol=1e-8)
+
+
+def test_a_plate_that_recorded_at_another_time_is_refused():
+    truth = swung()
+    late = replace(truth.trial.wrenches, time=truth.trial.wrenches.time + 100.0)
+    with pytest.raises(BadData, match="have no time in common"):
+        track(SPECIMEN, [replace(truth.trial, wrenches=late)], MARKERS_ONLY)
