@@ -69,13 +69,19 @@ def test_extras_and_program_exist():
 def test_study_files_in_the_docs_are_valid(tmp_path):
     """Every study file that is printed would be accepted, given its files."""
     from myomorph.study.plan import read_plan
+    from myomorph.study.viscosity_plan import read_viscosity_plan
 
     studies = [one for page in PAGES for one in blocks(page.read_text(encoding="utf-8")) if "[study]" in one]
     assert len(studies) >= 2
-    for name in ("generic.osim", "walk1.trc", "walk1_grf.xml", "tasks.xml", "reserves.xml"):
+    names = ("generic.osim", "walk1.trc", "walk1_grf.xml", "tasks.xml", "reserves.xml")
+    for name in (*names, "arm.osim", "bare1.trc", "bare1.mot", "full1.trc", "full1.mot"):
         (tmp_path / name).write_text("")
     for text in studies:
         (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+        if "[[specimen]]" in text:
+            (one,) = read_viscosity_plan(tmp_path / "study.toml").specimens
+            assert [swing.loads.name for swing in (*one.without, *one.intact)] == ["bare1.mot", "full1.mot"]
+            continue
         plan = read_plan(tmp_path / "study.toml")
         assert [take.name for take in plan.takes] == ["walk1"]
 

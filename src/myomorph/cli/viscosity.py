@@ -15,9 +15,12 @@ from myomorph.identify.tracking import TrackingOptions
 from myomorph.identify.viscosity import ViscosityOptions
 from myomorph.model.errors import BadData
 from myomorph.study.viscosity import SpecimenOutcome
+from myomorph.study.viscosity_files import NOTES
 from myomorph.study.viscosity_specimen import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
+MOST_NOTES = 4
+"""Notes of a specimen that are printed; findings come first."""
 
 ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
 
@@ -119,4 +122,7 @@ def told(outcome: SpecimenOutcome) -> None:
             one = row[key]
             parts.append(f"{label} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {unit}")
     said(f"specimen {name}: {'; '.join(parts)} in {outcome.seconds:.1f} s")
-    warn(outcome.report.notes)
+    notes = outcome.report.notes
+    warn(notes[:MOST_NOTES])
+    if len(notes) > MOST_NOTES:
+        warn([f"and {len(notes) - MOST_NOTES} notes more, in the report and in {NOTES}"])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from myomorph.identify.estimate import Estimate
 from myomorph.model.series import Event
 from myomorph.report.chart import Line, Panel, number, time_plot
 from myomorph.report.identified import COMPONENTS, UNITS
@@ -187,9 +188,10 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     )
     head = ("Muscle", "Viscosity [Ns/m] (95 % interval)", "PCSA, mean 1", "In proportion to PCSA [Ns/m]")
     grid = Grid(head, cells, "Values of each muscle", folded=True)
-    legend = (("first", "regularised, with interval"), ("third", "in proportion to PCSA"), ("left", "common value"))
+    legend = [("first", "regularised, with interval"), ("third", "in proportion to PCSA"), ("left", "common value")]
+    legend += [] if truth is None else [("truth", "truth")]
     figures = (Figure(rows, "wide"), Figure(rank))
-    return Section(f"muscles-{order}", f"Muscles of specimen {one.name}", lead, legend, figures, (grid,), False)
+    return Section(f"muscles-{order}", f"Muscles of specimen {one.name}", lead, tuple(legend), figures, (grid,), False)
 
 
 def _trust(one: SpecimenReport, order: int) -> Section | None:
@@ -300,7 +302,7 @@ def _arm_grid(one: SpecimenReport) -> Grid | None:
             kind.size,
             f"{100.0 * kind.sd:.1f} %",
             f"{100.0 * kind.bias:+.1f} %".replace("-", "−"),
-            f"{number(kind.median)} ({number(kind.low)} to {number(kind.high)})",
+            with_interval(Estimate(kind.median, kind.low, kind.high)),
         )
         for kind in one.arms.kinds
     )

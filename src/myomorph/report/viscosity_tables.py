@@ -42,10 +42,24 @@ def scientific(value: float) -> str:
 
 
 def with_interval(one: Estimate | None) -> str:
-    """A value and its interval, about three digits each."""
+    """A value and its interval, to the digits that the interval's width leaves."""
     if one is None:
         return LACKING
-    return number(one.value) + (f" ({number(one.low)} to {number(one.high)})" if one.high > one.low else "")
+    if not one.high > one.low:
+        return number(one.value)
+    return f"{_to(one.value, one.high - one.low)} ({span(one.low, one.high)})"
+
+
+def span(low: float, high: float) -> str:
+    """An interval, to two digits of its width."""
+    return f"{_to(low, high - low)} to {_to(high, high - low)}"
+
+
+def _to(value: float, width: float) -> str:
+    """A value to the second digit of a width."""
+    if not (np.isfinite(value) and width > 0.0):
+        return number(value)
+    return number(value, 10.0 ** (np.floor(np.log10(width)) - 1))
 
 
 def table_section(given: ViscosityInput) -> Section:
@@ -101,11 +115,9 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
         if known:
             row.append(_spread(truths))
         row.append(_spread([getattr(one, quantity.name) for one in murai_tables.SPECIMENS]))
-        row.append(LACKING if line is None else f"{number(line.mean)} ± {number(line.sd)}")
+        row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
         row.append(
-            LACKING
-            if line is None or not np.isfinite(line.low) or line.high == line.low
-            else f"{number(line.low)} to {number(line.high)}"
+            LACKING if line is None or not np.isfinite(line.low) or line.high == line.low else span(line.low, line.high)
         )
         if known:
             complete = line is not None and len(truths) == line.count and line.high > line.low
@@ -124,7 +136,11 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
 
 
 def _spread(values: Sequence[float]) -> str:
-    return f"{number(float(np.mean(values)))} ± {number(float(np.std(values)))}" if len(values) else LACKING
+    return _plus_minus(float(np.mean(values)), float(np.std(values))) if len(values) else LACKING
+
+
+def _plus_minus(mean: float, sd: float) -> str:
+    return f"{_to(mean, sd)} ± {_to(sd, sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
 
 
 def _verdict(line: CohortLine, truth: float) -> str:

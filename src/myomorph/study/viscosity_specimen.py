@@ -128,7 +128,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
             lost.append(f"{name} muscles: {error}")
     if not conditions:
         raise BadData("; ".join(lost))
-    notes += lost + [note for one in conditions.values() for note in one.notes]
+    notes += lost
     found = _identified(specimen, files, conditions, options.identification)
     advance(IDENTIFYING)
     report, found = _judged(found, conditions, notes)
@@ -199,6 +199,7 @@ def _judged(
         if any(one.fatal for one in findings):
             lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
     muscles = None if "muscle_viscosity" in lacking else found.muscles
+    notes += [note for one in conditions.values() for note in one.notes if not any(note in line for line in notes)]
     found = replace(found, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *found.notes))))
     report = specimen_report(found)
     return replace(report, row={name: one for name, one in report.row.items() if name not in lacking}), found
