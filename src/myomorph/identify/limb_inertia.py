@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.identify.mass_map import parameters_of
-from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia
+from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia, solve_ridge
 from myomorph.identify.swing_sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
 from myomorph.identify.swings import PARAMETERS
 from myomorph.model.errors import BadData
@@ -19,6 +19,9 @@ Tare = Literal["known", "unknown"]
 
 SLENDER = 0.1
 """Radius of the prior's cylinder as a share of its mass center's distance from the joint."""
+
+IMPOSSIBLE = 1e-3
+"""Share of the squared misfit by which a possible body may fit worse and still count as what was measured."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class LimbInertia:
     parameters : (10,) about the joint's center ([D] order)
     noise : (6,) root mean square of measured less predicted wrench, by which its rows are weighted [N m], [N]
     hidden : whether the mass hides behind an unknown zero of the plate; parameters[0] is then a guess
-    possible : whether a body can have the unbounded least-squares parameters
+    possible : whether a body can have the parameters that the wrench shows, up to its noise
     """
 
     parameters: Array
@@ -104,8 +107,13 @@ def limb_inertia(
         noise = _noise(products, float(counts @ sums.frames))
     A, b = _equations(np.tensordot(noise**-2.0, products, axes=1))
     reference = _cylinder(_least_norm(A, b), hidden)
-    fit = solve_pseudo_inertia(A, b, reference[None], options=PseudoInertiaOptions(mass_sd=options.prior_sd))
-    return LimbInertia(fit.parameters[0], noise, hidden, fit.status == "closed form", options)
+    prior = PseudoInertiaOptions(mass_sd=options.prior_sd)
+    fit = solve_pseudo_inertia(A, b, reference[None], options=prior)
+    possible = fit.status == "closed form"
+    if not possible:
+        free = solve_ridge(A, b, reference[None], options=prior)
+        possible = fit.misfit - free.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
+    return LimbInertia(fit.parameters[0], noise, hidden, possible, options)
 
 
 def _noise(products: Array, frames: float) -> Array:

@@ -55,6 +55,11 @@ class MuscleProblem:
         """Number of combinations of muscles that the swings show."""
         return int((self.singular_values > RANK_TOLERANCE).sum())
 
+    def resolved(self, variance: float, common: float) -> int:
+        """Number of combinations whose size, were all muscles `common`, is above its standard error."""
+        values = np.maximum(np.linalg.eigvalsh(self.H), 0.0)
+        return int((values * common**2 > variance).sum())
+
     def along(self, shares: Array) -> float:
         """The factor, at least 0, of given shares (muscles,) that fits best."""
         square = float(shares @ self.H @ shares)
@@ -80,8 +85,8 @@ def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
     return MuscleProblem(H, g)
 
 
-def ridge_strength(blocks: Array, joint: Array, common: float, spread: float) -> float:
-    """Strength with which single muscles are drawn to the common value: noise variance / (spread common)^2.
+def ridge_strength(blocks: Array, joint: Array, common: float, spread: float) -> tuple[float, float]:
+    """Strength with which single muscles are drawn to the common value, variance / (spread common)^2, and variance.
 
     The variance is that of noise whose scores scatter over the blocks as those of the common value do, so that
     frames that depend on each other count as what they are.
@@ -93,9 +98,11 @@ def ridge_strength(blocks: Array, joint: Array, common: float, spread: float) ->
     """
     each = [muscle_problem(block, joint) for block in blocks]
     scores = np.array([one.g - common * one.H.sum(axis=1) for one in each])
-    variance = float(np.square(scores).sum() / max(sum(np.trace(one.H) for one in each), 1e-300))
-    least = 1e-12 * float(sum(np.trace(one.H) for one in each)) / scores.shape[1]
-    return max(variance / (spread * common) ** 2, least) if common > 0.0 else np.inf
+    trace = float(sum(np.trace(one.H) for one in each))
+    variance = float(np.square(scores).sum()) / trace if trace > 0.0 else 0.0
+    if not common > 0.0:
+        return np.inf, variance
+    return max(variance / (spread * common) ** 2, 1e-12 * trace / scores.shape[1]), variance
 
 
 def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> MuscleSolution:

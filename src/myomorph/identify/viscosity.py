@@ -10,12 +10,17 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.identify.condition_solution import ConditionSolution, Solution, solve_condition
 from myomorph.identify.estimate import Estimate
-from myomorph.identify.joint_viscosity import JointViscosity, joint_viscosity, torque_problem
-from myomorph.identify.limb_inertia import InertiaOptions, LimbInertia, Tare, limb_inertia
-from myomorph.identify.muscle_viscosity import muscle_problem, ridge_strength, solve_muscles
-from myomorph.identify.resampling import block_counts
-from myomorph.identify.swing_sums import SwingSums, swing_sums
+from myomorph.identify.joint_viscosity import torque_problem
+from myomorph.identify.limb_inertia import InertiaOptions, Tare
+from myomorph.identify.muscle_viscosity import (
+    muscle_problem,
+    ridge_strength,
+    solve_muscles,
+)
+from myomorph.identify.resampling import Influences
+from myomorph.identify.swing_sums import swing_sums
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.spatial import Array
@@ -36,7 +41,8 @@ class ViscosityOptions:
         without, least squares as the paper writes them
     subtract : joint viscosity that step 3 takes off: the one value, or one an axis
     spread : relative standard deviation of single muscles' viscosities about the common one
-    block : swings that are drawn together by the bootstrap
+    least : swings slower than this share of the fastest are left out (root mean square of the rates)
+    block : swings that the bootstrap draws together
     draws : of the bootstrap
     seed : of the draws
     level : of the intervals
@@ -47,6 +53,7 @@ class ViscosityOptions:
     stiffness: bool = True
     subtract: Literal["one", "axes"] = "one"
     spread: float = 1.0
+    least: float = 0.1
     block: int = 1
     draws: int = 500
     seed: int = 0
@@ -56,6 +63,8 @@ class ViscosityOptions:
         for name in ("prior_sd", "spread"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"{name} of the viscosity is {getattr(self, name):g}: expected above 0")
+        if not 0.0 <= self.least < 1.0:
+            raise BadData(f"least of the viscosity is {self.least:g}: expected from 0 to below 1")
         if self.block < 1 or self.draws < 2:
             raise BadData(f"expected block from 1 and draws from 2, but got {self.block} and {self.draws}")
         if not 0.0 < self.level < 1.0:
@@ -76,6 +85,9 @@ class Condition:
     axis_viscosity : one an axis
     excited : one an axis: whether the swings moved it enough to tell its viscosity
     residual : (6,) root mean square of measured less predicted wrench [N m], [N]
+    plate_viscosity : the one value from the moment about the joint that the plate measures, instead of the
+        torque by inverse dynamics: a check that shares hardly any noise with `viscosity`
+    by_trial : which intervals are drawn by trial, because trials differ more than their swings explain
     """
 
     recordings: tuple[SwingRecording, ...]
@@ -86,6 +98,8 @@ class Condition:
     axis_viscosity: tuple[Estimate, ...]
     excited: tuple[bool, ...]
     residual: Array
+    plate_viscosity: Estimate | None = None
+    by_trial: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +114,7 @@ class MuscleViscosity:
     by_muscle : regularised values, one a muscle [N s/m]
     rank : number of independent combinations that the swings show, of `len(muscles)`
     singular_values : (muscles,) of the normalised problem, descending
+    resolved : how many of those combinations are known to better than their own size, were all muscles alike
     """
 
     muscles: tuple[str, ...]
@@ -109,6 +124,7 @@ class MuscleViscosity:
     by_muscle: tuple[Estimate, ...]
     rank: int
     singular_values: Array
+    resolved: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +160,8 @@ def identify_specimen(
     """Inertia, joint viscosity and muscle viscosity of one specimen, each with its interval.
 
     A condition that is lacking or that fails is None and named in the notes; the other is still identified.
+    The intervals hold what swings and trials scatter; what all trials share (the joint's center, the plate's
+    place and gain, the held pose, moment arms) they cannot know.
 
     Parameters
     ----------
@@ -157,13 +175,8 @@ def identify_specimen(
     UnknownName : `pcsa` lacks a muscle
     """
     options = options or ViscosityOptions()
-    seeds = np.random.SeedSequence(options.seed).spawn(2)
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
-        solving = [
-            pool.submit(_try, _Solved.of, given, options, seed)
-            for given, seed in zip((without, intact), seeds, strict=True)
-        ]
-        bare, full = (one.result() for one in solving)
+        bare, full = pool.map(lambda given: _solved(given, options), (without, intact))
         notes = [
             f"{condition} muscles: {problem}"
             for condition, problem in (("without", bare), ("with", full))
@@ -171,120 +184,101 @@ def identify_specimen(
         ]
         if isinstance(bare, str) and isinstance(full, str):
             raise BadData(f"specimen '{name}': " + "; ".join(notes))
+        without_muscles = None if isinstance(bare, str) else _condition(bare, without, options, 0)
+        with_muscles = None if isinstance(full, str) else _condition(full, intact, options, 1)
         muscles = mass = None
-        if isinstance(bare, _Solved) and isinstance(full, _Solved):
-            muscles = _muscles(bare, full, pcsa, options)
-            draws = full.masses - bare.masses
-            mass = Estimate.of_draws(full.inertia.mass - bare.inertia.mass, draws, options.level)
-    return SpecimenViscosity(
-        name,
-        bare.condition() if isinstance(bare, _Solved) else None,
-        full.condition() if isinstance(full, _Solved) else None,
-        muscles,
-        mass,
-        measured_muscle_mass,
-        tuple(notes),
-    )
+        if not isinstance(bare, str) and not isinstance(full, str):
+            mass = _muscle_mass(bare, full, options)
+            muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
+    for word, solved in (("without", bare), ("with", full)):
+        if not isinstance(solved, str):
+            notes += [f"{word} muscles: {note}" for note in _doubts(solved)]
+    return SpecimenViscosity(name, without_muscles, with_muscles, muscles, mass, measured_muscle_mass, tuple(notes))
 
 
-def _try(solve, given: Sequence[SwingRecording], options: ViscosityOptions, seed) -> _Solved | str:
+def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
+    """Steps 1 and 2, or why not."""
     try:
-        return solve(given, options, seed)
+        sums = swing_sums(given, options.block, options.least)
+        return solve_condition(sums, InertiaOptions(options.tare, options.prior_sd), options.stiffness)
     except MyomorphError as error:
         return str(error)
 
 
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """Steps 1 and 2 of one condition, at the recordings and at every draw."""
+def _estimates(influences: Influences, options: ViscosityOptions, stream: int, least: Array) -> list[Estimate]:
+    """One an estimate, draws below `least` (estimates,) lifted to it."""
+    drawn = influences.draws(options.draws, np.random.default_rng((options.seed, stream)))
+    drawn = np.maximum(drawn, least)
+    return [Estimate.of_draws(value, own, options.level) for value, own in zip(influences.values, drawn.T, strict=True)]
 
-    recordings: tuple[SwingRecording, ...]
-    options: ViscosityOptions
-    sums: SwingSums
-    counts: Array
-    inertia: LimbInertia
-    joint: JointViscosity
-    inertias: tuple[LimbInertia, ...]
-    joints: tuple[JointViscosity, ...]
 
-    @staticmethod
-    def of(given: Sequence[SwingRecording], options: ViscosityOptions, seed: np.random.SeedSequence) -> _Solved:
-        sums = swing_sums(given, options.block)
-        inertial = InertiaOptions(options.tare, options.prior_sd)
-        inertia = limb_inertia(sums, None, inertial)
-        counts = block_counts(sums.trial, options.draws, np.random.default_rng(seed))
-        inertias = [limb_inertia(sums, one, inertial, inertia.noise) for one in counts]
-        joint, *joints = (
-            joint_viscosity(
-                torque_problem(sums.torque_total(one), phi.parameters, options.stiffness), one @ sums.frames
-            )
-            for one, phi in zip([np.ones(len(sums)), *counts], [inertia, *inertias], strict=True)
-        )
-        return _Solved(tuple(given), options, sums, counts, inertia, joint, tuple(inertias), tuple(joints))
+def _condition(
+    solved: ConditionSolution, recordings: Sequence[SwingRecording], options: ViscosityOptions, stream: int
+) -> Condition:
+    influences = solved.influences
+    mass, com, one, plate, *axes = _estimates(influences, options, stream, np.zeros(len(influences.values)))
+    names = ("mass", "com", "viscosity", "plate_viscosity", *solved.sums.axes)
+    return Condition(
+        tuple(recordings),
+        solved.whole.inertia.parameters,
+        mass,
+        com,
+        one,
+        tuple(axes),
+        tuple(0.5 * (axis.high - axis.low) <= TOLD * one.value for axis in axes),
+        solved.whole.inertia.noise,
+        plate,
+        tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by),
+    )
 
-    @property
-    def masses(self) -> Array:
-        """(draws,) [kg]."""
-        return np.array([one.mass for one in self.inertias])
 
-    def problems(self, stiffness: bool) -> list[Array]:
-        """Torque problems at every draw."""
-        return [
-            torque_problem(self.sums.torque_total(one), phi.parameters, stiffness)
-            for one, phi in zip(self.counts, self.inertias, strict=True)
-        ]
+def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array) -> Influences:
+    """Influences of the blocks without muscles, then those with."""
+    trial = np.concatenate([bare.sums.trial, full.sums.trial + len(bare.sums.names)])
+    return Influences(values, values - blocks, trial)
 
-    def condition(self) -> Condition:
-        level = self.options.level
-        by_axis = np.array([one.axes for one in self.joints])
-        axes = tuple(
-            Estimate.of_draws(value, draws, level) for value, draws in zip(self.joint.axes, by_axis.T, strict=True)
-        )
-        return Condition(
-            self.recordings,
-            self.inertia.parameters,
-            Estimate.of_draws(self.inertia.mass, self.masses, level),
-            Estimate.of_draws(self.inertia.com, np.array([one.com for one in self.inertias]), level),
-            Estimate.of_draws(self.joint.one, np.array([one.one for one in self.joints]), level),
-            axes,
-            tuple(0.5 * (one.high - one.low) <= TOLD * self.joint.one for one in axes),
-            self.inertia.noise,
-        )
+
+def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> Estimate:
+    less, more = bare.whole.inertia.mass, full.whole.inertia.mass
+    blocks = [more - one.inertia.mass for one in bare.lacking] + [one.inertia.mass - less for one in full.lacking]
+    influences = _both(bare, full, np.array([more - less]), np.array(blocks)[:, None])
+    return _estimates(influences, options, 2, np.array([-np.inf]))[0]
 
 
 def _muscles(
-    bare: _Solved, full: _Solved, pcsa: Mapping[str, float] | None, options: ViscosityOptions
-) -> MuscleViscosity | None:
+    bare: ConditionSolution, full: ConditionSolution, pcsa: Mapping[str, float] | None, options: ViscosityOptions
+) -> MuscleViscosity:
     names = full.sums.muscles
-    if not names:
-        return None
     shares = _shares(names, pcsa)
 
-    def joint_part(one: JointViscosity) -> Array:
-        return np.full(len(one.axes), one.one) if options.subtract == "one" else one.axes
+    def joint(one: Solution) -> Array:
+        return np.full(len(one.joint.axes), one.joint.one) if options.subtract == "one" else one.joint.axes
 
-    joint = joint_part(bare.joint)
-    phi = full.inertia.parameters
-    problem = muscle_problem(
-        torque_problem(full.sums.torque_total(np.ones(len(full.sums))), phi, options.stiffness), joint
-    )
+    problem = muscle_problem(full.torque(full.whole), joint(bare.whole))
     common = problem.along(np.ones(len(names)))
+    phi = full.whole.inertia.parameters
     blocks = np.stack([torque_problem(one, phi, options.stiffness) for one in full.sums.torque])
-    strength = ridge_strength(blocks, joint, common, options.spread)
-    best = solve_muscles(problem, shares, strength)
-    draws = [
-        solve_muscles(muscle_problem(one, joint_part(d)), shares, strength)
-        for one, d in zip(full.problems(options.stiffness), bare.joints, strict=True)
+    strength, variance = ridge_strength(blocks, joint(bare.whole), common, options.spread)
+
+    def values(torque: Array, less: Solution) -> Array:
+        one = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
+        return np.array([one.common, one.by_pcsa, *one.by_muscle])
+
+    whole = full.torque(full.whole)
+    others = [values(whole, one) for one in bare.lacking] + [
+        values(full.torque(one), bare.whole) for one in full.lacking
     ]
-    single = np.array([one.by_muscle for one in draws])
+    best = values(whole, bare.whole)
+    drawn = _estimates(_both(bare, full, best, np.array(others)), options, 3, np.zeros(len(best)))
     return MuscleViscosity(
         names,
-        Estimate.of_draws(best.common, np.array([one.common for one in draws]), options.level),
+        drawn[0],
         shares,
-        Estimate.of_draws(best.by_pcsa, np.array([one.by_pcsa for one in draws]), options.level),
-        tuple(Estimate.of_draws(v, d, options.level) for v, d in zip(best.by_muscle, single.T, strict=True)),
+        drawn[1],
+        tuple(drawn[2:]),
         problem.rank,
         problem.singular_values,
+        problem.resolved(variance, common),
     )
 
 
@@ -297,5 +291,20 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
             raise UnknownName("muscle", name, tuple(pcsa), "the table of cross-sections")
     shares = np.array([pcsa[name] for name in names], dtype=np.float64)
     if not (np.isfinite(shares).all() and (shares > 0.0).all()):
-        raise BadData(f"a muscle's cross-section must be above 0: got {dict(zip(names, shares, strict=True))}")
+        raise BadData(f"a muscle's cross-section must be above 0: got {dict(zip(names, shares.tolist(), strict=True))}")
     return shares / shares.mean()
+
+
+def _doubts(solved: ConditionSolution) -> list[str]:
+    """What a reader should know of steps 1 and 2."""
+    found, sums, inertia = [], solved.sums, solved.whole.inertia
+    if inertia.hidden:
+        found.append("the plate's zero is unknown, so the mass hides; viscosities do not need it")
+    if not inertia.possible:
+        found.append("the wrench asks for inertia that no body has; the nearest that one can have is used")
+    if len(sums.names) < 2:
+        found.append("one trial only: how trials differ is not in the intervals")
+    lost = [name for i, name in enumerate(sums.names) if not (sums.trial == i).any()]
+    if lost:
+        found.append(f"trial {', '.join(lost)}: no swing large enough to use")
+    return found
