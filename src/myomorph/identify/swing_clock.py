@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.identify.clock_fit import wrench_clock
 from myomorph.identify.plate_wrench import on_clock
-from myomorph.identify.swing_segments import force_mismatch, touched_frames
+from myomorph.identify.swing_segments import REACH, force_mismatch, touched_frames
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 from myomorph.motion.clocks import Clock, ClockOptions
@@ -75,7 +75,7 @@ def _fitted(time: Array, rows: Array, whole: np.ndarray, own: Array, wrench: Arr
     seen, force = _filtered(time, whole, own + lag, wrench)
     if seen.sum() < 6:
         return Clock()
-    hand = touched_frames([rows], [force], [time], [seen], share, 0.75 / CUTOFF)[0]
+    hand = touched_frames([rows], [force], [time], [seen], share, 0.5 * REACH / CUTOFF)[0]
     # Around the lag already found a swing cannot be taken for the next one.
     options = ClockOptions(search=SEARCH if lag == 0.0 else 2.0 * LAG, cutoff=CUTOFF)
     try:

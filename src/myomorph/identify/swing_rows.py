@@ -11,7 +11,8 @@ from myomorph.identify.held_still import mean_rotation
 from myomorph.identify.limb_motion import LimbMotion, lengthening, limb_motion
 from myomorph.identify.plate_wrench import lowpass_runs
 from myomorph.identify.specimen import Specimen
-from myomorph.identify.swing_segments import swing_numbers, whole_frames
+from myomorph.identify.swing_clock import CUTOFF
+from myomorph.identify.swing_segments import REACH, near, swing_numbers, whole_frames
 from myomorph.identify.swings import SwingRecording
 from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial
 from myomorph.model.errors import BadData
@@ -53,7 +54,11 @@ def swing_recordings(
     """
     specimen, trials = tracked.specimen, tracked.trials
     made = [_filtered(specimen, trial, cutoff) for trial in trials]
-    free = [one.whole & ~trial.touched for one, trial in zip(made, trials, strict=True)]
+    # Hands were found at `CUTOFF`; a lower one smears them further.
+    further = max(0.0, 0.5 * REACH * (1.0 / cutoff - 1.0 / CUTOFF)) if cutoff else 0.0
+    free = [
+        one.whole & ~near(trial.touched, trial.motion.time, further) for one, trial in zip(made, trials, strict=True)
+    ]
     if not any(one.any() for one in free):
         raise BadData(
             f"none of the trials {', '.join(one.name for one in trials)} has a frame of free swing with motion and "

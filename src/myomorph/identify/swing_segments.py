@@ -9,8 +9,8 @@ from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from myomorph.model.spatial import Array
 
-REACH = 0.75
-"""How far ends, gaps and hands reach through the filter, times 1 / cutoff."""
+REACH = 1.5
+"""How far ends, gaps and hands reach through the filter, times 1 / cutoff: 1 % of a jump is left there."""
 
 WINDOW = 0.1
 """Time over which a mismatch is averaged before it counts as a hand on the limb [s]."""
@@ -53,17 +53,17 @@ def touched_frames(
 
     While nobody touches the limb, force = rows phi + constant with one phi over all trials. A robust fit finds
     phi from the frames that agree, which must be the most; frames whose mismatch, averaged over `WINDOW`,
-    passes both `OUTLYING` of its usual size and a share of the limb's weight are touched. Moments tell nothing: a
-    joint carries hardly any, whether the limb is held or not.
+    passes both `OUTLYING` of its usual size and a share of what the swing's force varies are touched. Moments
+    tell nothing: a joint carries hardly any, whether the limb is held or not.
 
     Parameters
     ----------
     rows, wrenches : (frames, 6, 10) and (frames, 6) of each trial, filtered alike
     candidates : (frames,) frames that may count
-    share : mismatch below which nothing is called a touch, as part of the limb's weight
+    share : mismatch below which nothing is called a touch, as part of the swing's largest change of force
     reach : how far a touch spoils its neighbours [s]
     """
-    mismatch, weight = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
+    mismatch, largest = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
     found = []
     for one, time, use in zip(mismatch, times, candidates, strict=True):
         error = np.where(use[:, None], one, 0.0)
@@ -71,14 +71,14 @@ def touched_frames(
         count = np.maximum(uniform_filter1d(use.astype(float), frames), 1.0 / frames)
         size = np.linalg.norm(uniform_filter1d(error, frames, axis=0) / count[:, None], axis=1)
         usual = float(np.median(size[use])) if use.any() else 0.0
-        found.append(near(use & (size > max(OUTLYING * usual, share * weight)), time, reach))
+        found.append(near(use & (size > max(OUTLYING * usual, share * largest)), time, reach))
     return found
 
 
 def force_mismatch(
     rows: Sequence[Array], forces: Sequence[Array], candidates: Sequence[np.ndarray]
 ) -> tuple[list[Array], float]:
-    """Measured less predicted force (frames, 3) of each trial, and the limb's weight [N].
+    """Measured less predicted force (frames, 3) of each trial, and how far the predicted one moves from its mean [N].
 
     Least absolute errors first, then weights that forget what is far off.
 
@@ -102,10 +102,14 @@ def force_mismatch(
         far = np.linalg.norm(b - A @ x, axis=1)
         scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
         trust = 1.0 / np.maximum(far, scale) if turn < ROUNDS else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
-    mismatch = [Y @ x[:4] + x[4 + 3 * k : 7 + 3 * k] for k, Y in enumerate(rows)]
-    # Gravity is the mean of the force that carries the limb, whatever the plate was tared with.
-    weight = float(np.median(np.linalg.norm(b, axis=1))) if len(b) else 0.0
-    return [force - one for force, one in zip(forces, mismatch, strict=True)], weight
+    wanted = [Y @ x[:4] + x[4 + 3 * k : 7 + 3 * k] for k, Y in enumerate(rows)]
+    moving = [
+        np.linalg.norm(one[use] - one[use].mean(axis=0), axis=1)
+        for one, use in zip(wanted, candidates, strict=True)
+        if use.any()
+    ]
+    largest = float(np.quantile(np.concatenate(moving), 0.98)) if moving else 0.0
+    return [force - one for force, one in zip(forces, wanted, strict=True)], largest
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:

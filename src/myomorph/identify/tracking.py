@@ -41,7 +41,7 @@ class TrackingOptions:
     shift : a base that moves by more is named [m]
     clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
     find_touch : find the frames in which the wrench says that something besides the joint carries the limb
-    touch : part of the limb's weight under which a mismatch is no hand
+    touch : part of the swing's largest change of force under which a mismatch is no hand
     """
 
     cluster: float = 0.006
@@ -49,7 +49,7 @@ class TrackingOptions:
     shift: float = 0.002
     clock: bool = True
     find_touch: bool = True
-    touch: float = 0.04
+    touch: float = 0.1
 
     def __post_init__(self) -> None:
         for name in ("cluster", "slip", "shift", "touch"):
@@ -251,7 +251,7 @@ def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: flo
         wrenches.append(wrench)
         frames.append(whole & np.asarray(np.isfinite(wrench).all(axis=1)))
     times = [one.motion.time for one in trials]
-    found = touched_frames(rows, wrenches, times, frames, share, REACH / CUTOFF)
+    found = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
     return [replace(one, touched=touched) for one, touched in zip(trials, found, strict=True)]
 
 
