@@ -61,10 +61,16 @@ def test_factors_of_each_muscle_average_out_but_a_common_one_does_not(sensitivit
     assert low < MUSCLE < high
 
 
-def test_small_offsets_spread_d_m_little(sensitivity):
-    small = sensitivity.spread("offset of each muscle")
-    assert 0.0 < small.sd < 0.3
-    assert small.bias == pytest.approx(0.0, abs=0.1)
+def test_offsets_act_as_arms_that_are_moved(intact):
+    spread = arm_sensitivity(intact, LIMB, JOINT, ArmOptions(draws=4, offset=2e-3, seed=7)).spreads[-1]
+    random = np.random.default_rng(7)
+    random.standard_normal((4, 1))
+    random.standard_normal((4, 4))
+    for found in spread.draws:
+        offset = 2e-3 * random.standard_normal((4, 3))
+        moved = [replace(one, lengthening=one.lengthening + offset) for one in intact]
+        assert arm_sensitivity(moved, LIMB, JOINT, FEW).spreads[0].exact == pytest.approx(found, rel=5e-3)
+    assert spread.exact == pytest.approx(MUSCLE, rel=1e-3)
 
 
 def test_swings_without_muscles_are_refused():

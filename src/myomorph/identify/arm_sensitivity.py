@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from myomorph.identify.joint_viscosity import torque_problem
+from myomorph.identify.joint_viscosity import FIRST, SPEED, TORQUE, torque_problem
 from myomorph.identify.muscle_viscosity import MuscleProblem, muscle_problem
-from myomorph.identify.swing_sums import swing_sums
+from myomorph.identify.swing_sums import eliminated, swing_sums
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
@@ -23,11 +23,8 @@ ATTACHMENT = 13.3e-3
 OFFSET = 0.5 * ATTACHMENT / np.sqrt(8.0 / np.pi)
 """Standard deviation of a component of the moment arm that follows: distances of mean 13.3 mm have components of
 8.3 mm, and of two attachments' errors about half reaches the arm of a line between them [m]."""
-RATE = 50.0
-"""Frames a second that draws of offsets use; d_M is a ratio of sums over frames [Hz]."""
-
-STEADY = ("name", "axes", "muscles", "gravity")
-"""Fields of a recording that have no frames."""
+ANGLE, CONSTANT = SPEED + 1, SPEED + 2
+"""Columns beside torque and rate, of what a spring explains."""
 
 
 @dataclass(frozen=True)
@@ -173,19 +170,58 @@ def _by_offsets(
     options: ArmOptions,
     random: np.random.Generator,
 ) -> ArmSpread:
-    few = [_thinned(one) for one in intact]
-    exact = _problem(few, parameters, joint, options.stiffness).along(np.ones(len(few[0].muscles)))
-    draws = np.empty(min(options.draws, 200))
-    for i in range(len(draws)):
-        offset = options.offset * random.standard_normal(few[0].lengthening.shape[1:])
-        moved = [replace(one, lengthening=one.lengthening + offset) for one in few]
-        draws[i] = _problem(moved, parameters, joint, options.stiffness).along(np.ones(len(offset)))
-    return ArmSpread("offset of each muscle", float(options.offset), exact, draws, float("nan"))
+    """With J + delta the torque u = (J + delta) ((J + delta) . w) is a sum of products that do not change."""
+    sums = swing_sums(intact)
+    parts = [_offset_columns(intact[i], use, parameters) for i, use in zip(sums.trial, sums.uses, strict=True)]
+    columns = np.concatenate(parts).transpose(1, 0, 2)
+    products = columns.transpose(0, 2, 1) @ columns
+    if options.stiffness:
+        products = eliminated(products, [ANGLE, CONSTANT])
+    count, axes = intact[0].lengthening.shape[1:]
+    damping = np.broadcast_to(np.asarray(joint, dtype=np.float64), (axes,))
+
+    def common(delta: Array) -> float:
+        problem = np.stack([
+            turn.T @ own @ turn for own, turn in zip(products, _offset_maps(delta), strict=True)
+        ])  # fmt: skip
+        return muscle_problem(problem, damping).along(np.ones(count))
+
+    draws = [common(options.offset * random.standard_normal((count, axes))) for _ in range(options.draws)]
+    exact = common(np.zeros((count, axes)))
+    return ArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
 
 
-def _thinned(one: SwingRecording) -> SwingRecording:
-    """The recording at about `RATE`."""
-    step = max(round((len(one) - 1) / (one.time[-1] - one.time[0]) / RATE), 1)
-    arrays = {f.name: getattr(one, f.name) for f in fields(one)}
-    timed = {name: value[::step] for name, value in arrays.items() if name not in STEADY}
-    return replace(one, **timed)
+def _offset_columns(one: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
+    """(frames, axes, 4 + n) torque, rate, angle, one; of every muscle u, J . w and J_a w; w."""
+    rates, J = one.rates[use], one.lengthening[use]
+    frames, axes = rates.shape
+    speeds = np.einsum("fma,fa->fm", J, rates)
+    columns = [
+        (one.torque_rows[use] @ parameters)[:, :, None],
+        rates[:, :, None],
+        one.angles[use][:, :, None],
+        np.ones((frames, axes, 1)),
+        (J * speeds[:, :, None]).transpose(0, 2, 1),
+        np.broadcast_to(speeds[:, None], (frames, axes, speeds.shape[1])),
+        np.einsum("fma,fb->famb", J, rates).reshape(frames, axes, -1),
+        np.broadcast_to(rates[:, None], (frames, axes, axes)),
+    ]
+    return np.concatenate(columns, axis=2)
+
+
+def _offset_maps(delta: Array) -> Array:
+    """(axes, 4 + n, 2 + muscles) from `_offset_columns` to torque, rate and u with arms off by delta (muscles, axes).
+
+    u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a delta . w
+    """
+    count, axes = delta.shape
+    muscle = np.arange(count)
+    maps = np.zeros((axes, CONSTANT + 1 + (2 + axes) * count + axes, FIRST + count))
+    maps[:, TORQUE, TORQUE] = maps[:, SPEED, SPEED] = 1.0
+    start = CONSTANT + 1
+    maps[:, start + muscle, FIRST + muscle] = 1.0
+    maps[:, start + count + muscle, FIRST + muscle] = delta.T
+    for b in range(axes):
+        maps[:, start + 2 * count + axes * muscle + b, FIRST + muscle] = delta[:, b]
+        maps[:, -axes + b, FIRST:] = delta.T * delta[:, b]
+    return maps

@@ -15,7 +15,7 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass
 
-SCANNED = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0)
+SCANNED = (3.0, 4.0, 6.0, 8.0, 10.0, 14.0, 20.0)
 """Cutoffs whose results are compared [Hz]."""
 LEAST, MOST = 4.0, 20.0
 """Between which a cutoff is chosen [Hz]."""

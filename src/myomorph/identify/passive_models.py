@@ -12,7 +12,7 @@ from myomorph.identify.estimate import Estimate
 from myomorph.identify.limb_inertia import InertiaOptions, Tare
 from myomorph.identify.passive_fit import LAST, PassiveProblem, effective_samples, law_columns
 from myomorph.identify.passive_law import WIDTH, PassiveLaw
-from myomorph.identify.resampling import block_counts
+from myomorph.identify.resampling import Influences
 from myomorph.identify.swing_motion import SwingMotion, hinge_axis
 from myomorph.identify.swing_stretches import Stretch, stretches
 from myomorph.identify.swings import SwingRecording
@@ -59,14 +59,14 @@ class PassiveOptions:
     width : angular velocity within which Coulomb friction turns its sign [rad/s]
     held_out : how many stretches are left out in turn and predicted
     horizon : shortest stretch that is predicted; whole swings that follow each other are joined to reach it [s]
-    draws, seed : of the block bootstrap over swings
+    draws, seed : of the bootstrap over swings and trials
     tare, prior_sd : of `InertiaOptions`
     """
 
     width: float = WIDTH
     held_out: int = 4
     horizon: float = 5.0
-    draws: int = 200
+    draws: int = 500
     seed: int = 0
     tare: Tare = "known"
     prior_sd: float = 1.0
@@ -205,14 +205,17 @@ def compare_passive_laws(
     found = [problem.fit(terms, every, phi) for terms in laws]
     richest = min(found, key=lambda one: float(one[1]))[0]
     effective = effective_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
-    counts = block_counts(problem.sums.trial, options.draws, np.random.default_rng(options.seed))
-    drawn = np.array([problem.parameters(one) for one in counts])
+    lacking = 1.0 - np.eye(blocks)
+    others = np.array([problem.parameters(one) for one in lacking])
     left_out = stretches(recordings, problem.sums, options.horizon, options.held_out)
     trained = [problem.parameters(one.training(blocks)) for one in left_out]
     samples = problem.samples(every)
     fits = []
     for terms, (coefficients, rss) in zip(laws, found, strict=True):
-        draws = problem.fit(terms, counts, drawn)[0]
+        less = problem.fit(terms, lacking, others)[0]
+        draws = Influences(coefficients, coefficients - less, problem.sums.trial).draws(
+            options.draws, np.random.default_rng(options.seed)
+        )
         errors = [_errors(problem, terms, one, p) for one, p in zip(left_out, trained, strict=True)]
         angle, moment, force = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
         free = law_columns(terms, len(problem.axes))[0].shape[1]
@@ -272,7 +275,7 @@ def _estimates(terms: Sequence[str], value: Array, draws: Array, axes: Sequence[
             continue
         start = 0 if kind == "viscosity" else n
         columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
-    found = {name: Estimate.of_draws(value[i], draws[:, i]) for name, i in columns.items()}
+    found = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
     if any(term.startswith("stiffness") for term in terms):
         for i, axis in enumerate(axes):
             rest, rests = (_rest_angles(one[..., 2 * n + i], one[..., n + i]) for one in (value, draws))
