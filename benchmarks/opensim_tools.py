@@ -46,15 +46,17 @@ def load(path: Path) -> opensim.Model:
 
 
 def inverse_kinematics(
-    model_path: Path, markers: Path, weights: dict[str, float], start: float, end: float
+    model_path: Path, markers: Path, weights: dict[str, float], start: float, end: float, accuracy: float | None = None
 ) -> ToolResult:
-    """OpenSim's InverseKinematicsTool; degrees as it writes them."""
+    """OpenSim's InverseKinematicsTool; degrees as it writes them; its own accuracy (1e-5) unless another is given."""
     model = load(model_path)
     tool = opensim.InverseKinematicsTool()
     tool.setModel(model)
     tool.setMarkerDataFileName(str(markers))
     tool.setStartTime(start)
     tool.setEndTime(end)
+    if accuracy is not None:
+        tool.set_accuracy(accuracy)
     for name, weight in weights.items():
         task = opensim.IKMarkerTask()
         task.setName(name)

@@ -22,7 +22,7 @@ from myomorph.io.trc import read_trc
 from myomorph.model.model import Model
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.sync import resample_wrenches
+from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
@@ -49,6 +49,13 @@ def run() -> list[dict[str, object]]:
             gait / "experiment/subject01_walk1.trc",
             gait / "ref_ik/gait2354_IK_Tasks.xml",
         ),
+        inverse_kinematics_row(
+            "bone-pin shoulder, 17 coordinates, a closed loop, first 3 s",
+            folder / "shoulder-bonepin/subject1_abdbonepin.osim",
+            folder / "shoulder-bonepin/abdbonepin.trc",
+            folder / "shoulder-bonepin/setup_ik_abdbonepin.xml",
+            end=3.0,
+        ),
         inverse_dynamics_row(
             "Rajagopal, scaled, 33 coordinates",
             rajagopal / "subject_walk_scaled.osim",
@@ -66,22 +73,25 @@ def run() -> list[dict[str, object]]:
     ]
 
 
-def inverse_kinematics_row(name: str, model_path: Path, markers_path: Path, tasks: Path) -> dict[str, object]:
-    """The whole of a marker recording, weights of OpenSim's task set."""
+def inverse_kinematics_row(
+    name: str, model_path: Path, markers_path: Path, tasks: Path, end: float = np.inf
+) -> dict[str, object]:
+    """A marker recording to its end, or to that time [s]; weights of OpenSim's task set."""
     model = read_model(model_path)
     markers = read_trc(markers_path).markers
     assert markers is not None
+    markers = cut(markers, float(markers.time[0]), min(end, float(markers.time[-1])))
     weights = {
         marker: weight
         for marker, weight in read_ik_tasks(tasks).marker_weights.items()
         if marker in markers.names and marker in model.marker_names
     }
     options = InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
-    start, end = float(markers.time[0]), float(markers.time[-1])
+    start, last = float(markers.time[0]), float(markers.time[-1])
     taken: list[float] = []
 
     def theirs() -> None:
-        taken.append(opensim_tools.inverse_kinematics(model_path, markers_path, weights, start, end).seconds)
+        taken.append(opensim_tools.inverse_kinematics(model_path, markers_path, weights, start, last).seconds)
 
     seconds = alternate({"ours": lambda: inverse_kinematics(model, markers, options), "OpenSim": theirs}, rounds=3)
     # Without the reading of the model, which ours has behind it as well.

@@ -12,6 +12,7 @@ from benchmarks import (
     accuracy_identification,
     accuracy_kernels,
     accuracy_kinematics,
+    accuracy_loops,
     accuracy_masspoints,
     accuracy_models,
     accuracy_muscles,
@@ -41,6 +42,8 @@ def run() -> list[Row]:
         "inverse_kinematics": lambda: (
             accuracy_kinematics.measure_inverse_kinematics(folder, case) for case in MARKER_CASES
         ),
+        "loops": lambda: accuracy_loops.measure_constraints(folder),
+        "loops_inverse_kinematics": lambda: accuracy_loops.measure_inverse_kinematics(folder),
         "inverse_dynamics": lambda: (
             accuracy_kinematics.measure_inverse_dynamics(folder, case) for case in FORCE_CASES
         ),

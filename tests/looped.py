@@ -1,4 +1,4 @@
-"""Made models that close loops, and OpenSim's word on those of the data collection."""
+"""Models that close loops: made ones, and those of the data collection."""
 
 from __future__ import annotations
 
@@ -85,44 +85,3 @@ def four_bar_angles(turn, crank=0.3, coupler=0.7, rocker=0.6, ground=0.8):
     tip = end + coupler * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     back = np.arctan2(tip[:, 1], tip[:, 0] - ground)
     return np.stack([turn, heading - turn, back], axis=1)
-
-
-def opensim_constraints(path, model, coordinates):
-    """OpenSim's gaps and their derivatives, and what it assembles from the given coordinates.
-
-    Returns
-    -------
-    gaps (frames, 3) and derivatives (frames, 3, coordinates) of the one point constraint, in OpenSim's frame, and
-    assembled (frames, coordinates)
-    """
-    import opensim
-
-    opensim.Logger.setLevelString("Off")
-    theirs = opensim.Model(str(path))
-    theirs.updForceSet().clearAndDestroy()
-    state = theirs.initSystem()
-    matter, named = theirs.getMatterSubsystem(), theirs.getCoordinateSet()
-    for name in model.coordinate_names:
-        named.get(name).setLocked(state, False)
-    columns = []
-    for name in model.coordinate_names:
-        before = state.getQ().to_numpy().copy()
-        named.get(name).setValue(state, named.get(name).getValue(state) + 0.1, False)
-        columns.append(int(np.argmax(np.abs(state.getQ().to_numpy() - before))))
-    gaps, derivatives, assembled = [], [], []
-    for row in coordinates:
-        for name, value in zip(model.coordinate_names, row, strict=True):
-            named.get(name).setValue(state, float(value), False)
-        theirs.realizePosition(state)
-        matrix = opensim.Matrix()
-        matter.calcPq(state, matrix)
-        gaps.append(state.getQErr().to_numpy()[:3].copy())
-        derivatives.append(matrix.to_numpy()[:3, columns])
-        references = opensim.SimTKArrayCoordinateReference()
-        for name, value in zip(model.coordinate_names, row, strict=True):
-            references.push_back(opensim.CoordinateReference(name, opensim.Constant(float(value))))
-        solver = opensim.AssemblySolver(theirs, references)
-        solver.setAccuracy(1e-10)
-        solver.assemble(state)
-        assembled.append([named.get(name).getValue(state) for name in model.coordinate_names])
-    return np.array(gaps), np.array(derivatives), np.array(assembled)

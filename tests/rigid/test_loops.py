@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looped import SHOULDERS, four_bar, four_bar_angles, looped_tree, opensim_constraints
+from looped import SHOULDERS, four_bar, four_bar_angles, looped_tree
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform, axis_rotation
@@ -281,13 +281,15 @@ def test_jacobian_and_projected_rates_agree_with_pinocchio(seed):
 @pytest.mark.parametrize("name", SHOULDERS)
 def test_shoulders_close_as_opensim_closes_them(data, name):
     pytest.importorskip("opensim")
+    from benchmarks.opensim_loops import point_constraint
+
     path = data(name)
     model = read_model(path)
     tree = compile_tree(model)
     free = free_coordinates(tree)
     c = np.tile(tree.defaults, (3, 1))
     c[:, free] += np.random.default_rng(0).normal(scale=0.05, size=(3, len(free)))
-    gaps, derivatives, assembled = opensim_constraints(path, model, c)
+    gaps, derivatives, assembled = point_constraint(path, model, c)
     # OpenSim reads the old file of the bone pins through a text of fewer digits.
     same = 2e-7 if "bonepin" in name else 1e-12
     np.testing.assert_allclose(np.linalg.norm(closure(tree, c), axis=1), np.linalg.norm(gaps, axis=1), atol=same)
