@@ -20,7 +20,7 @@ from myomorph.study.viscosity_specimen import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
 MOST_NOTES = 4
-"""Notes of a specimen that are printed; findings come first."""
+"""Notes of a specimen that are printed; findings come first, clocks that were set right stay out."""
 
 ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
 
@@ -122,7 +122,7 @@ def told(outcome: SpecimenOutcome) -> None:
             one = row[key]
             parts.append(f"{label} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {unit}")
     said(f"specimen {name}: {'; '.join(parts)} in {outcome.seconds:.1f} s")
-    notes = outcome.report.notes
+    notes = [one for one in outcome.report.notes if not one.endswith(": corrected")]
     warn(notes[:MOST_NOTES])
     if len(notes) > MOST_NOTES:
         warn([f"and {len(notes) - MOST_NOTES} notes more, in the report and in {NOTES}"])

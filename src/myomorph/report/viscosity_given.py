@@ -56,6 +56,8 @@ class ShownCondition:
     residual : (6,) root mean square of measured less predicted wrench
     trials, swings, seconds : that were used
     curves : of the trial with the most swings
+    plate_viscosity : the one value from the moment that the plate measures, a check [N m s/rad]
+    by_trial : which intervals are by trial, because trials differ more than their swings explain
     """
 
     axes: tuple[str, ...]
@@ -69,6 +71,8 @@ class ShownCondition:
     swings: int
     seconds: float
     curves: SwingCurves
+    plate_viscosity: Estimate | None = None
+    by_trial: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -264,6 +268,8 @@ def shown_condition(found: Condition) -> ShownCondition:
         sum(swings),
         sum(seconds),
         swing_curves(longest, found.parameters, found.viscosity.value),
+        found.plate_viscosity,
+        found.by_trial,
     )
 
 

@@ -126,6 +126,9 @@ def _axis_grid(one: SpecimenReport) -> Grid:
     rows = []
     for name, found in _conditions(one):
         rows.append((TITLES[name], "all", with_interval(found.viscosity), ""))
+        if found.plate_viscosity is not None:
+            told = "from the moment on the plate alone, a check"
+            rows.append((TITLES[name], "all", with_interval(found.plate_viscosity), told))
         for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True):
             told = with_interval(value) if excited else LACKING
             rows.append((TITLES[name], axis, told, "" if excited else "the swings hardly move this axis"))
@@ -179,8 +182,9 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     lead = (
         f"One value for all muscles: {with_interval(found.common)} Ns/m; in proportion to their cross-sections, mean "
         f"{with_interval(found.by_pcsa)} Ns/m. The swings show {found.rank} of {len(found.muscles)} independent "
-        "combinations: the values of single muscles also come from the regularisation that draws them to the common "
-        "value."
+        "combinations"
+        + (f", {found.resolved} of them to better than their size" if found.resolved is not None else "")
+        + ": the values of single muscles also come from the regularisation that draws them to the common value."
     )
     cells = tuple(
         (muscle, with_interval(value), number(float(share)), number(float(scaled)))
@@ -245,12 +249,12 @@ def cutoff_plots(scan: CutoffScan) -> list[str]:
     found = []
     for name, values in scan.values.items():
         quantity = BY_NAME[name]
-        at = int(np.argmin(np.abs(scan.cutoffs - scan.chosen)))
+        ends = np.array([np.nanmin(values), np.nanmax(values)])
         clouds = [
-            Cloud(scan.cutoffs, values, "first", "of all cut-offs", dotted=True),
-            Cloud(scan.cutoffs[[at]], values[[at]], "left", f"chosen: {number(scan.chosen)} Hz", dotted=True),
+            Cloud(scan.cutoffs, values, "first", "over cut-offs", dotted=True),
+            Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True),
         ]
-        found.append(xy_plot(where(quantity), quantity.unit, "cut-off [Hz]", clouds))
+        found.append(xy_plot(where(quantity), quantity.unit, "cut-off [Hz]", clouds, zero=False))
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.model.spatial import Array
+from myomorph.report.viscosity_given import Residual
+from myomorph.study.ct import ScannedModel, model_from_scans
 from myomorph.study.inputs import about, fitted_to, open_model, open_trial
 from myomorph.study.viscosity_plan import SpecimenFiles, SwingFiles
 
@@ -27,12 +30,23 @@ WHOLE = 9
 """Columns of a table of one force: force, point and torque."""
 
 
-def open_specimen(files: SpecimenFiles, markers: Sequence[str]) -> Specimen:
+@dataclass(frozen=True, eq=False)
+class OpenedSpecimen:
+    """A specimen out of its files, what was said of them, and how well a CT fits the model's bones."""
+
+    specimen: Specimen
+    notes: tuple[str, ...] = ()
+    residuals: tuple[Residual, ...] = ()
+
+
+def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
     """The specimen that a model holds, its bones those that carry at least three of the recorded markers.
+
+    With a CT, markers come from the scanned clusters.
 
     Parameters
     ----------
-    markers : names of those recorded
+    recorded : a trial of it
 
     Raises
     ------
@@ -40,12 +54,28 @@ def open_specimen(files: SpecimenFiles, markers: Sequence[str]) -> Specimen:
         where the model cannot be read, or has no such base, limb or muscles
     """
     with about(files.model):
-        model = _model(files.model, markers)
+        model = _model(files.model, recorded.names)
+        scanned = model_from_scans(model, files.ct, recorded) if files.ct else None
+        model = model if scanned is None else scanned.model
         first = _body(model, files.first, "first")
         base = _body(model, files.base, "base", first)
-        bones = files.bones or _marked(model, base, first, markers)
+        bones = files.bones or _marked(model, base, first, recorded.names)
         names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)
-        return build_specimen(model, names)
+        specimen = build_specimen(model, names)
+    return OpenedSpecimen(specimen) if scanned is None else OpenedSpecimen(specimen, scanned.notes, _fits(scanned))
+
+
+def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
+    bones = tuple(
+        Residual(f"CT of {one.body} on the model's bone", 1e3 * one.fit.rms, "mm", f"scale {one.scale:.3f}")
+        for one in scanned.bones
+    )
+    clusters = tuple(
+        Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * one.misfit, "mm")
+        for bone, one in zip(scanned.bones, scanned.clusters, strict=True)
+        if np.isfinite(one.misfit)
+    )
+    return (*bones, *clusters)
 
 
 def _model(path: Path, markers: Sequence[str]) -> Model:
@@ -128,10 +158,12 @@ def open_swing(
     )
 
 
-def marker_names(files: SwingFiles) -> tuple[str, ...]:
-    """Names of the markers of a recording."""
-    markers: Markers | None = open_trial(files.markers).markers
-    return () if markers is None else markers.names
+def recorded_markers(files: SwingFiles) -> Markers:
+    """The markers of a recording; raises `BadFile` where it has none."""
+    markers = open_trial(files.markers).markers
+    if markers is None or not markers.names:
+        raise BadFile(files.markers, "holds no markers")
+    return markers
 
 
 def open_wrench(

@@ -13,6 +13,7 @@ from pydantic import Field, create_model
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.identify.cohort import QUANTITIES
 from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.study.ct import ScanFiles, ScanTable, scan_files
 from myomorph.study.plan import companion, plain_stem
 from myomorph.study.plate_files import PlateFiles
 from myomorph.study.settings import Setting, settings_of
@@ -82,6 +83,7 @@ class _Specimen(Strict):
     pcsa: dict[str, float] = Field(default_factory=dict)
     tare: str | None = None
     plate: _Plate | None = None
+    ct: list[ScanTable] = Field(default_factory=list)
     time: tuple[float, float] | None = None
     truth: dict[str, float] = Field(default_factory=dict)
     paper: dict[str, float] = Field(default_factory=dict)
@@ -111,6 +113,7 @@ class SpecimenFiles:
     pcsa : cross-section of each muscle, empty for shares of isometric force
     tare : forces of the plate with the fixture but without limb, None where it was set to zero so
     plate : how its place among the markers is known, None where the C3D files know it
+    ct : scanned bones and clusters, where the model's own markers are not to be used
     truth, paper : values of `QUANTITIES` that are known from elsewhere
     """
 
@@ -127,6 +130,7 @@ class SpecimenFiles:
     pcsa: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     tare: Path | None = None
     plate: PlateFiles | None = None
+    ct: tuple[ScanFiles, ...] = ()
     truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -230,6 +234,7 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
         MappingProxyType(dict(given.pcsa)),
         existing(folder, given.tare, f"{where}: tare", problems),
         None if given.plate is None else _plate(given.plate, folder, f"{where}: plate", problems),
+        tuple(_scans(given.ct, folder, f"{where}: ct", problems)),
         MappingProxyType(dict(given.truth)),
         MappingProxyType(dict(given.paper)),
     )
@@ -245,6 +250,16 @@ def _plate(given: _Plate, folder: Path, where: str, problems: list[str]) -> Plat
         problems.append(f"{where}: {error}")
         return None
     return PlateFiles(tuple(placements), weight, given.name)
+
+
+def _scans(given: Sequence[ScanTable], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
+    for table in given:
+        for name in (table.surface, table.cluster, table.picked, table.mesh):
+            existing(folder, name, f"{where} of '{table.bone}'", problems)
+        try:
+            yield scan_files(table, folder)
+        except BadData as error:
+            problems.append(f"{where}: {error}")
 
 
 def _recordings(

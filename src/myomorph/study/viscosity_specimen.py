@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.identify.arm_sensitivity import ArmOptions
+from myomorph.identify.cutoff import choose_cutoff
 from myomorph.identify.passive_models import PassiveOptions
 from myomorph.identify.specimen import Specimen, SwingTrial
 from myomorph.identify.swing_checks import Finding, condition_findings, recording_findings, tracking_findings
@@ -26,9 +27,9 @@ from myomorph.study.plate_files import calibrate, placed, plate_residuals
 from myomorph.study.progress import Advance
 from myomorph.study.results import file_source
 from myomorph.study.settings import plain_settings, with_settings
-from myomorph.study.swing_files import marker_names, open_specimen, open_swing
+from myomorph.study.swing_files import open_specimen, open_swing, recorded_markers
 from myomorph.study.viscosity_plan import CONDITIONS, SpecimenFiles, SwingFiles
-from myomorph.study.viscosity_trust import trusted
+from myomorph.study.viscosity_trust import trusted, with_cutoffs
 
 TRACKING, IDENTIFYING = 0.5, 0.25
 """Shares of a specimen's time, for the bar."""
@@ -44,10 +45,14 @@ class FilterOptions:
 
     Attributes
     ----------
-    cutoff : of motion and wrench [Hz]
+    cutoff : of motion and wrench [Hz]; by default the one that residual analysis of the recordings asks for
     """
 
-    cutoff: float = 8.0
+    cutoff: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not self.cutoff > 0.0:
+            raise BadData(f"cutoff of motion and wrench is {self.cutoff:g} Hz: expected above 0")
 
 
 @dataclass(frozen=True)
@@ -74,12 +79,12 @@ class StudyOptions:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """One condition on its way: its trials tracked, as equations, and what is wrong with them."""
+    """One condition on its way: its trials tracked, as equations at one cut-off, and what is wrong with them."""
 
     tracked: TrackedSpecimen
-    recordings: tuple[SwingRecording, ...]
-    findings: tuple[Finding, ...]
     notes: tuple[str, ...]
+    recordings: tuple[SwingRecording, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def hides_mass(self) -> bool:
@@ -110,11 +115,12 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         where neither condition can be used
     """
     given = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
-    specimen = open_specimen(files, marker_names(next(one for entries in given.values() for one in entries)))
+    opened = open_specimen(files, recorded_markers(next(one for entries in given.values() for one in entries)))
+    specimen = opened.specimen
     calibration = None if files.plate is None else calibrate(files.plate)
     plate = files.plate
     place = None if plate is None or calibration is None else partial(placed, files=plate, calibration=calibration)
-    notes = [*specimen.notes, *(() if calibration is None else calibration.notes)]
+    notes = [*specimen.notes, *opened.notes, *(() if calibration is None else calibration.notes)]
     conditions: dict[str, Prepared] = {}
     lost = []
     share = TRACKING / sum(1 for entries in given.values() if entries)
@@ -123,9 +129,18 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
             notes.append(f"no recordings {name} muscles: what needs them is lacking")
             continue
         try:
-            conditions[name] = _prepared(specimen, files, name, place, options, lambda part: advance(share * part))
+            conditions[name] = _tracked(specimen, files, name, place, options, lambda part: advance(share * part))
         except MyomorphError as error:
             lost.append(f"{name} muscles: {error}")
+    if not conditions:
+        raise BadData("; ".join(lost))
+    cutoff, reason = _cutoff(options, conditions)
+    for name, one in list(conditions.items()):
+        try:
+            conditions[name] = _equations(one, cutoff, muscles=name == "with")
+        except MyomorphError as error:
+            lost.append(f"{name} muscles: {error}")
+            del conditions[name]
     if not conditions:
         raise BadData("; ".join(lost))
     notes += lost
@@ -133,12 +148,14 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     advance(IDENTIFYING)
     report, found = _judged(found, conditions, notes)
     report = trusted(report, found, options.laws, options.arms)
+    tracked = {name: one.tracked for name, one in conditions.items()}
+    report = with_cutoffs(report, tracked, cutoff, reason, options.identification)
     residuals = () if calibration is None else plate_residuals(calibration)
-    residuals = (*residuals, *_marker_residuals(conditions))
+    residuals = (*opened.residuals, *residuals, *_marker_residuals(conditions))
     return Studied(found, replace(report, truth=files.truth, paper=files.paper, calibration=residuals))
 
 
-def _prepared(
+def _tracked(
     specimen: Specimen,
     files: SpecimenFiles,
     name: str,
@@ -156,9 +173,22 @@ def _prepared(
     frames = 2 * sum(len(trial.markers) for trial in trials)
     tracked = track(specimen, trials, options.tracking, lambda done: advance(done / frames))
     notes += [*tracked.notes, *(note for trial in tracked.trials for note in trial.notes)]
-    recordings = swing_recordings(tracked, options.filter.cutoff, muscles=name == "with")
-    findings = (*tracking_findings(tracked), *recording_findings(recordings))
-    return Prepared(tracked, recordings, findings, tuple(notes))
+    return Prepared(tracked, tuple(notes))
+
+
+def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
+    """The cut-off of all conditions [Hz], and why it was chosen."""
+    if options.filter.cutoff is not None:
+        return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
+    chosen = choose_cutoff([one.tracked for one in conditions.values()])
+    return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
+
+
+def _equations(one: Prepared, cutoff: float, muscles: bool) -> Prepared:
+    recordings = swing_recordings(one.tracked, cutoff, muscles=muscles)
+    return replace(
+        one, recordings=recordings, findings=(*tracking_findings(one.tracked), *recording_findings(recordings))
+    )
 
 
 def _identified(
@@ -230,6 +260,7 @@ def input_sources(files: SpecimenFiles) -> tuple[Source, ...]:
             if entry.loads != entry.markers:
                 sources.append(file_source(f"loads {name} muscles", entry.loads))
     further: list[tuple[str, Path]] = [] if files.tare is None else [("tare", files.tare)]
+    further += [("CT", path) for scan in files.ct for path in (scan.surface, scan.cluster)]
     if files.plate is not None:
         further += [("plate calibration", path) for path in files.plate.placements]
     return (*sources, *(file_source(role, path) for role, path in further))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.identify.arm_sensitivity import ArmOptions, arm_sensitivity
+from myomorph.identify.cutoff import SCANNED, scan_cutoffs
 from myomorph.identify.passive_models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
-from myomorph.identify.viscosity import Condition, SpecimenViscosity
+from myomorph.identify.swing_rows import swing_recordings
+from myomorph.identify.tracking import TrackedSpecimen
+from myomorph.identify.viscosity import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.model.errors import MyomorphError
+from myomorph.model.spatial import Array
 from myomorph.report.chart import number
-from myomorph.report.viscosity_given import ArmError, ArmSpread, HeldOutSwing, PassiveModel, SpecimenReport
+from myomorph.report.viscosity_given import ArmError, ArmSpread, CutoffScan, HeldOutSwing, PassiveModel, SpecimenReport
 
 LEVELS = (0.05, 0.10, 0.15, 0.20)
 """Relative errors of moment arms that the figure shows."""
@@ -81,6 +85,24 @@ def _held_out(name: str, compared: PassiveComparison) -> HeldOutSwing:
     if compared.chosen.name != "viscosity":
         predicted[compared.chosen.name] = shown.chosen_angles
     return HeldOutSwing(name, shown.measured.time, shown.axes, shown.measured_angles, MappingProxyType(predicted))
+
+
+def with_cutoffs(
+    report: SpecimenReport,
+    tracked: Mapping[str, TrackedSpecimen],
+    cutoff: float,
+    reason: str,
+    options: ViscosityOptions,
+) -> SpecimenReport:
+    """The report with what other cut-offs of the filter would have given."""
+    values: dict[str, Array] = {}
+    for name, one in tracked.items():
+        scan = scan_cutoffs(lambda at, one=one: swing_recordings(one, at, muscles=False), options=options)  # type: ignore[misc]
+        kind = "joint_viscosity" if name == "without" else "total_viscosity"
+        values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
+    shown = {name: one for name, one in values.items() if np.isfinite(one).any()}
+    cutoffs = np.array(SCANNED)
+    return replace(report, cutoff=CutoffScan(cutoffs, cutoff, MappingProxyType(shown), reason)) if shown else report
 
 
 def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: ArmOptions) -> SpecimenReport:
