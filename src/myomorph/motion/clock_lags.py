@@ -20,8 +20,14 @@ NEAR = 0.3
 """A lag that explains less than the best by more than this share is no candidate."""
 
 LEAST_EXPLAINED = 0.1
-REACH = 12
-"""Frames either way that the lag of a piece is looked for."""
+REACH = 0.15
+"""Time either way that the lag of a piece is looked for [s]."""
+
+FINEST = 25.0
+"""Frames a second that are kept at least."""
+
+SETTLING = 3.0
+"""Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated markers are rough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +106,8 @@ def compare(
     rate = (len(time) - 1) / float(time[-1] - time[0])
     rows, usable = _filtered(rows, usable, rate, cutoff)
     other = lowpass(other, (len(other_time) - 1) / (end - start), cutoff)
-    start, end = start + 1.0 / cutoff, end - 1.0 / cutoff
-    thin = max(1, int(rate / (SAMPLES * cutoff)))
+    start, end = start + SETTLING / cutoff, end - SETTLING / cutoff
+    thin = max(1, int(rate / max(SAMPLES * cutoff, FINEST)))
     time, rows, usable = time[::thin], rows[::thin], usable[::thin]
     spline = natural_spline(other_time, other, degree=3)
     return Compared(
@@ -136,9 +142,9 @@ def _checked(time: Array, other_time: Array, other: Array, rows: Array) -> None:
 def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tuple[Array, np.ndarray]:
     """Low-passed rows over each unbroken run, and the frames that remain when the filter has settled."""
     filtered, kept = np.array(rows, dtype=np.float64), np.zeros(len(rows), dtype=bool)
-    settling = int(np.ceil(rate / cutoff))
+    settling = int(np.ceil(SETTLING * rate / cutoff))
     for start, stop in runs(usable):
-        if stop - start > 4 * settling + 4:
+        if stop - start > 2 * settling + 4:
             filtered[start:stop] = lowpass(rows[start:stop], rate, cutoff)
             kept[start + settling : stop - settling] = True
     if not kept.any():
@@ -161,9 +167,9 @@ def likely_lags(compared: Compared, search: float) -> list[float]:
     ------
     BadData : nothing is explained at any lag
     """
-    peaks, _ = _peaks(compared, compared.weights, search)
+    first, _ = _peaks(compared, compared.weights, search)
     # A signal that only holds noise would count as much as the others: what each leaves unexplained says.
-    left = _left(compared, np.array([peaks[0], 0.0]))
+    left = _left(compared, np.array([first[0], 0.0]))
     weights = np.where(compared.weights > 0, 1.0 / np.maximum(left, 1e-3 * compared.spread + 1e-300), 0.0)
     peaks, best = _peaks(compared, weights, search)
     if best < LEAST_EXPLAINED:
@@ -171,7 +177,7 @@ def likely_lags(compared: Compared, search: float) -> list[float]:
             f"the two recordings do not explain each other at any offset within {search:g} s (at best "
             f"{100 * max(best, 0.0):.0f} % of the variance): are they of one trial? A wider search may help"
         )
-    return peaks
+    return list(dict.fromkeys(peaks + first[:2]))
 
 
 def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[float], float]:
@@ -251,16 +257,17 @@ def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
 
 def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Array) -> float | None:
     """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the range."""
+    most = int(np.ceil(REACH / compared.step))
     costs = []
-    for k in range(-REACH, REACH + 1):
+    for k in range(-most, most + 1):
         at = np.clip(places + k * compared.step, compared.start, compared.end)
         values = compared.spline(at) * weights
         costs.append(float(np.sum((values - values.mean(axis=0) - wanted) ** 2)))
     least = int(np.argmin(costs))
-    if not 0 < least < 2 * REACH:
+    if not 0 < least < 2 * most:
         return None
     below, lowest, above = costs[least - 1 : least + 2]
-    return (least - REACH + 0.5 * (below - above) / (below - 2.0 * lowest + above)) * compared.step
+    return (least - most + 0.5 * (below - above) / (below - 2.0 * lowest + above)) * compared.step
 
 
 def _predicted(compared: Compared, lag: Array) -> Array:

@@ -192,13 +192,16 @@ def fit_clock(
     BadData : too little time in common, or nothing of the other recording is explained at any offset
     """
     options = options or ClockOptions()
-    cutoff = options.cutoff or PERIODS * main_frequency(time, other_time, other)
+    slow = PERIODS * main_frequency(time, other_time, other)
+    cutoff = options.cutoff or slow
     compared = compare(time, rows, other_time, other, cutoff, used)
+    # Candidates are looked for where the noise of differentiation is least.
+    slowly = compared if slow >= cutoff else compare(time, rows, other_time, other, slow, used)
     found = []
-    for lag in likely_lags(compared, options.search):
+    for lag in likely_lags(slowly, options.search):
         start = np.array([lag, 0.0])
         if options.drift:
-            start = drift_of_pieces(compared, start, options.window)
+            start = drift_of_pieces(slowly, start, options.window)
         found.append(refine(compared, start, options.drift, options.block))
     found.sort(key=lambda one: one.misfit)
     best, doubt = found[0], _doubt(found)
