@@ -6,7 +6,6 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
@@ -50,13 +49,7 @@ def ik_command(
     fit = found.fit
     assert fit is not None
     warn(take.warnings)
-    lost = int((~fit.converged).sum())
-    said(
-        f"{len(fit.motion)} frames, {len(fit.marker_names)} markers: root mean square "
-        f"{100 * float(np.nanmean(fit.rms)):.2f} cm, largest {100 * float(np.nanmax(fit.largest)):.2f} cm"
-        + (f"; {lost} frames did not converge" if lost else "")
-        + f"; wrote {out}"
-    )
+    said(f"{fit.summary}; wrote {out}")
     return 0
 
 

@@ -73,7 +73,7 @@ class KinematicsFit:
     weights : (markers,)
     converged : (frames,) whether the last step was within the tolerance
     iterations : (frames,)
-    closure : (frames,) how far the model's loops stand open, the largest gap or turning [m or rad]; 0 without loops
+    closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None without loops
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
     """
@@ -101,6 +101,18 @@ class KinematicsFit:
         """(frames,) largest marker error [m], NaN where none was seen."""
         largest: Array = np.max(np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf)
         return np.where(np.isfinite(largest), largest, np.nan)
+
+    @property
+    def summary(self) -> str:
+        """Frames, markers and errors in one line."""
+        lost = int((~self.converged).sum())
+        opened = "" if self.closure is None else f"; loops closed to {float(np.nanmax(self.closure)):.1g} m"
+        return (
+            f"{len(self.motion)} frames, {len(self.marker_names)} markers: root mean square "
+            f"{100 * float(np.nanmean(self.rms)):.2f} cm, largest {100 * float(np.nanmax(self.largest)):.2f} cm"
+            + (f"; {lost} frames did not converge" if lost else "")
+            + opened
+        )
 
 
 def inverse_kinematics(
@@ -165,7 +177,7 @@ def inverse_kinematics(
         weights=weights,
         converged=converged,
         iterations=iterations,
-        closure=np.abs(closure(tree, values)).max(axis=1, initial=0.0),
+        closure=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
     )

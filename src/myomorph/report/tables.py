@@ -19,6 +19,7 @@ State = Literal["ok", "over", "note"]
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
 RESERVE = 0.10
+LOOPS_CLOSED = 1e-9
 SATURATED = 0.99
 HICKS, CHECKLIST = "hicks2015", "opensim"
 
@@ -107,6 +108,13 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     ]
     failed = ~np.asarray(fit.converged, dtype=bool)
     rows.append(_counted("Frames whose inverse kinematics did not converge", failed, time))
+    if fit.closure is not None:
+        frame = int(np.nanargmax(fit.closure))
+        opened = float(fit.closure[frame])
+        state = _judged(opened, LOOPS_CLOSED)
+        rows.append(
+            Verdict("Closed loops stand open by", 1e3 * opened, "mm", 1e3 * LOOPS_CLOSED, state, "", float(time[frame]))
+        )
     return rows
 
 

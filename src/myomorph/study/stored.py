@@ -27,6 +27,8 @@ def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
     writer.put("marker_weight", ("marker",), fit.weights, "1", "weight in inverse kinematics")
     writer.put("ik_converged", ("time",), fit.converged, "1", "1 where the last step was within the tolerance")
     writer.put("ik_iterations", ("time",), np.asarray(fit.iterations, np.int32), "1", "iterations taken")
+    if fit.closure is not None:
+        writer.put("loop_closure", ("time",), fit.closure, "m or rad", "how far closed loops stand open, the largest")
     writer.names("unused_marker", fit.unused_markers)
     writer.names("missing_marker", fit.missing_markers)
 
@@ -44,6 +46,7 @@ def get_fit(stored: Stored) -> KinematicsFit | None:
         iterations=stored.values["ik_iterations"].astype(np.int64),
         unused_markers=stored.names.get("unused_marker", ()),
         missing_markers=stored.names.get("missing_marker", ()),
+        closure=stored.values.get("loop_closure"),
     )
 
 

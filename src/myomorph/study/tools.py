@@ -79,21 +79,7 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
         *(f"{model_path.name}: {text}" for text in model.warnings),
         *(f"{markers_path.name}: {text}" for text in trial.warnings),
     )
-    lost = int((~fit.converged).sum())
-    told = (
-        f"{len(markers)} frames, {len(fit.marker_names)} markers: root mean square "
-        f"{100 * float(np.nanmean(fit.rms)):.2f} cm, largest {100 * float(np.nanmax(fit.largest)):.2f} cm"
-        + (f"; {lost} frames did not converge" if lost else "")
-        + loops_told(model, fit)
-    )
-    return ToolResult("InverseKinematicsTool", (told,), write_outputs(table_writers(tables)), warnings)
-
-
-def loops_told(model: Model, fit: KinematicsFit) -> str:
-    """How far closed loops stand open, as a clause; empty without loops."""
-    if not model.loops or fit.closure is None:
-        return ""
-    return f"; loops open by {float(np.nanmax(fit.closure)):.1g} m at most"
+    return ToolResult("InverseKinematicsTool", (fit.summary,), write_outputs(table_writers(tables)), warnings)
 
 
 def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResult:
