@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from myomorph import __version__
 from myomorph.identify.viscosity import SpecimenViscosity
+from myomorph.io.osim_write import write_osim
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Provenance, Source
 from myomorph.report.given import Note, SourceFile, Step
@@ -21,7 +22,7 @@ from myomorph.study.viscosity_plan import SpecimenFiles, ViscosityPlan
 from myomorph.study.viscosity_specimen import StudyOptions, input_sources, study_specimen
 from myomorph.study.viscosity_store import remake_report, write_store
 
-PROVENANCE = "provenance.json"
+PROVENANCE, IDENTIFIED = "provenance.json", "identified.osim"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,9 @@ def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Ad
         studied = study_specimen(files, options, within)
         with whole_folder(out / file_name(files.name)) as folder:
             write_swings(studied.found, folder)
-        return SpecimenOutcome(studied.report, studied.found, sources)
+            lost = () if studied.model is None else write_osim(studied.model, folder / IDENTIFIED)
+        report = replace(studied.report, notes=(*studied.report.notes, *(f"{IDENTIFIED}: {line}" for line in lost)))
+        return SpecimenOutcome(report, studied.found, sources)
     except (MyomorphError, OSError) as error:
         return SpecimenOutcome(replace(report, failure=" ".join(str(error).split())))
     except Exception as error:

@@ -20,6 +20,7 @@ from myomorph.identify.swings import SwingRecording
 from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
 from myomorph.identify.viscosity import Condition, SpecimenViscosity, ViscosityOptions, identify_specimen
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Trial
 from myomorph.report.viscosity_given import Residual, SpecimenReport, specimen_report
@@ -28,6 +29,7 @@ from myomorph.study.progress import Advance
 from myomorph.study.results import file_source
 from myomorph.study.settings import plain_settings, with_settings
 from myomorph.study.swing_files import open_specimen, open_swing, recorded_markers
+from myomorph.study.viscosity_model import identified_model
 from myomorph.study.viscosity_plan import CONDITIONS, SpecimenFiles, SwingFiles
 from myomorph.study.viscosity_trust import trusted, with_cutoffs
 
@@ -94,10 +96,11 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Studied:
-    """A specimen that could be done: what was found, and what the report shows of it."""
+    """A specimen that could be done: what was found, what the report shows of it, and its model with it."""
 
     found: SpecimenViscosity
     report: SpecimenReport
+    model: Model | None = None
 
 
 def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
@@ -151,8 +154,9 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     tracked = {name: one.tracked for name, one in conditions.items()}
     report = with_cutoffs(report, tracked, cutoff, reason, options.identification)
     residuals = () if calibration is None else plate_residuals(calibration)
+    report, model = _with_model(report, found, tracked, cutoff)
     residuals = (*opened.residuals, *residuals, *_marker_residuals(conditions))
-    return Studied(found, replace(report, truth=files.truth, paper=files.paper, calibration=residuals))
+    return Studied(found, replace(report, truth=files.truth, paper=files.paper, calibration=residuals), model)
 
 
 def _tracked(
@@ -233,6 +237,21 @@ def _judged(
     found = replace(found, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *found.notes))))
     report = specimen_report(found)
     return replace(report, row={name: one for name, one in report.row.items() if name not in lacking}), found
+
+
+def _with_model(
+    report: SpecimenReport, found: SpecimenViscosity, tracked: Mapping[str, TrackedSpecimen], cutoff: float
+) -> tuple[SpecimenReport, Model | None]:
+    """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim` cannot hold."""
+    known = "joint_viscosity" in report.row
+    one = tracked.get("with", tracked.get("without"))
+    if one is None or not known or not one.specimen.model.source.lower().endswith(".osim"):
+        return report, None
+    try:
+        made = identified_model(one, found, cutoff)
+    except MyomorphError as error:
+        return replace(report, notes=(*report.notes, f"no identified.osim: {error}")), None
+    return (report, None) if made is None else (replace(report, notes=(*report.notes, *made[1])), made[0])
 
 
 def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...]:

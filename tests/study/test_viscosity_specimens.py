@@ -1,0 +1,119 @@
+"""From files to tables: limbs swung by an integrator of the tests, some with what goes wrong in a laboratory."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from tests.identify.swung_specimen import arm_specimen, swing
+
+from myomorph.io.osim import read_osim
+from myomorph.io.osim_write import write_osim
+from myomorph.io.sto import write_sto
+from myomorph.io.trc import write_trc
+from myomorph.model.series import Markers, Table
+from myomorph.study.viscosity import run_viscosity
+from myomorph.study.viscosity_plan import read_viscosity_plan
+
+JOINT, TOTAL = 0.05, 0.09
+RELEASES = ((0.6, 0.2, -0.5), (-0.3, -0.6, 0.5))
+OPTIONS = """
+[options.identification]
+draws = 40
+[options.laws]
+draws = 4
+[options.arms]
+draws = 10
+"""
+
+
+def write_swing(swung, stem, offset=None, rename=lambda name: name):
+    """A trial as TRC and MOT; `offset` (6,) is taken off force and torque about the point."""
+    markers, wrenches = swung.trial.markers, swung.trial.wrenches
+    named = Markers(markers.time, tuple(rename(name) for name in markers.names), markers.values)
+    write_trc(named, stem.with_suffix(".trc"))
+    parts = [wrenches.forces[:, 0], wrenches.points[:, 0], wrenches.torques[:, 0]]
+    if offset is not None:
+        parts[0] = parts[0] - offset
+    names = [f"{what}{axis}" for what in ("ground_force_v", "ground_force_p", "ground_torque_") for axis in "xyz"]
+    write_sto(Table(wrenches.time, tuple(names), np.hstack(parts)), stem.with_suffix(".mot"))
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("swings")
+    specimen = arm_specimen()
+    write_osim(specimen.model, folder / "arm.osim")
+    swings = {}
+    for condition, damping in (("bare", JOINT), ("full", TOTAL)):
+        for i, release in enumerate(RELEASES, 1):
+            swung = swings[condition] = swing(specimen, release=release, seconds=6.0, damping=damping)
+            write_swing(swung, folder / f"{condition}{i}")
+            weight = swung.trial.wrenches.forces[:, 0].mean(axis=0)
+            write_swing(swung, folder / f"tared_{condition}{i}", offset=weight)
+            write_swing(swung, folder / f"other_{condition}{i}", rename=lambda name: f"x{name}")
+    tables = [
+        'name = "whole"\nwithout = ["bare*.trc"]\nwith = ["full*.trc"]\nmeasured_muscle_mass = 0.3',
+        'name = "half"\nwithout = ["bare*.trc"]',
+        'name = "tared"\nwithout = ["tared_bare*.trc"]\nwith = ["full*.trc"]',
+        'name = "unnamed"\nwithout = ["other_bare*.trc"]\nwith = ["other_full*.trc"]',
+    ]
+    text = '[study]\nname = "made"\n' + "".join(f'[[specimen]]\nmodel = "arm.osim"\n{one}\n' for one in tables)
+    (folder / "study.toml").write_text(text + OPTIONS)
+    outcomes = run_viscosity(read_viscosity_plan(folder / "study.toml"), folder / "out")
+    return {one.report.name: one for one in outcomes}, folder / "out", swings["bare"]
+
+
+@pytest.mark.long
+def test_truth_comes_back(ran):
+    outcomes, out, swung = ran
+    row = outcomes["whole"].report.row
+    assert row["joint_viscosity"].value == pytest.approx(JOINT, rel=0.01)
+    assert row["total_viscosity"].value == pytest.approx(TOTAL, rel=0.01)
+    assert row["mass_without"].value == pytest.approx(swung.parameters[0], rel=0.002)
+    com = np.linalg.norm(swung.parameters[1:4]) / swung.parameters[0]
+    assert row["com_with"].value == pytest.approx(com, abs=0.002)
+    assert row["estimated_muscle_mass"].value == pytest.approx(0.0, abs=0.01)
+    assert row["muscle_viscosity"].value > 0.0
+    with (out / "specimens.csv").open() as stream:
+        (first, *_) = csv.DictReader(stream)
+    assert float(first["joint_viscosity"]) == pytest.approx(row["joint_viscosity"].value, rel=1e-7)
+
+
+@pytest.mark.long
+def test_one_condition_alone_has_its_own_columns(ran):
+    outcomes, out, _ = ran
+    one = outcomes["half"]
+    assert set(one.report.row) == {"mass_without", "com_without", "joint_viscosity"}
+    assert any("no recordings with muscles" in note for note in one.report.notes)
+    assert (out / "half" / "without_bare1.sto").is_file()
+
+
+@pytest.mark.long
+def test_a_plate_that_hides_the_mass_is_named_and_the_other_condition_keeps_its_own(ran):
+    outcomes, _, swung = ran
+    one = outcomes["tared"].report
+    assert any("the plate was set to zero with the limb on it" in note for note in one.notes)
+    assert not {"mass_without", "com_without", "estimated_muscle_mass"} & set(one.row)
+    assert one.row["mass_with"].value == pytest.approx(swung.parameters[0], rel=0.002)
+    assert one.row["joint_viscosity"].value == pytest.approx(JOINT, rel=0.03)
+
+
+@pytest.mark.long
+def test_a_specimen_whose_markers_are_not_the_models_is_left_out(ran):
+    outcomes, out, _ = ran
+    failure = outcomes["unnamed"].report.failure
+    assert "other_bare1.trc" in failure
+    assert "share no marker" in failure
+    assert not (out / "unnamed").exists()
+    assert "Specimen unnamed could not be done" in (out / "report.html").read_text()
+
+
+@pytest.mark.long
+def test_the_model_is_damped_as_found(ran):
+    _, out, _ = ran
+    model = read_osim(out / "whole" / "identified.osim")
+    (bushing,) = model.bushings
+    assert bushing.rotational_damping == pytest.approx(np.full(3, JOINT), rel=0.05)
+    assert all(muscle.viscosity > 0.0 for muscle in model.muscles)
