@@ -23,6 +23,9 @@ LEAST_EXPLAINED = 0.1
 REACH = 0.15
 """Time either way that the lag of a piece is looked for [s]."""
 
+DENSE = 40.0
+"""Samples for every period of the cutoff through which the other recording is splined."""
+
 FINEST = 25.0
 """Frames a second that are kept at least."""
 
@@ -105,7 +108,9 @@ def compare(
     start, end = float(other_time[0]), float(other_time[-1])
     rate = (len(time) - 1) / float(time[-1] - time[0])
     rows, usable = _filtered(rows, usable, rate, cutoff)
-    other = lowpass(other, (len(other_time) - 1) / (end - start), cutoff)
+    other_rate = (len(other_time) - 1) / (end - start)
+    few = max(1, int(other_rate / (DENSE * cutoff)))
+    other, other_time = lowpass(other, other_rate, cutoff)[::few], other_time[::few]
     start, end = start + SETTLING / cutoff, end - SETTLING / cutoff
     thin = max(1, int(rate / max(SAMPLES * cutoff, FINEST)))
     time, rows, usable = time[::thin], rows[::thin], usable[::thin]
