@@ -8,9 +8,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from swung_specimen import HELD, Swung, arm_specimen, markers_of, swing
+from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
 
-from myomorph.identify.specimen import SwingTrial
+from myomorph.identify.made_clusters import with_clusters
+from myomorph.identify.specimen import SpecimenNames, SwingTrial, build_specimen
 from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
@@ -251,3 +252,60 @@ def test_a_plate_that_recorded_at_another_time_is_refused():
     late = replace(truth.trial.wrenches, time=truth.trial.wrenches.time + 100.0)
     with pytest.raises(BadData, match="have no time in common"):
         track(SPECIMEN, [replace(truth.trial, wrenches=late)], MARKERS_ONLY)
+
+
+def test_a_center_beside_the_model_is_told_and_can_be_used():
+    truth = swung()
+    shift = np.array([0.004, -0.006, 0.003])
+    wrong = SPECIMEN.centered(SPECIMEN.center + shift, SPECIMEN.center_in_limb)
+    told = track(wrong, [truth.trial], MARKERS_ONLY)
+    assert "7.8 mm from the joint's center of the model (set center to 'motion' to use it)" in told.notes[0]
+    np.testing.assert_allclose(told.specimen.center, wrong.center)
+    used = track(wrong, [truth.trial], replace(MARKERS_ONLY, center="motion"))
+    np.testing.assert_allclose(used.specimen.center, SPECIMEN.center, atol=1e-8)
+    np.testing.assert_allclose(used.specimen.center_in_limb, SPECIMEN.center_in_limb, atol=1e-8)
+    assert apart(rotations(used), truth.rotations).max() < 1e-5
+
+
+def test_a_hinge_is_tracked_through_whole_turns():
+    specimen = with_clusters(
+        build_specimen(arm_model(), SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge"))
+    )
+    tree = compile_tree(specimen.model)
+    time = 0.005 * np.arange(600)
+    values = np.tile(tree.defaults, (600, 1))
+    angle = 1.5 + 2.0 * np.sin(3.0 * time)
+    values[:, specimen.model.coordinate_names.index("ulna_angle")] = angle
+    poses = forward_kinematics(tree, values)
+    bodies = np.array([tree.body_index[one.body] for one in specimen.model.markers])
+    places = poses.points(bodies, np.array([one.location for one in specimen.model.markers]))
+    trial = replace(swung().trial, markers=Markers(time, specimen.model.marker_names, places))
+    tracked = track(specimen, [trial], MARKERS_ONLY)
+    np.testing.assert_allclose(tracked.trials[0].motion["ulna_angle"], angle, atol=1e-7)
+
+
+@pytest.mark.parametrize("part", [slice(None), slice(200, 420)])
+@pytest.mark.parametrize("bone", ["scapula", "humerus", "radius"])
+def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part):
+    """Distances are the same then; the bone seems turned over, away from its joints."""
+    like = np.array([[0.05, 0.0], [-0.03, 0.03], [-0.03, -0.03]])
+    middles = {one.name[:-2]: one.location for one in SPECIMEN.model.markers if one.name.endswith("_1")}
+    specimen = SPECIMEN.with_markers(
+        tuple(
+            replace(one, location=middles[one.body] + [*like[int(one.name[-1]) - 1], 0.0])
+            for one in SPECIMEN.model.markers
+        )
+    )
+    truth = swung()
+    markers = markers_of(specimen, truth.trial.markers.time, truth.rotations, HELD)
+    trial = replace(truth.trial, markers=markers)
+
+    def exchange(values, column):
+        two, three = column[f"{bone}_2"], column[f"{bone}_3"]
+        values[part, two], values[part, three] = values[part, three].copy(), values[part, two].copy()
+
+    tracked = track(specimen, [with_markers(trial, exchange)], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    (note,) = tracked.trials[0].notes
+    assert f"'{bone}_2' and '{bone}_3' bear each other's names" in note
+    assert not track(specimen, [trial], MARKERS_ONLY).trials[0].notes

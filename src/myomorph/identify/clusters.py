@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
 
+from myomorph.identify.held_still import cluster_poses
 from myomorph.identify.specimen import Specimen
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
@@ -15,6 +16,9 @@ from myomorph.model.spatial import Array
 
 REPAIRED = 0.9
 """Share of the doubtful frames that a change of labels must put right to be believed."""
+
+APART = 0.02
+"""Distance of two bones' joints from which the labels of one of them are doubted [m]."""
 
 LONG = 0.05
 """Share of a trial from which a marker that is unseen is named."""
@@ -97,6 +101,7 @@ def checked_clusters(specimen: Specimen, markers: Markers, name: str, tolerance:
         if bones:
             frames = np.flatnonzero((patterns == pattern[:, None]).all(axis=0))
             notes += _put_right(clusters, values, bones, frames, markers.time, name)
+    notes += _turned_over(specimen, clusters, values, markers.time, name)
     notes += _lost(clusters, values, markers.time, name)
     return replace(markers, values=values), notes
 
@@ -138,12 +143,81 @@ def _put_right(
     if best is not None and share >= REPAIRED:
         columns = list(best)
         values[frames[:, None], columns] = part[:, [best[column] for column in columns]]
-        swapped = [clusters.names[column] for column in columns if best[column] != column]
-        return [f"trial '{name}': markers {_listed(swapped)} bear each other's names {when}: put right"]
+        return [_exchanged(clusters, best, when, name)]
     notes = []
     for bone in bones:
         notes += _leave_out(clusters, values, bone, frames, name, when)
     return notes
+
+
+def _exchanged(clusters: Clusters, relabel: Relabel, when: str, name: str) -> str:
+    swapped = [clusters.names[column] for column, new in relabel.items() if column != new]
+    return f"trial '{name}': markers {_listed(swapped)} bear each other's names {when}: put right"
+
+
+def _turned_over(specimen: Specimen, clusters: Clusters, values: Array, time: Array, name: str) -> list[str]:
+    """Put right exchanges that distances cannot show, because two sides of a cluster are alike.
+
+    The bone then seems turned over, and its joints do not meet those of the bones beside it: labels are exchanged
+    where that brings the joints together.
+    """
+    notes = []
+    places = {one.name: one.location for one in specimen.model.markers}
+    for bone, own in clusters.columns.items():
+        alike = [
+            order
+            for order in permutations(own)
+            if list(order) != own and not clusters.wrong(_still(clusters, places, own, order), bone).any()
+        ]
+        if not alike or len(own) < 3:
+            continue
+        plain = _joint_gap(specimen, clusters, places, values, bone, tuple(own))
+        for order in alike:
+            other = _joint_gap(specimen, clusters, places, values, bone, order)
+            with np.errstate(invalid="ignore"):
+                frames = np.flatnonzero((plain > APART) & (other < 0.5 * plain))
+            if len(frames):
+                values[frames[:, None], own] = values[frames[:, None], list(order)]
+                plain[frames] = other[frames]
+                notes.append(_exchanged(clusters, dict(zip(own, order, strict=True)), _when(time, frames), name))
+    return notes
+
+
+def _still(clusters: Clusters, places: Mapping[str, Array], own: list[int], order: tuple[int, ...]) -> Array:
+    """(1, markers, 3) the model's cluster with its labels in another order."""
+    values = np.full((1, len(clusters.names), 3), np.nan)
+    values[0, own] = [places[clusters.names[column]] for column in order]
+    return values
+
+
+def _joint_gap(
+    specimen: Specimen,
+    clusters: Clusters,
+    places: Mapping[str, Array],
+    values: Array,
+    bone: str,
+    order: tuple[int, ...],
+) -> Array:
+    """(frames,) largest distance between where a bone and its neighbors put their joints, in an order of labels [m]."""
+
+    def poses(one: str) -> tuple[Array, Array]:
+        columns = clusters.columns[one]
+        seen = values[:, list(order) if one == bone else columns]
+        return cluster_poses(np.array([places[clusters.names[column]] for column in columns]), seen)
+
+    rotations, origins = poses(bone)
+    gaps = [np.full(len(values), np.nan)]
+    for joint in specimen.model.joints:
+        other = joint.child if joint.parent == bone else joint.parent if joint.child == bone else ""
+        if len(clusters.columns.get(other, ())) < 3:
+            continue
+        turns, places_of_other = poses(other)
+        mine, its = joint.parent_frame.translation, joint.child_frame.translation
+        if joint.child == bone:
+            mine, its = its, mine
+        gaps.append(np.linalg.norm(rotations @ mine + origins - turns @ its - places_of_other, axis=1))
+    found: Array = np.fmax.reduce(gaps)
+    return found
 
 
 def _leave_out(clusters: Clusters, values: Array, bone: str, frames: np.ndarray, name: str, when: str) -> list[str]:
@@ -171,7 +245,7 @@ def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str
     """Markers unseen for long, a line each; all that blink, in one."""
     notes, blinking = [], 0
     for bone, own in clusters.columns.items():
-        seen = np.isfinite(values[:, own]).all(axis=2)
+        seen = np.asarray(np.isfinite(values[:, own]).all(axis=2))
         for i, column in enumerate(own):
             gone = np.flatnonzero(~seen[:, i])
             if len(gone) < LONG * len(values):

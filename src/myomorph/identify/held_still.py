@@ -70,6 +70,21 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
     return rotations, origins
 
 
+def turning_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
+    """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the limb [m].
+
+    min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of
+    Biomechanics 39:2798).
+
+    Parameters
+    ----------
+    base, limb : rotations (frames, 3, 3) and origins (frames, 3) in ground [m], finite
+    """
+    rows = np.concatenate([base[0], -limb[0]], axis=2).reshape(-1, 6)
+    both = np.linalg.lstsq(rows, (limb[1] - base[1]).ravel(), rcond=None)[0]
+    return both[:3], both[3:]
+
+
 def base_poses(specimen: Specimen, motion: Motion) -> tuple[Array, Array]:
     """Rotations (frames, 3, 3) and origins (frames, 3) of the base in ground, of its six coordinates [m]."""
     columns = [motion.names.index(name) for name in specimen.base_coordinates]

@@ -177,6 +177,14 @@ class Specimen:
         frame = Transform(np.asarray(rotation) @ joint.child_frame.rotation, self.center)
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
+    def centered(self, in_base: Array, in_limb: Array) -> Specimen:
+        """The same specimen whose joint has its center at these points of base and limb (3,) [m]."""
+        joint = self._joint(self.first)
+        parent = Transform(joint.parent_frame.rotation, in_base)
+        child = Transform(joint.child_frame.rotation, in_limb)
+        model = self._with_joint(replace(joint, parent_frame=parent, child_frame=child))
+        return replace(self, model=model, center=frozen_array(in_base), center_in_limb=frozen_array(in_limb))
+
     def turned(self, rotation: Array) -> Specimen:
         """The same specimen in a ground whose axes, in the old one, are the rows of `rotation` (3, 3)."""
         turn = Transform(np.asarray(rotation, dtype=np.float64), np.zeros(3))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from myomorph.identify.ball_angles import on_one_branch
+from myomorph.identify.ball_motion import differentiate_joint
 from myomorph.identify.clusters import checked_clusters
-from myomorph.identify.held_still import Slip, cluster_poses, mean_base, mean_held, mean_rotation, slips
+from myomorph.identify.held_still import Slip, cluster_poses, mean_base, mean_held, mean_rotation, slips, turning_center
 from myomorph.identify.limb_motion import LimbMotion, limb_motion
 from myomorph.identify.plate_wrench import lowpass_runs, on_clock, wrench_about
 from myomorph.identify.specimen import Specimen, SwingTrial
@@ -20,9 +22,12 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array, Transform
 from myomorph.motion.clocks import Clock
-from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut
+
+TURNED = 0.995
+"""Largest singular value of a mean rotation from which a limb has not turned about two axes enough, some 6 degrees
+root mean square, to show its center."""
 
 Progress = Callable[[int], None]
 
@@ -39,6 +44,8 @@ class TrackingOptions:
     cluster : a distance between two markers of a bone may differ from the model's by this much [m]
     slip : a held joint, or the base, that turns by more is named [rad]
     shift : a base that moves by more is named [m]
+    center : "model" for the joint's center of the model, "motion" for the point about which the limb turns
+    astray : distance of these two from which it is told [m]
     clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
     find_touch : find the frames in which the wrench says that something besides the joint carries the limb
     touch : part of the swing's largest change of force under which a mismatch is no hand
@@ -47,12 +54,14 @@ class TrackingOptions:
     cluster: float = 0.006
     slip: float = 0.035
     shift: float = 0.002
+    center: Literal["model", "motion"] = "model"
+    astray: float = 0.005
     clock: bool = True
     find_touch: bool = True
     touch: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("cluster", "slip", "shift", "touch"):
+        for name in ("cluster", "slip", "shift", "astray", "touch"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
 
@@ -126,7 +135,7 @@ def track(
         raise BadData("no trial of the swinging limb is given")
     checked = [_checked(specimen, one, options) for one in trials]
     markers = [one for one, _ in checked]
-    started = _started(specimen, markers)
+    started, astray = _centered(_started(specimen, markers), markers, options)
     fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
     motions = [on_one_branch(started, fit.motion) for fit in fits]
     weights = [_complete(fit) for fit in fits]
@@ -148,7 +157,7 @@ def track(
         tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
     if options.find_touch:
         tracked = _with_touches(posed, tracked, options.touch)
-    return TrackedSpecimen(posed, tuple(tracked), held, tuple(found))
+    return TrackedSpecimen(posed, tuple(tracked), held, tuple(found), astray)
 
 
 def _checked(specimen: Specimen, trial: SwingTrial, options: TrackingOptions) -> tuple[Markers, list[str]]:
@@ -168,6 +177,33 @@ def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
     limb = np.concatenate([_poses(specimen.model, specimen.first, one)[0] for one in trials])
     shown = np.isfinite(limb).all(axis=(1, 2))
     return standing.resting(stand.rotation.T @ mean_rotation(limb[shown])) if shown.any() else standing
+
+
+def _centered(
+    specimen: Specimen, trials: Sequence[Markers], options: TrackingOptions
+) -> tuple[Specimen, tuple[str, ...]]:
+    """The specimen about the center that was asked for, and how far the limb's own center is from the model's.
+
+    A hinge, and a limb that hardly turns or of which fewer than three markers are seen, tell no center.
+    """
+    if len(specimen.joint_coordinates) == 1:
+        return specimen, ()
+    poses = [[_poses(specimen.model, bone, one) for one in trials] for bone in (specimen.base, specimen.first)]
+    base, limb = ([np.concatenate(parts) for parts in zip(*own, strict=True)] for own in poses)
+    seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
+    turned = np.einsum("fji,fjk->ik", base[0][seen], limb[0][seen]) / max(int(seen.sum()), 1)
+    if seen.sum() < 10 or np.linalg.svd(turned, compute_uv=False)[0] > TURNED:
+        return specimen, ()
+    in_base, in_limb = turning_center((base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen]))
+    distance = float(np.linalg.norm(in_base - specimen.center))
+    notes: tuple[str, ...] = ()
+    if distance > options.astray:
+        used = "that is used" if options.center == "motion" else "set center to 'motion' to use it"
+        notes = (
+            f"the limb turns about a point {1000 * distance:.1f} mm from the joint's center of the model ({used}): "
+            "check how clusters fit bones",
+        )
+    return (specimen.centered(in_base, in_limb) if options.center == "motion" else specimen), notes
 
 
 def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
@@ -236,7 +272,7 @@ def _wrench(
 
 def _low(specimen: Specimen, motion: Motion) -> tuple[LimbMotion, np.ndarray]:
     """The limb at the cutoff that looks for clocks and hands, and the frames out of reach of its ends."""
-    slow = differentiate(motion, CUTOFF)
+    slow = differentiate_joint(specimen, motion, CUTOFF)
     finite = np.asarray(np.isfinite(slow.values).all(axis=1))
     return limb_motion(specimen, slow), whole_frames(slow.time, finite, CUTOFF)
 
@@ -252,7 +288,21 @@ def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: flo
         frames.append(whole & np.asarray(np.isfinite(wrench).all(axis=1)))
     times = [one.motion.time for one in trials]
     found = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
-    return [replace(one, touched=touched) for one, touched in zip(trials, found, strict=True)]
+    return [
+        replace(one, touched=touched, notes=(*one.notes, *_hands(one.name, times, touched)))
+        for one, touched, times in zip(trials, found, times, strict=True)
+    ]
+
+
+def _hands(name: str, time: Array, touched: np.ndarray) -> tuple[str, ...]:
+    if not touched.any():
+        return ()
+    share = float(touched.mean())
+    seconds = share * float(time[-1] - time[0])
+    line = f"trial '{name}': something besides the joint carries the limb for {seconds:.1f} s: left out"
+    if share > 0.5:
+        line += "; as that is most of the trial, check the plate's calibration and its clock"
+    return (line,)
 
 
 def _told(slip: Slip) -> str:
