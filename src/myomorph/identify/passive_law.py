@@ -8,8 +8,9 @@ import numpy as np
 
 from myomorph.model.spatial import Array
 
-WIDTH = 0.05
-"""Angular velocity within which Coulomb friction turns its sign [rad/s]."""
+WIDTH = 0.1
+"""Angular velocity within which Coulomb friction turns its sign [rad/s]: about what the rate changes by at a turn in
+the 20 ms over which a low-pass of 8 Hz spreads the jump of the measured torque."""
 
 
 @dataclass(frozen=True, eq=False)
