@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.identify.ball_motion import differentiate_joint
 from myomorph.identify.held_still import mean_rotation
 from myomorph.identify.limb_motion import LimbMotion, lengthening, limb_motion
 from myomorph.identify.plate_wrench import lowpass_runs
@@ -18,7 +19,6 @@ from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
-from myomorph.motion.filters import differentiate
 
 LEAST_TURN = 0.005
 """Angle between two turns under which the limb counts as still [rad]."""
@@ -71,7 +71,7 @@ def swing_recordings(
 
 
 def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:
-    motion = differentiate(trial.motion, cutoff)
+    motion = differentiate_joint(specimen, trial.motion, cutoff)
     wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
     finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
     return _Filtered(motion, limb_motion(specimen, motion), wrench, whole_frames(motion.time, finite, cutoff))

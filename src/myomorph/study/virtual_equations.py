@@ -1,7 +1,7 @@
 """The equations of a rigid limb on a fixed joint, straight from its markers: a short cut for virtual limbs.
 
 Specimens go through `identify.specimen` and `identify.swing_rows`; here the joint's center and the limb's shape
-are known, so a few lines suffice, and what is identified depends on nothing else of ours.
+are known, so a few lines suffice.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.identify.ball_motion import continuous
 from myomorph.identify.swings import PARAMETERS
 from myomorph.model.spatial import Array
-from myomorph.study.virtual_recording import matrices
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
@@ -25,28 +25,7 @@ def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
         return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
     left, _, right = np.linalg.svd(np.einsum("fmi,mj->fij", seen, places))
     left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
-    scalar_last = Rotation.from_matrix(left @ right).as_quat()
-    quaternions = scalar_last[:, [3, 0, 1, 2]]
-    turned = np.sign(np.sum(quaternions[1:] * quaternions[:-1], axis=1))
-    return quaternions * np.concatenate([[1.0], np.cumprod(turned)])[:, None]
-
-
-def angular_motion(values: Array, velocities: Array, accelerations: Array) -> tuple[Array, Array, Array]:
-    """Rotations (frames, 3, 3), angular rates and accelerations (frames, 3) along the body's axes.
-
-    Of quaternions (frames, 4) of any length and their derivatives: omega = 2 vec(conj(q) dq/dt) / |q|^2.
-    """
-    square = np.sum(values**2, axis=1, keepdims=True)
-    growth = np.sum(values * velocities, axis=1, keepdims=True) / square
-    rates = 2.0 * _vector_part(values, velocities) / square
-    turned = 2.0 * _vector_part(values, accelerations) / square - 2.0 * growth * rates
-    return matrices(values / np.sqrt(square)), rates, turned
-
-
-def _vector_part(first: Array, second: Array) -> Array:
-    """Of conj(first) * second, quaternions (frames, 4)."""
-    a, u, b, v = first[:, :1], first[:, 1:], second[:, :1], second[:, 1:]
-    return a * v - b * u - np.cross(u, v)
+    return continuous(Rotation.from_matrix(left @ right).as_quat(scalar_first=True))
 
 
 def moment_rows(rotations: Array, rates: Array, accelerations: Array, gravity: Array) -> tuple[Array, Array]:

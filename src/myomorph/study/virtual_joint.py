@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from myomorph.identify.ball_motion import angular_motion
 from myomorph.identify.swings import SwingRecording
 from myomorph.io.mjcf import model_from_mujoco
 from myomorph.model.errors import BadData
@@ -27,7 +28,7 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Array, axis_rotation
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
-from myomorph.study.virtual_equations import angular_motion, moment_rows, poses_of
+from myomorph.study.virtual_equations import moment_rows, poses_of
 from myomorph.study.virtual_recording import (
     SENSORS,
     Noise,
@@ -169,12 +170,12 @@ class VirtualJoint:
         motion = differentiate(Motion(time, ("w", "x", "y", "z"), quaternions), cutoff)
         assert motion.velocities is not None
         assert motion.accelerations is not None
-        rotations, rates, accelerations = angular_motion(motion.values, motion.velocities, motion.accelerations)
+        turns, rates, accelerations = angular_motion(motion.values, motion.velocities, motion.accelerations)
         found = resample_wrenches(self.noise.on_true_clock(trial.wrenches), time, cutoff)
         force = found.forces[:, 0]
         moment = found.torques[:, 0] + np.cross(found.points[:, 0] - CENTER, force)
         wrench = np.concatenate([moment, force], axis=1)
-        seen = Sampled(time, rotations, rates, accelerations, wrench, np.zeros((len(time), 0)))
+        seen = Sampled(time, turns.as_matrix(), rates, accelerations, wrench, np.zeros((len(time), 0)))
         return _equations(trial.name, self.truth, seen, 2.0 / cutoff)
 
 

@@ -1,0 +1,75 @@
+"""A ball's motion is differentiated through any pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from myomorph.identify.ball_motion import angular_motion, continuous, differentiate_joint
+from myomorph.identify.limb_motion import limb_motion
+from myomorph.identify.specimen import Specimen, SpecimenNames, build_specimen
+from myomorph.model.series import Motion
+from myomorph.motion.filters import differentiate
+from myomorph.study.virtual_joint import mechanical_joint
+from myomorph.study.virtual_recording import Sampled
+
+
+@pytest.fixture(scope="module")
+def spun() -> tuple[Specimen, Motion, Sampled]:
+    """A limb that turns several times about its length, without noise, as coordinates of its specimen."""
+    joint = mechanical_joint("ball", 0.01, 0.0, 25, seconds=8.0, trials=1)
+    specimen = build_specimen(joint.model, SpecimenNames("base", "limb"))
+    exact = joint.trials[0].exact.every(5)
+    order = "".join("XYZ"[int(np.argmax(axis.vector))] for axis in specimen.model.joints[1].axes)
+    angles = Rotation.from_matrix(exact.rotations).as_euler(order)
+    return specimen, Motion(exact.time, specimen.joint_coordinates, angles), exact
+
+
+def test_rates_through_jumps_of_angles(spun: tuple[Specimen, Motion, Sampled]) -> None:
+    specimen, motion, exact = spun
+    assert np.abs(np.diff(motion.values, axis=0)).max() > 6.0
+    limb = limb_motion(specimen, differentiate_joint(specimen, motion))
+    inside = slice(20, -20)
+    assert np.abs(limb.rates - exact.rates)[inside].max() < 1e-4
+    apart = Rotation.from_matrix(np.swapaxes(limb.rotations, 1, 2) @ exact.rotations).magnitude()
+    assert apart.max() < 1e-9
+
+
+def test_accelerations_give_the_wrench(spun: tuple[Specimen, Motion, Sampled]) -> None:
+    specimen, motion, exact = spun
+    rows = limb_motion(specimen, differentiate_joint(specimen, motion)).wrench_rows[20:-20]
+    parameters = mechanical_joint("ball", 0.01, 0.0, 25, seconds=0.1, trials=0).truth.parameters
+    assert np.abs(rows @ parameters - exact.wrench[20:-20]).max() < 1e-2
+
+
+def test_same_as_angles_where_they_are_smooth(spun: tuple[Specimen, Motion, Sampled]) -> None:
+    specimen, motion, _ = spun
+    time = motion.time
+    smooth = np.stack([0.3 * np.sin(4.0 * time), 0.2 * np.cos(3.0 * time), 0.25 * np.sin(2.0 * time + 1.0)], axis=1)
+    plain = Motion(time, motion.names, smooth)
+    ours, angles = differentiate_joint(specimen, plain), differentiate(plain)
+    for name, tolerance in (("values", 1e-12), ("velocities", 1e-6), ("accelerations", 1e-3)):
+        np.testing.assert_allclose(getattr(ours, name)[30:-30], getattr(angles, name)[30:-30], atol=tolerance)
+
+
+def test_gaps_stay_gaps(spun: tuple[Specimen, Motion, Sampled]) -> None:
+    specimen, motion, exact = spun
+    values = motion.values.copy()
+    values[300:340] = np.nan
+    found = differentiate_joint(specimen, Motion(motion.time, motion.names, values), 10.0)
+    assert np.array_equal(np.isnan(found.values).all(axis=1), np.isnan(values).all(axis=1))
+    rates = limb_motion(specimen, found).rates
+    assert np.nanmax(np.abs(rates - exact.rates)[400:-100]) < 1e-2
+
+
+def test_length_of_a_quaternion_is_of_no_account() -> None:
+    time = np.linspace(0.0, 1.0, 501)
+    turn = Rotation.from_rotvec(np.outer(time, [0.3, 2.0, -1.0])).as_quat(scalar_first=True)
+    grown = continuous(turn) * (1.0 + 0.5 * np.sin(time))[:, None]
+    motion = differentiate(Motion(time, ("w", "x", "y", "z"), grown))
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    _, rates, gains = angular_motion(motion.values, motion.velocities, motion.accelerations)
+    np.testing.assert_allclose(rates[20:-20], np.tile([0.3, 2.0, -1.0], (461, 1)), atol=1e-6)
+    assert np.abs(gains[20:-20]).max() < 1e-3
