@@ -25,7 +25,7 @@ SPECIMEN = arm_specimen()
 
 @lru_cache(maxsize=1)
 def swung() -> Swung:
-    return swing(SPECIMEN, seconds=4.0)
+    return swing(SPECIMEN, seconds=3.0)
 
 
 def with_markers(trial: SwingTrial, change) -> SwingTrial:
@@ -117,17 +117,30 @@ def test_swapped_markers_are_put_right(one, other, part):
     assert ("throughout" if part == slice(None) else "between 1.00 and 2.10 s") in note
 
 
+def test_two_clusters_with_swapped_markers_at_once():
+    truth = swung()
+
+    def exchange(values, column):
+        for one, other in (("humerus_1", "humerus_2"), ("hand_1", "hand_3")):
+            a, b = column[one], column[other]
+            values[:, a], values[:, b] = values[:, b].copy(), values[:, a].copy()
+
+    tracked = track(SPECIMEN, [with_markers(truth.trial, exchange)], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert len(tracked.trials[0].notes) == 2
+
+
 def test_a_lost_marker_leaves_the_bone_solved():
     truth = swung()
 
     def hide(values, column):
-        values[100:500, column["humerus_2"]] = np.nan
+        values[100:400, column["humerus_2"]] = np.nan
         values[300:350, column["scapula_1"]] = np.nan
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
     notes = " ".join(tracked.trials[0].notes)
-    assert "'humerus_2' is unseen in 400 frames between 0.50 and 2.50 s; 'humerus' has 2 left" in notes
+    assert "'humerus_2' is unseen in 300 frames between 0.50 and 2.00 s; 'humerus' has 2 left" in notes
 
 
 def test_a_whole_cluster_lost_follows_the_bones_beside_it():
@@ -140,6 +153,7 @@ def test_a_whole_cluster_lost_follows_the_bones_beside_it():
     tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
     assert any("'humerus' has 0 left" in note for note in tracked.trials[0].notes)
+    assert not tracked.slips
 
 
 def test_nothing_of_the_limb_seen_is_no_pose():
@@ -185,13 +199,13 @@ def test_a_wire_that_slips_is_named_and_followed(joint, by):
     truth = swung()
     time = truth.trial.markers.time
     after = markers_of(SPECIMEN, time, truth.rotations, HELD | {joint: HELD[joint] + by})
-    values = np.where((time > 2.5)[:, None, None], after.values, truth.trial.markers.values)
+    values = np.where((time > 1.8)[:, None, None], after.values, truth.trial.markers.values)
     slipped = replace(truth.trial, markers=Markers(time, after.names, values))
     whole = replace(truth.trial, name="whole")
     tracked = track(SPECIMEN, [slipped, whole], MARKERS_ONLY)
     (slip,) = tracked.slips
     assert (slip.trial, slip.what, slip.lasting) == ("swing", joint, True)
-    assert slip.time == pytest.approx(2.5, abs=0.05)
+    assert slip.time == pytest.approx(1.8, abs=0.05)
     assert slip.amount == pytest.approx(abs(by), rel=0.05)
     assert apart(rotations(tracked), truth.rotations).max() < 1e-3
     assert any("a wire slipped" in note for note in tracked.trials[0].notes)
@@ -200,7 +214,7 @@ def test_a_wire_that_slips_is_named_and_followed(joint, by):
 
 def test_a_base_that_moves_on_its_plate_is_named():
     truth = swung()
-    moved = with_markers(truth.trial, lambda values, _: values[500:].__iadd__([0.0, 0.0, 0.006]))
+    moved = with_markers(truth.trial, lambda values, _: values[350:].__iadd__([0.0, 0.0, 0.006]))
     tracked = track(SPECIMEN, [moved], MARKERS_ONLY)
     assert [slip.what for slip in tracked.slips] == ["base"]
     assert any("the base moves" in note and "6.0 mm" in note for note in tracked.trials[0].notes)
@@ -284,8 +298,9 @@ def test_a_hinge_is_tracked_through_whole_turns():
     np.testing.assert_allclose(tracked.trials[0].motion["ulna_angle"], angle, atol=1e-7)
 
 
-@pytest.mark.parametrize("part", [slice(None), slice(200, 420)])
-@pytest.mark.parametrize("bone", ["scapula", "humerus", "radius"])
+@pytest.mark.parametrize(
+    ("bone", "part"), [("scapula", slice(None)), ("humerus", slice(None)), ("radius", slice(200, 420))]
+)
 def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part):
     """Distances are the same then; the bone seems turned over, away from its joints."""
     like = np.array([[0.05, 0.0], [-0.03, 0.03], [-0.03, -0.03]])
@@ -308,4 +323,3 @@ def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
     (note,) = tracked.trials[0].notes
     assert f"'{bone}_2' and '{bone}_3' bear each other's names" in note
-    assert not track(specimen, [trial], MARKERS_ONLY).trials[0].notes

@@ -23,6 +23,9 @@ APART = 0.02
 LONG = 0.05
 """Share of a trial from which a marker that is unseen is named."""
 
+FEW = 5
+"""Markers of a cluster of which all orders are tried."""
+
 Relabel = dict[int, int]
 
 
@@ -63,17 +66,21 @@ class Clusters:
             far = np.abs(self.misfit(values, bone, relabel)) > self.tolerance
         return np.asarray(far.any(axis=1))
 
-    def relabels(self, bones: Sequence[str]) -> Iterator[Relabel]:
-        """Changes of labels to try: any order within one cluster, one marker exchanged between two clusters."""
-        for bone in bones:
-            own = self.columns[bone]
-            for order in permutations(own):
-                if list(order) != own:
-                    yield dict(zip(own, order, strict=True))
-        for one, other in combinations(bones, 2):
-            for a in self.columns[one]:
-                for b in self.columns[other]:
-                    yield {a: b, b: a}
+    def within(self, bone: str) -> Iterator[Relabel]:
+        """Other orders of a cluster's labels; of big clusters, exchanges of two only."""
+        own = self.columns[bone]
+        if len(own) > FEW:
+            yield from ({a: b, b: a} for a, b in combinations(own, 2))
+            return
+        for order in permutations(own):
+            if list(order) != own:
+                yield dict(zip(own, order, strict=True))
+
+    def between(self, one: str, other: str) -> Iterator[Relabel]:
+        """Exchanges of one label between two clusters."""
+        for a in self.columns[one]:
+            for b in self.columns[other]:
+                yield {a: b, b: a}
 
 
 def checked_clusters(specimen: Specimen, markers: Markers, name: str, tolerance: float) -> tuple[Markers, list[str]]:
@@ -133,21 +140,31 @@ def _put_right(
     clusters: Clusters, values: Array, bones: list[str], frames: np.ndarray, time: Array, name: str
 ) -> list[str]:
     """Relabel some frames in place, or leave out what does not fit in them."""
-    part = values[frames]
-    best, share = None, 0.0
-    for relabel in clusters.relabels(bones):
+    when, notes, left = _when(time, frames), [], list(bones)
+    tries = [(bone,) for bone in bones] + list(combinations(bones, 2))
+    for group in tries:
+        if not set(group) <= set(left):
+            continue
+        relabels = clusters.within(group[0]) if len(group) == 1 else clusters.between(*group)
+        best = _best(clusters, values[frames], group, relabels)
+        if best:
+            columns = list(best)
+            values[frames[:, None], columns] = values[frames[:, None], [best[column] for column in columns]]
+            left = [bone for bone in left if bone not in group]
+            notes.append(_exchanged(clusters, best, when, name))
+    for bone in left:
+        notes += _leave_out(clusters, values, bone, frames, name, when)
+    return notes
+
+
+def _best(clusters: Clusters, part: Array, bones: Sequence[str], relabels: Iterator[Relabel]) -> Relabel:
+    """The change of labels that puts most frames of these bones right, {} if none puts `REPAIRED` of them."""
+    best, share = Relabel(), 0.0
+    for relabel in relabels:
         fits = ~np.any([clusters.wrong(part, bone, relabel) for bone in bones], axis=0)
         if fits.mean() > share + 1e-9:
             best, share = relabel, float(fits.mean())
-    when = _when(time, frames)
-    if best is not None and share >= REPAIRED:
-        columns = list(best)
-        values[frames[:, None], columns] = part[:, [best[column] for column in columns]]
-        return [_exchanged(clusters, best, when, name)]
-    notes = []
-    for bone in bones:
-        notes += _leave_out(clusters, values, bone, frames, name, when)
-    return notes
+    return best if share >= REPAIRED else Relabel()
 
 
 def _exchanged(clusters: Clusters, relabel: Relabel, when: str, name: str) -> str:
@@ -164,11 +181,8 @@ def _turned_over(specimen: Specimen, clusters: Clusters, values: Array, time: Ar
     notes = []
     places = {one.name: one.location for one in specimen.model.markers}
     for bone, own in clusters.columns.items():
-        alike = [
-            order
-            for order in permutations(own)
-            if list(order) != own and not clusters.wrong(_still(clusters, places, own, order), bone).any()
-        ]
+        orders = [tuple(relabel.get(column, column) for column in own) for relabel in clusters.within(bone)]
+        alike = [order for order in orders if not clusters.wrong(_still(clusters, places, own, order), bone).any()]
         if not alike or len(own) < 3:
             continue
         plain = _joint_gap(specimen, clusters, places, values, bone, tuple(own))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from myomorph.identify.specimen import Specimen
@@ -137,8 +137,20 @@ def slips(specimen: Specimen, name: str, motion: Motion, base: Transform, turned
     return found
 
 
+def course(motion: Motion, name: str) -> Array:
+    """(frames,) a held coordinate that slipped: the running median over `WINDOW`, gaps bridged [rad or m]."""
+    values = np.unwrap(_filled(motion[name]))
+    smooth: Array = median_filter(values, _window(motion.time), mode="nearest")
+    return smooth
+
+
+def _window(time: Array) -> int:
+    """Frames in `WINDOW`, an odd number, so that a median stays where it is."""
+    return max(3, round(WINDOW / float(np.median(np.diff(time)))) | 1) if len(time) > 1 else 3
+
+
 def _slip(trial: str, what: str, time: Array, values: Array, limit: float) -> list[Slip]:
-    frames = max(3, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 3
+    frames = _window(time)
     if len(time) <= 2 * frames:
         return []
     smooth = uniform_filter1d(values, frames, axis=0, mode="nearest")

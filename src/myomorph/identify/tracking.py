@@ -11,7 +11,16 @@ import numpy as np
 from myomorph.identify.ball_angles import on_one_branch
 from myomorph.identify.ball_motion import differentiate_joint
 from myomorph.identify.clusters import checked_clusters
-from myomorph.identify.held_still import Slip, cluster_poses, mean_base, mean_held, mean_rotation, slips, turning_center
+from myomorph.identify.held_still import (
+    Slip,
+    cluster_poses,
+    course,
+    mean_base,
+    mean_held,
+    mean_rotation,
+    slips,
+    turning_center,
+)
 from myomorph.identify.limb_motion import LimbMotion, limb_motion
 from myomorph.identify.plate_wrench import lowpass_runs, on_clock, wrench_about
 from myomorph.identify.specimen import Specimen, SwingTrial
@@ -141,14 +150,19 @@ def track(
     weights = [_complete(fit) for fit in fits]
     base = mean_base(started, motions, weights)
     held = mean_held(started, motions, weights)
+    # Where markers lack, what is held may be anything: it is judged, and followed, by the frames that show all.
+    sure = [
+        replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
+        for motion, weight in zip(motions, weights, strict=True)
+    ]
     found = [
         slip
-        for one, motion in zip(trials, motions, strict=True)
+        for one, motion in zip(trials, sure, strict=True)
         for slip in slips(started, one.name, motion, base, options.slip, options.shift)
     ]
     posed = _posed(started.standing(base), held)
     tracked = []
-    for trial, (seen, notes), motion in zip(trials, checked, motions, strict=True):
+    for trial, (seen, notes), motion in zip(trials, checked, sure, strict=True):
         own = [slip for slip in found if slip.trial == trial.name]
         fit = _joint_alone(posed, seen, motion, own, progress)
         wrench, clock, doubts = _wrench(posed, trial, fit.motion, options)
@@ -238,8 +252,7 @@ def _joint_alone(
     slipped = [slip.what for slip in own if slip.what != "base"]
     given = None
     if slipped:
-        columns = [motion.names.index(name) for name in slipped]
-        given = Motion(motion.time, tuple(slipped), np.nan_to_num(motion.values[:, columns]))
+        given = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))
     limb = {one.name for one in specimen.model.markers if one.body != specimen.base} & set(markers.names)
     options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=given)
     fit = inverse_kinematics(specimen.model, markers, options, progress)
