@@ -27,6 +27,10 @@ from myomorph.report.viscosity_tables import BY_NAME, LACKING, where, with_inter
 AXES = ("first", "second", "third")
 MODELS = ("first", "second", "third", "fourth", "left", "middle")
 TITLES = {"without": "without muscles", "with": "with muscles"}
+SCANNED = {
+    "without muscles": ("joint_viscosity", "com_without", "mass_without"),
+    "with muscles": ("total_viscosity", "com_with", "mass_with"),
+}
 LONGEST = 12.0
 """Charts over time show so much of a trial [s]."""
 
@@ -223,9 +227,17 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
             "of the values."
         )
     names = list(dict.fromkeys(name for held in one.held_out for name in held.predicted))
-    legend = (("measured", "measured"), *zip(MODELS, names, strict=False)) if names else ()
+    legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
+    if one.cutoff is not None:
+        legend += [(style, f"cut-off: {told}") for style, told in zip(AXES, ("viscosity", "COM", "mass"), strict=True)]
     return Section(
-        f"trust-{order}", f"Trust in specimen {one.name}", " ".join(lead), legend, tuple(figures), tuple(grids), False
+        f"trust-{order}",
+        f"Trust in specimen {one.name}",
+        " ".join(lead),
+        tuple(legend),
+        tuple(figures),
+        tuple(grids),
+        False,
     )
 
 
@@ -245,16 +257,23 @@ def held_out_plots(held: HeldOutSwing) -> list[str]:
 
 
 def cutoff_plots(scan: CutoffScan) -> list[str]:
-    """Each quantity against the cut-off of the filter, the chosen one marked."""
+    """Change of each condition's quantities over the cut-off of the filter, against the chosen one [%]."""
     found = []
-    for name, values in scan.values.items():
-        quantity = BY_NAME[name]
-        ends = np.array([np.nanmin(values), np.nanmax(values)])
-        clouds = [
-            Cloud(scan.cutoffs, values, "first", "over cut-offs", dotted=True),
-            Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True),
-        ]
-        found.append(xy_plot(where(quantity), quantity.unit, "cut-off [Hz]", clouds, zero=False))
+    for told, kinds in SCANNED.items():
+        clouds = []
+        for name, style in zip(kinds, AXES, strict=True):
+            if name in scan.values:
+                known = np.isfinite(scan.values[name])
+                at = np.interp(scan.chosen, scan.cutoffs[known], scan.values[name][known])
+                change = 100.0 * (scan.values[name] / at - 1.0)
+                clouds.append(Cloud(scan.cutoffs, change, style, BY_NAME[name].label, dotted=True))
+        if clouds:
+            heights = np.concatenate([one.up[np.isfinite(one.up)] for one in clouds])
+            ends = np.array([heights.min(), heights.max()])
+            clouds.append(
+                Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True)
+            )
+            found.append(xy_plot(f"Change with the cut-off, {told}", "%", "cut-off [Hz]", clouds))
     return found
 
 

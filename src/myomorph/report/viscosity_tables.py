@@ -140,7 +140,8 @@ def _spread(values: Sequence[float]) -> str:
 
 
 def _plus_minus(mean: float, sd: float) -> str:
-    return f"{_to(mean, sd)} ± {_to(sd, sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
+    """To three digits of the SD, as the paper prints it."""
+    return f"{_to(mean, 0.1 * sd)} ± {_to(sd, 0.1 * sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
 
 
 def _verdict(line: CohortLine, truth: float) -> str:
