@@ -15,8 +15,13 @@ ARM = 0.2
 """Length by which a rotation counts as a displacement when it is asked what the placements show [m]."""
 
 ITERATIONS = 50
-TURNS = 12
+ROUGHLY = 8
+"""Iterations from each start, of which the best goes on."""
+
+TURNS = 6
 """Starts about the vertical."""
+
+SETTLED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -70,23 +75,77 @@ class PlatePose:
     cost: float
 
 
-def across(direction: Array) -> Array:
-    """Two unit vectors (2, 3) across a direction (3,)."""
-    least = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    first = np.cross(direction, least)
-    first = first / np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])
+def across(directions: Array) -> Array:
+    """Two unit vectors (n, 2, 3) across each of n directions (n, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, least)
+    first = first / np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Placements as arrays: lines in the plate's axes, points and directions in the laboratory, and what they weigh."""
+
+    nearest: Array
+    forces: Array
+    points: Array
+    directions: Array
+    beside: Array
+    noise: Array
+    contacts: Array
+    contact_noise: float
+
+    @classmethod
+    def of(cls, placements: Sequence[Placement], options: PlateFitOptions) -> _Lines:
+        nearest, forces = (np.array(part) for part in zip(*(one.line for one in placements), strict=True))
+        sizes = np.array([one.size for one in placements])
+        directions = np.array([one.direction for one in placements])
+        angle = np.hypot(options.direction_noise, options.force_noise / sizes)
+        distance = np.hypot(options.point_noise, options.moment_noise / sizes)
+        return cls(
+            nearest=nearest,
+            forces=forces,
+            points=np.array([one.point for one in placements]),
+            directions=directions,
+            beside=across(directions),
+            noise=np.stack([angle, angle, distance, distance], axis=1),
+            contacts=np.array([one.contact for one in placements if one.contact is not None]).reshape(-1, 3),
+            contact_noise=options.point_noise,
+        )
+
+    def residuals(self, rotation: Array, center: Array) -> tuple[Array, Array, Array]:
+        """Residuals (placements, 4) [rad], [m], turned forces and their sides (placements, 2, 3)."""
+        turned = self.forces @ rotation.T
+        sides = across(turned)
+        away = self.points - center - self.nearest @ rotation.T
+        angles = np.einsum("nij,nj->ni", self.beside, turned)
+        return np.hstack([angles, np.einsum("nij,nj->ni", sides, away)]), turned, sides
+
+    def weighted(self, rotation: Array, center: Array) -> tuple[Array, Array]:
+        """Residuals (rows,) in standard deviations and their derivatives (rows, 6) by rotation vector and center."""
+        found, turned, sides = self.residuals(rotation, center)
+        arms = self.nearest @ rotation.T
+        along = np.einsum("nj,nj->n", self.points - center - arms, turned)
+        rates = np.zeros((len(found), 4, 6))
+        rates[:, :2, :3] = np.cross(turned[:, None], self.beside)
+        rates[:, 2:, :3] = np.cross(sides, (arms + along[:, None] * turned)[:, None])
+        rates[:, 2:, 3:] = -sides
+        values = (found / self.noise).reshape(-1)
+        slopes: Array = (rates / self.noise[:, :, None]).reshape(-1, 6)
+        if not len(self.contacts):
+            return values, slopes
+        normal, away = rotation[:, 2], self.contacts - center
+        heights = np.hstack([np.cross(normal, away), np.tile(-normal, (len(away), 1))])
+        return (
+            np.concatenate([values, away @ normal / self.contact_noise]),
+            np.concatenate([slopes, heights / self.contact_noise]),
+        )
 
 
 def residuals(placements: Sequence[Placement], rotation: Array, center: Array) -> Array:
     """Residuals (placements, 4): the angle's two parts [rad], then the distance's two [m]."""
-    found = np.empty((len(placements), 4))
-    for row, one in zip(found, placements, strict=True):
-        nearest, force = one.line
-        turned = rotation @ force
-        row[:2] = across(one.direction) @ turned
-        row[2:] = across(turned) @ (one.point - center - rotation @ nearest)
-    return found
+    return _Lines.of(placements, PlateFitOptions()).residuals(rotation, center)[0]
 
 
 def sizes(found: Array) -> tuple[Array, Array]:
@@ -96,9 +155,13 @@ def sizes(found: Array) -> tuple[Array, Array]:
 
 def solve_pose(placements: Sequence[Placement], rotation: Array, center: Array, options: PlateFitOptions) -> PlatePose:
     """Gauss-Newton from a start; what the placements do not show stays where the start has it."""
+    return _solved(_Lines.of(placements, options), rotation, center, options, ITERATIONS)
+
+
+def _solved(lines: _Lines, rotation: Array, center: Array, options: PlateFitOptions, iterations: int) -> PlatePose:
     scale = np.repeat([1.0 / ARM, 1.0], 3)
-    for _ in range(ITERATIONS):
-        values, slopes = _weighted(placements, rotation, center, options)
+    for _ in range(iterations):
+        values, slopes = lines.weighted(rotation, center)
         slopes = slopes * scale
         levels, directions = np.linalg.eigh(slopes.T @ slopes)
         shown = levels > options.shown**-2
@@ -108,64 +171,31 @@ def solve_pose(placements: Sequence[Placement], rotation: Array, center: Array, 
         if angle > 0:
             rotation = axis_rotation(step[:3] / angle, angle) @ rotation
         center = center + step[3:]
-        if np.linalg.norm(step) < 1e-10:
+        if np.linalg.norm(step) < SETTLED:
             break
-    values, _ = _weighted(placements, rotation, center, options)
+    values, _ = lines.weighted(rotation, center)
     cost = float(values @ values)
     free = max(len(values) - int(shown.sum()), 1)
     covariance = (kept * (cost / free / levels[shown])) @ kept.T
     return PlatePose(rotation, center, scale[:, None] * covariance * scale, directions[:, ~shown], cost)
 
 
-def _weighted(
-    placements: Sequence[Placement], rotation: Array, center: Array, options: PlateFitOptions
-) -> tuple[Array, Array]:
-    """Residuals (rows,) in standard deviations and their derivatives (rows, 6) by rotation vector and center."""
-    values, slopes = [], []
-    found = residuals(placements, rotation, center)
-    for one, residual in zip(placements, found, strict=True):
-        nearest, force = one.line
-        turned, arm = rotation @ force, rotation @ nearest
-        apart = one.point - center - arm
-        bent = np.zeros((4, 6))
-        bent[:2, :3] = -across(one.direction) @ _cross(turned)
-        lever = _cross(arm) + (apart @ turned) * _cross(turned)
-        bent[2:] = across(turned) @ np.hstack([lever, -np.eye(3)])
-        angle = np.hypot(options.direction_noise, options.force_noise / one.size)
-        distance = np.hypot(options.point_noise, options.moment_noise / one.size)
-        noise = np.array([angle, angle, distance, distance])
-        values.append(residual / noise)
-        slopes.append(bent / noise[:, None])
-        if one.contact is not None:
-            normal = rotation[:, 2]
-            away = one.contact - center
-            values.append(np.array([normal @ away]) / options.point_noise)
-            slopes.append(np.concatenate([np.cross(normal, away), -normal])[None] / options.point_noise)
-    return np.concatenate(values), np.concatenate(slopes)
-
-
-def _cross(vector: Array) -> Array:
-    """Matrix (3, 3) of the cross product with a vector from the left."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def best_pose(
     placements: Sequence[Placement], start: tuple[Array, Array] | None, options: PlateFitOptions
 ) -> PlatePose:
     """The best of solutions from a nominal pose and from starts all around the force."""
-    forces = np.array([one.line[1] for one in placements]).mean(axis=0)
-    directions = np.array([one.direction for one in placements]).mean(axis=0)
-    up = directions / np.linalg.norm(directions)
-    level = _turning(forces / np.linalg.norm(forces), up)
+    lines = _Lines.of(placements, options)
+    force, up = lines.forces.mean(axis=0), lines.directions.mean(axis=0)
+    up = up / np.linalg.norm(up)
+    level = _turning(force / np.linalg.norm(force), up)
     starts = [] if start is None else [start]
-    points = np.array([one.point for one in placements]).mean(axis=0)
-    lines = np.array([one.line[0] for one in placements]).mean(axis=0)
     for k in range(TURNS):
         rotation = axis_rotation(up, 2.0 * np.pi * k / TURNS) @ level
-        starts.append((rotation, points - rotation @ lines if start is None else start[1]))
-    found = [solve_pose(placements, *one, options) for one in starts]
-    return min(found, key=lambda pose: pose.cost)
+        middle = lines.points.mean(axis=0) - rotation @ lines.nearest.mean(axis=0)
+        starts.append((rotation, middle if start is None else start[1]))
+    found = [_solved(lines, *one, options, ROUGHLY) for one in starts]
+    best = min(found, key=lambda pose: pose.cost)
+    return _solved(lines, best.rotation, best.center, options, ITERATIONS)
 
 
 def _turning(source: Array, target: Array) -> Array:
@@ -173,7 +203,7 @@ def _turning(source: Array, target: Array) -> Array:
     axis = np.cross(source, target)
     size = float(np.linalg.norm(axis))
     if size < 1e-12:
-        return np.eye(3) if source @ target > 0 else axis_rotation(across(source)[0], np.pi)
+        return np.eye(3) if source @ target > 0 else axis_rotation(across(source[None])[0, 0], np.pi)
     return axis_rotation(axis / size, float(np.arctan2(size, source @ target)))
 
 
