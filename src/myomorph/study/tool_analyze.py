@@ -17,6 +17,7 @@ from myomorph.model.errors import BadData, BadModel, listing
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table
 from myomorph.motion.filters import differentiate
+from myomorph.rigid.closed_motion import closed_motion
 from myomorph.study import inputs
 from myomorph.study.progress import progress
 from myomorph.study.tool_outputs import ToolResult, check_outputs, write_outputs
@@ -49,7 +50,9 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     model = inputs.open_model(model_path)
     warnings += [f"{model_path.name}: {text}" for text in model.warnings]
     recorded = inputs.open_motion(motion_path, model)
-    whole = differentiate(recorded, setup.cutoff)
+    # As OpenSim's tool, which assembles the model in every frame; its InverseDynamicsTool does not.
+    whole, notes = closed_motion(model, differentiate(recorded, setup.cutoff))
+    warnings += notes
     motion = indexed_frames(whole, setup.time_range, motion_path)
     first = int(np.searchsorted(whole.time, motion.time[0]))
     told: list[str] = []
