@@ -11,12 +11,16 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.arm_sensitivity import arm_sensitivity
+from myomorph.identify.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
 from myomorph.identify.cutoff import choose_cutoff, scan_cutoffs
+from myomorph.identify.limb_motion import lengthening, limb_motion
 from myomorph.identify.passive_models import PassiveComparison, compare_passive_laws
+from myomorph.identify.specimen import Specimen
 from myomorph.identify.swing_rows import swing_recordings
 from myomorph.identify.tracking import track
 from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
+from myomorph.model.paths import PathPoint
+from myomorph.motion.filters import differentiate
 from myomorph.study.virtual_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
 from myomorph.study.virtual_recording import measured_markers, measured_wrench, simulate
 from myomorph.study.virtual_shoulder import virtual_specimen
@@ -44,6 +48,8 @@ JOINTS = (
     Resistance("hinge", 0.03, stiffness=1.0, coulomb=0.02),
 )
 SPECIMENS = range(1, 7)
+CUTOFF = 7.0
+"""Of the attachments' section [Hz]."""
 WORKERS = 2
 
 
@@ -103,6 +109,53 @@ def specimen_row(number: int) -> Row:
         "95 % of d_M so [N s/m]": f"{low:.0f} to {high:.0f}",
         "SD of d_M, all arms off by one 10 % [%]": 100.0 * one.sd,
     }
+
+
+def measure_attachments() -> Iterator[Row]:
+    """Attachments of a specimen with muscles of full size moved on their bones, and offsets of its arms instead."""
+    made = virtual_specimen(1, full_size=True, trials=2, seconds=8.0)
+    tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
+    without, intact = (swing_recordings(one, CUTOFF) for one in tracked)
+    found = identify_specimen("1", without, intact, options=ViscosityOptions(draws=2))
+    assert found.without is not None
+    assert found.intact is not None
+    parameters, joint = found.intact.parameters, found.without.viscosity.value
+    motions = [differentiate(one.motion, CUTOFF) for one in tracked[1].trials]
+    slopes = [limb_motion(tracked[1].specimen, motion).slopes for motion in motions]
+    random = np.random.default_rng(0)
+    for size in (2e-3, 4e-3, OFFSET):
+        values, changes = [], []
+        for _ in range(24):
+            moved = _moved(tracked[1].specimen, size, random)
+            arms = [lengthening(moved, motion, slope) for motion, slope in zip(motions, slopes, strict=True)]
+            changes += [(b - a.lengthening)[a.used] for a, b in zip(intact, arms, strict=True)]
+            other = [replace(a, lengthening=np.nan_to_num(b)) for a, b in zip(intact, arms, strict=True)]
+            values.append(arm_sensitivity(other, parameters, joint, ArmOptions(draws=2, offset=0.0)).spreads[0].exact)
+        change = float(np.sqrt(np.mean([np.square(one).mean() for one in changes])))
+        offset = arm_sensitivity(intact, parameters, joint, ArmOptions(offset=size)).spreads[-1]
+        yield {
+            "attachments moved by, a component, SD [mm]": 1e3 * size,
+            "moment arms change by, RMS [mm]": 1e3 * change,
+            "SD of d_M [%]": 100.0 * float(np.std(values)) / offset.exact,
+            "mean of d_M off [%]": 100.0 * (float(np.mean(values)) / offset.exact - 1.0),
+            "by constant offsets of the arms: SD, mean off [%]": f"{100 * offset.sd:.1f}, {100 * offset.bias:+.1f}",
+        }
+
+
+def _moved(specimen: Specimen, size: float, random: np.random.Generator) -> Specimen:
+    """The specimen with every muscle's points moved on each bone, all of one muscle on one bone alike."""
+    muscles = {one.name: one for one in specimen.model.muscles}
+    for strands in specimen.muscles.values():
+        shifts = {body: size * random.standard_normal(3) for body in specimen.model.body_names}
+        for strand in strands:
+            path = muscles[strand].path
+            points = [
+                replace(one, location=one.location + shifts[one.body]) if isinstance(one, PathPoint) else one
+                for one in path.points
+            ]
+            muscles[strand] = replace(muscles[strand], path=replace(path, points=tuple(points)))
+    kept = tuple(muscles[one.name] for one in specimen.model.muscles)
+    return replace(specimen, model=replace(specimen.model, muscles=kept))
 
 
 def rubbing_joint(truth: Resistance, seed: int) -> VirtualJoint:

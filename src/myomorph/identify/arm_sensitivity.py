@@ -20,9 +20,9 @@ Kind = Literal["one factor", "factor of each muscle", "offset of each muscle"]
 ATTACHMENT = 13.3e-3
 """Mean distance between an attachment carried over from another body's bone and the true one, SD 8.1 mm; legs
 (Pellikaan, Carbone, Fluit, van der Krogt, Verdonschot, Koopman 2013) [m]."""
-OFFSET = 0.5 * ATTACHMENT / np.sqrt(8.0 / np.pi)
-"""Standard deviation of a component of the moment arm that follows: distances of mean 13.3 mm have components of
-8.3 mm, and of two attachments' errors about half reaches the arm of a line between them [m]."""
+OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
+"""Standard deviation of each component of such a distance, 8.3 mm, and about that of the moment arms that follow:
+points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation.md`) [m]."""
 ANGLE, CONSTANT = SPEED + 1, SPEED + 2
 """Columns beside torque and rate, of what a spring explains."""
 
