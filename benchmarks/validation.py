@@ -81,6 +81,7 @@ def run() -> list[Row]:
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
         "passive_laws": accuracy_trust.measure_laws,
         "trust_specimens": accuracy_trust.measure_specimens,
+        "trust_attachments": accuracy_trust.measure_attachments,
         "pendulum_inertias": lambda: accuracy_pendulum.measure_inertias(folder / "pendulum-swing-inertia"),
         "pendulum_damping": lambda: accuracy_pendulum.measure_decay(folder / "pendulum-swing-inertia"),
         "pendulum_period": lambda: accuracy_pendulum.measure_periods(folder / "pendulum-swing-inertia"),
