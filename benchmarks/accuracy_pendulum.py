@@ -1,7 +1,7 @@
 """A measured swing, and the mass centers and inertias that its authors computed from periods of swings.
 
-Data and definitions of Moore, Hubbard, Peterson, Schwab, Kooijman 2010 and Moore 2012: every part of a bicycle hung as a
-compound and as a torsional pendulum.
+Data and definitions of Moore, Hubbard, Peterson, Schwab, Kooijman 2010 and Moore 2012: every part of a bicycle hung as
+a compound and as a torsional pendulum.
 """
 
 from __future__ import annotations
