@@ -17,6 +17,7 @@ from myomorph.identify.swings import SwingRecording
 from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial, TrackingOptions, track
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
 
 SPECIMEN = arm_specimen()
@@ -246,3 +247,17 @@ def test_recordings_without_muscles_have_none():
     (one,) = swing_recordings(tracked, CUTOFF, muscles=False)
     assert one.muscles == ()
     assert one.lengthening.shape == (1200, 0, 3)
+
+
+def test_swings_are_told_by_the_limbs_sway_however_much_it_twists():
+    time = 0.005 * np.arange(1600)
+    sway, twist = 0.4 * np.cos(5.0 * time), 4.0 * np.sin(2.0 * time)
+    turns = Rotation.from_rotvec(np.outer(sway, [0.6, 0.0, 0.8])) * Rotation.from_rotvec(
+        np.outer(twist, [0.0, 1.0, 0.0])
+    )
+    hanging = SPECIMEN.standing(Transform(np.eye(3), np.zeros(3))).resting(np.eye(3))
+    motion = Motion(time, hanging.joint_coordinates, turns.as_euler("XYZ"))
+    trial = TrackedTrial("twist", motion, np.zeros((1600, 6)), np.zeros(1600, bool), np.zeros(1600), Clock())
+    (one,) = swing_recordings(TrackedSpecimen(hanging, (trial,), {}, ()), None, muscles=False)
+    counts = np.unique(one.swing, return_counts=True)[1]
+    assert counts[:-1] == pytest.approx(np.full(len(counts) - 1, 2.0 * np.pi / 5.0 / 0.005), rel=0.05)

@@ -95,6 +95,24 @@ def _angles(specimen: Specimen, one: _Filtered, rest: Array) -> Array:
     return angles
 
 
+def _swung(specimen: Specimen, one: _Filtered, angles: Array, free: np.ndarray) -> tuple[Array, Array]:
+    """(frames,) how far the limb is out, and its rate, by which swings are told from each other.
+
+    Of a ball, how far the direction that hangs down on average is out sideways, along the main direction of the
+    swing: however much the limb twists about it meanwhile.
+    """
+    if len(specimen.joint_coordinates) == 1 or not free.any():
+        return angles[:, 0], one.limb.rates[:, 0]
+    gravity = np.asarray(specimen.model.gravity) / np.linalg.norm(specimen.model.gravity)
+    rotations = one.limb.rotations
+    down = (gravity @ rotations[free]).mean(axis=0)
+    lever = rotations @ (down / np.linalg.norm(down))
+    speed = np.cross(np.einsum("fij,fj->fi", rotations, one.limb.rates), lever)
+    level = speed[free] - np.outer(speed[free] @ gravity, gravity)
+    main = np.linalg.eigh(level.T @ level)[1][:, -1]
+    return lever @ main, speed @ main
+
+
 def _recording(
     specimen: Specimen,
     trial: TrackedTrial,
@@ -104,11 +122,9 @@ def _recording(
     muscles: bool,
 ) -> SwingRecording:
     angles = _angles(specimen, one, rest)
-    main = np.zeros(len(specimen.axes))
-    if free.any():
-        main = np.linalg.eigh(one.limb.rates[free].T @ one.limb.rates[free])[1][:, -1]
     names = tuple(specimen.muscles) if muscles else ()
-    arms = lengthening(specimen, one.motion, one.limb.slopes) if muscles else np.zeros((len(one.motion), 0, len(main)))
+    none = np.zeros((len(one.motion), 0, len(specimen.axes)))
+    arms = lengthening(specimen, one.motion, one.limb.slopes) if muscles else none
     return SwingRecording(
         name=trial.name,
         time=np.array(one.motion.time),
@@ -122,5 +138,5 @@ def _recording(
         lengthening=arms,
         rotations=one.limb.rotations,
         gravity=np.array(specimen.model.gravity),
-        swing=swing_numbers(angles @ main, one.limb.rates @ main, free, LEAST_TURN),
+        swing=swing_numbers(*_swung(specimen, one, angles, free), free, LEAST_TURN),
     )
