@@ -83,3 +83,14 @@ def test_an_axis_that_does_not_turn_is_named():
     (found,) = condition_findings(replace(condition, recordings=tuple(level)))
     assert (found.kind, found.fatal) == ("axis", False)
     assert "axis 'z' is not excited" in found.line
+
+
+def test_a_limb_that_does_not_explain_the_wrench_is_named(sound):
+    noise = np.random.default_rng(0).standard_normal
+    seen = [replace(one, wrench=one.wrench + 0.002 * noise(one.wrench.shape)) for one in sound]
+    condition = identify_specimen("limb", seen, [], options=ViscosityOptions(draws=20)).without
+    assert condition is not None
+    assert condition_findings(condition) == ()
+    wrong = condition.parameters * np.where(np.arange(10) == 2, 0.85, 1.0)
+    (found,) = condition_findings(replace(condition, parameters=wrong))
+    assert found.kind == "misfit"

@@ -17,7 +17,7 @@ from myomorph.identify.viscosity import TOLD, Condition
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.spatial import Array
 
-Kind = Literal["tare", "zero", "few swings", "small swing", "axis", "lost frames", "clock", "slip"]
+Kind = Literal["tare", "zero", "few swings", "small swing", "axis", "misfit", "lost frames", "clock", "slip"]
 
 SPARE = 0.9
 """A mass below this share of the least that the motion allows cannot be the limb's."""
@@ -26,6 +26,8 @@ OFF = 0.05
 LEAN = 0.1
 """An axis whose rates are below this share of the fastest axis' is not excited: what leaks over from an error of a
 tenth in the other axes' torque is then as large as its own."""
+MISFIT = 1.5
+"""How much larger than that of free parameters the residual of a possible limb's wrench may be."""
 LOST = 0.5
 """Share of a trial's frames without a pose from which the trial is doubted."""
 DRIFT = 5e-3
@@ -132,7 +134,7 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
 
 
 def condition_findings(condition: Condition) -> tuple[Finding, ...]:
-    """Faults that show in what was identified: a swing too small, or not about an axis.
+    """Faults that show in what was identified: a swing too small, or not about an axis; a limb that cannot be.
 
     An axis is excited where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
     narrower than plus or minus `TOLD` of the one value.
@@ -162,7 +164,28 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             f"{why}; release the limb with a turn about that axis"
         )
         found.append(Finding("axis", line))
-    return tuple(found)
+    return (*found, *_misfit(condition))
+
+
+def _misfit(condition: Condition) -> tuple[Finding, ...]:
+    """Whether the limb that was identified explains the wrench nearly as well as any ten numbers could."""
+    rows = np.concatenate([one.wrench_rows[one.used] for one in condition.recordings])
+    wrench = np.concatenate([one.wrench[one.used] for one in condition.recordings])
+    if not np.isfinite(condition.mass.value):
+        rows, wrench = rows - rows.mean(axis=0), wrench - wrench.mean(axis=0)
+    left = wrench - rows @ condition.parameters
+    scale = np.repeat([np.sqrt(np.square(left[:, part]).mean()) for part in (slice(3), slice(3, 6))], 3)
+    A, b = (rows / scale[:, None]).reshape(-1, rows.shape[2]), (wrench / scale).ravel()
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    free = b - A @ (np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size)
+    ratio = float(np.linalg.norm(left / scale) / max(np.linalg.norm(free), 1e-9 * np.linalg.norm(b)))
+    if ratio < MISFIT:
+        return ()
+    line = (
+        f"the identified limb leaves {ratio:.1f} times as much of the wrench as free numbers would: its inertia cannot "
+        "be trusted, nor the viscosity; swing it about every axis, and check the joint's center"
+    )
+    return (Finding("misfit", line),)
 
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
