@@ -55,7 +55,9 @@ class ConditionSolution:
     def influences(self) -> Influences:
         """Of the blocks on `Solution.estimates`."""
         value = self.whole.estimates
-        return Influences(value, np.array([value - one.estimates for one in self.lacking]), self.sums.trial)
+        return Influences(
+            value, np.array([value - one.estimates for one in self.lacking]), self.sums.trial, self.sums.parted
+        )
 
     def torque(self, solution: Solution) -> Array:
         """(axes, 2 + muscles, 2 + muscles) `torque_problem` of a solution."""

@@ -85,24 +85,40 @@ def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
     return MuscleProblem(H, g)
 
 
-def ridge_strength(blocks: Array, joint: Array, common: float, spread: float) -> tuple[float, float]:
-    """Strength with which single muscles are drawn to the common value, variance / (spread common)^2, and variance.
+def noise_variance(blocks: Array, joint: Array) -> float:
+    """Variance that noise, independent between frames, would need for scores that scatter over the blocks as they do.
 
-    The variance is that of noise whose scores scatter over the blocks as those of the common value do, so that
-    frames that depend on each other count as what they are.
+    The scores are those of the muscles' values that fit best without any restraint, so that muscles which differ do
+    not count as noise; frames that depend on each other count as what they are.
 
     Parameters
     ----------
     blocks : (blocks, axes, 2 + muscles, 2 + muscles) `torque_problem` of each block
-    spread : relative standard deviation of the muscles' viscosities about the common one
+    joint : (axes,) d_J [N m s/rad]
     """
     each = [muscle_problem(block, joint) for block in blocks]
-    scores = np.array([one.g - common * one.H.sum(axis=1) for one in each])
-    trace = float(sum(np.trace(one.H) for one in each))
-    variance = float(np.square(scores).sum()) / trace if trace > 0.0 else 0.0
+    H, g = sum(one.H for one in each), sum(one.g for one in each)
+    best = np.linalg.pinv(H, rcond=RANK_TOLERANCE**2, hermitian=True) @ g
+    scores = np.array([one.g - one.H @ best for one in each])
+    free = max(len(each) - MuscleProblem(H, g).rank, 1) / len(each)
+    trace = float(np.trace(H))
+    return float(np.square(scores).sum()) / (free * trace) if trace > 0.0 else 0.0
+
+
+def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
+    """Strength with which single muscles are drawn to the common value: variance / (spread common)^2.
+
+    The prior of a muscle's viscosity is then normal about the common value with that relative standard deviation.
+
+    Parameters
+    ----------
+    variance : of `noise_variance`
+    spread : relative standard deviation of the muscles' viscosities about the common one
+    """
     if not common > 0.0:
-        return np.inf, variance
-    return max(variance / (spread * common) ** 2, 1e-12 * trace / scores.shape[1]), variance
+        return float("inf")
+    least = 1e-12 * float(np.trace(problem.H)) / len(problem.g)
+    return max(variance / (spread * common) ** 2, least)
 
 
 def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> MuscleSolution:

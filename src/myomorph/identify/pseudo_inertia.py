@@ -119,10 +119,10 @@ def solve_pseudo_inertia(
     BadData : shapes that do not belong together, numbers that are not finite, a reference that no body can have
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
-    limits = _limits(problem, mass, ellipsoids)
     free = _least_squares(problem, mass)
     if _keeps(problem, free, ellipsoids):
         return problem.fit(free, status="closed form", converged=True, residual=0.0, iterations=0)
+    limits = _limits(problem, mass, ellipsoids)
     for residuals in (False, True):
         found = _solve(problem, limits, residuals)
         if str(found.status) == "Solved":

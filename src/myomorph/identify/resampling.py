@@ -33,11 +33,13 @@ class Influences:
     values : (estimates,)
     blocks : (blocks, estimates) value less the value without the block
     trial : (blocks,) which trial a block belongs to
+    parted : by how much less blocks scatter because they share frames (`SwingSums.parted`)
     """
 
     values: Array
     blocks: Array
     trial: np.ndarray
+    parted: float = 1.0
 
     @property
     def trials(self) -> Array:
@@ -49,7 +51,7 @@ class Influences:
         """(estimates,) whether trials differ more than their blocks tell (a test of variances)."""
         if len(self.trials) < 2:
             return np.zeros(len(self.values), bool)
-        inner, outer = _variance(self.blocks), _variance(self.trials)
+        inner, outer = _variance(self.blocks) / self.parted, _variance(self.trials)
         ratio = np.divide(outer, inner, out=np.zeros_like(outer), where=inner > 0.0)
         most = stats.f.ppf(1.0 - REJECT, _freedom(self.trials), _freedom(self.blocks))
         found: np.ndarray = ratio > most
@@ -60,9 +62,9 @@ class Influences:
         chance = generator.uniform(size=(count, 1))
         found = []
         # Of n jackknife influences (n - 1) / n, of n sums n / (n - 1) times the sum of squares is the variance.
-        for parts, power in ((self.blocks, 0.5), (self.trials, -0.5)):
+        for parts, power, share in ((self.blocks, 0.5, self.parted), (self.trials, -0.5, 1.0)):
             freedom, few = _freedom(parts), (max(len(parts) - 1, 1) / len(parts)) ** power
-            heavy = np.sqrt(freedom / stats.chi2.ppf(chance, freedom))
+            heavy = np.sqrt(freedom / stats.chi2.ppf(chance, freedom) / share)
             found.append(few * heavy * (generator.standard_normal((count, len(parts))) @ parts))
         drawn: Array = self.values + np.where(self.by_trial, found[1], found[0])
         return drawn

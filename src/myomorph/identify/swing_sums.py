@@ -40,6 +40,8 @@ class SwingSums:
         axis; `plate` is the moment that the plate measures about the axis, and u_m = J_m J_m . rates the torque
         of muscle m of unit viscosity, sign turned
     still : frames left out because the limb hardly swung any more
+    parted : sum of the squares of a frame's shares in its blocks, mean over the frames: 1 without fades. Sums of
+        noise that is independent between frames scatter between blocks by so much of what they do in the whole
     """
 
     names: tuple[str, ...]
@@ -51,6 +53,7 @@ class SwingSums:
     wrench: Array
     torque: Array
     still: int
+    parted: float
 
     def __len__(self) -> int:
         return len(self.trial)
@@ -103,6 +106,7 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         np.stack([_wrench_products(recordings[block.trial], predicted[block.trial], block) for block in blocks]),
         np.stack([_torque_products(recordings[block.trial], along, block) for block in blocks]),
         sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
+        float(np.concatenate([block.weight**2 for block in blocks]).sum() / sum(len(use) for _, use in live)),
     )
 
 

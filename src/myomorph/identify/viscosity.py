@@ -16,6 +16,7 @@ from myomorph.identify.joint_viscosity import torque_problem
 from myomorph.identify.limb_inertia import InertiaOptions, Tare
 from myomorph.identify.muscle_viscosity import (
     muscle_problem,
+    noise_variance,
     ridge_strength,
     solve_muscles,
 )
@@ -235,7 +236,7 @@ def _condition(
 def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array) -> Influences:
     """Influences of the blocks without muscles, then those with."""
     trial = np.concatenate([bare.sums.trial, full.sums.trial + len(bare.sums.names)])
-    return Influences(values, values - blocks, trial)
+    return Influences(values, values - blocks, trial, min(bare.sums.parted, full.sums.parted))
 
 
 def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> Estimate:
@@ -258,7 +259,8 @@ def _muscles(
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
     blocks = np.stack([torque_problem(one, phi, options.stiffness) for one in full.sums.torque])
-    strength, variance = ridge_strength(blocks, joint(bare.whole), common, options.spread)
+    variance = noise_variance(blocks, joint(bare.whole))
+    strength = ridge_strength(problem, variance, common, options.spread)
 
     def values(torque: Array, less: Solution) -> Array:
         one = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
