@@ -10,6 +10,7 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from myomorph.identify.passive_law import PassiveLaw
+from myomorph.identify.swing_prediction import free_directions
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
@@ -126,14 +127,10 @@ def sense(recording: SwingRecording) -> float:
 
 
 def hinge_axis(recording: SwingRecording) -> Array:
-    """Unit axis (3,) of a hinge in the limb's axes; zeros for a ball.
-
-    The rotation away from the first frame is about it, by the change of angle: least squares over frames.
-    """
+    """Unit axis (3,) of a hinge in the limb's axes; zeros for a ball."""
     if len(recording.axes) != 1:
         return np.zeros(3)
-    change = recording.angles[:, 0] - recording.angles[0, 0]
-    axis = change @ Rotation.from_matrix(recording.rotations[0].T @ recording.rotations).as_rotvec()
+    axis = free_directions([recording])[0]
     return axis / np.linalg.norm(axis)
 
 
