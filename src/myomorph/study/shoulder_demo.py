@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from myomorph.identify.arm_sensitivity import OFFSET
 from myomorph.identify.murai_tables import SPECIMENS, PublishedSpecimen
 from myomorph.study.progress import progress
 from myomorph.study.virtual_files import specimen_mjcf, write_recording
@@ -17,6 +18,8 @@ from myomorph.study.viscosity_plan import read_viscosity_plan
 STUDY, RECORDINGS = "shoulder.toml", "recordings"
 SECONDS, TRIALS = 10.0, 3
 WORKERS = 2
+ARM_OFFSET = 0.0014
+"""`arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m]."""
 
 
 def run_shoulder_demo(out: Path, said: Callable[[SpecimenOutcome], None]) -> list[SpecimenOutcome]:
@@ -131,6 +134,8 @@ def _head(seconds: float, trials: int, noise: Noise) -> str:
         "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. Each "
         "specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total viscosity "
         "over the true swing is that of table II. The measured mass of the muscles is only copied from the table.",
+        f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for {1000 * OFFSET:.1f} mm.",
     )
     quoted = ",\n".join(f'  "{line}"' for line in lines)
-    return f'[study]\nname = "Six virtual shoulders"\nsimulated = [\n{quoted},\n]\n'
+    options = f"\n[options.arms]\noffset = {ARM_OFFSET}\n"
+    return f'[study]\nname = "Six virtual shoulders"\nsimulated = [\n{quoted},\n]\n{options}'
