@@ -28,11 +28,14 @@ def refuse_open(tree: Tree, coordinates: Array) -> float:
     Raises
     ------
     BadData
-        where it is more than `OPEN`
+        where it is more than `OPEN`, or no frame has all coordinates
     """
     if not tree.model.loops:
         return 0.0
-    errors = np.abs(closure(tree, coordinates[np.isfinite(coordinates).all(axis=1)]))
+    good = np.isfinite(coordinates).all(axis=1)
+    if not good.any():
+        raise BadData("no frame of the motion has all coordinates: closed loops need them")
+    errors = np.abs(closure(tree, coordinates[good]))
     worst = float(errors.max(initial=0.0))
     if worst > OPEN:
         row = int(np.argmax(errors.max(axis=0)))

@@ -137,6 +137,12 @@ def inspect_model(model: Model) -> Inspection:
     ]
     if model.loops:
         facts.append(("closed loops", _list([loop.name for loop in model.loops])))
+    passive = [*(one.name for one in model.passive_torques), *(one.name for one in model.bushings)]
+    if passive:
+        facts.append(("springs, limits and bushings", _list(passive)))
+    viscous = [one.name for one in model.muscles if one.viscosity]
+    if viscous:
+        facts.append(("muscles with viscosity", _list(viscous)))
     if model.kept:
         facts.append(("kept, not modelled", _counted([kept.kind for kept in model.kept])))
     return Inspection("model", tuple(facts), (*model.warnings, *_model_doubts(model)))
