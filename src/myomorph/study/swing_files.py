@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,10 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.report.viscosity_given import Residual
 from myomorph.study.ct import ScannedModel, model_from_scans
 from myomorph.study.inputs import about, fitted_to, open_model, open_trial
+from myomorph.study.upright import carrying, turn_to, turned
 from myomorph.study.viscosity_plan import SpecimenFiles, SwingFiles
 
 NAMED = {"base": ("scapula",), "first": ("humerus", "humer", "upper_arm", "upperarm")}
@@ -132,30 +132,35 @@ def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
 
 
 def open_swing(
-    files: SwingFiles, model: Model, tare: Path | None = None, place: Callable[[Trial], Trial] | None = None
+    swing: SwingFiles, model: Model, files: SpecimenFiles, place: Callable[[Trial], Trial] | None = None
 ) -> tuple[SwingTrial, tuple[str, ...]]:
     """A recording of a swing, in the model's ground axes, and what its files had to say.
 
     Parameters
     ----------
-    tare : forces without the limb
+    files : of its specimen: forces without the limb, which axis points up
     place : puts the plates of a C3D file where they are
 
     Raises
     ------
     BadFile, BadData
-        where a file is not what it should be, or has none of the model's markers
+        where a file is not what it should be, has none of the model's markers, or hangs aslant
     """
-    recorded = open_trial(files.markers)
+    recorded = open_trial(swing.markers)
+    if files.up is not None:
+        recorded = recorded.rotated(turn_to(files.up, model.gravity))
     trial = fitted_to(model, recorded)
-    turned = trial is not recorded
-    wrenches = open_wrench(files.loads, model, turned, place)
-    markers = trial.markers
-    assert markers is not None
-    empty = None if tare is None else open_wrench(tare, model, turned, place)
-    return SwingTrial(files.name, markers, wrenches, files.time, empty), tuple(
-        f"{files.name}: {text}" for text in trial.warnings if "plate" not in text
-    )
+    turn = np.eye(3) if files.up is None else turn_to(files.up, model.gravity)
+    turn = turn if trial is recorded else Z_UP_TO_Y_UP @ turn
+    raw = turned(open_wrench(swing.loads, place), turn)
+    wrenches, told = carrying(raw, model.gravity, swing.name)
+    empty = None
+    if files.tare is not None:
+        empty = turned(open_wrench(files.tare, place), turn)
+        empty = replace(empty, forces=-empty.forces, torques=-empty.torques) if told else empty
+    assert trial.markers is not None
+    notes = (f"{swing.name}: {text}" for text in trial.warnings if "plate" not in text)
+    return SwingTrial(swing.name, trial.markers, wrenches, swing.time, empty), (*told, *notes)
 
 
 def recorded_markers(files: SwingFiles) -> Markers:
@@ -166,20 +171,12 @@ def recorded_markers(files: SwingFiles) -> Markers:
     return markers
 
 
-def open_wrench(
-    path: Path, model: Model, turned: bool = False, place: Callable[[Trial], Trial] | None = None
-) -> Wrenches:
-    """Forces on the base: a table of force, point and torque in ground, an external loads file, or plates of a C3D.
-
-    Parameters
-    ----------
-    turned : whether the recording's C3D was turned to the model's vertical, so that the plates must be too
-    """
+def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wrenches:
+    """Forces on the base: a table of force, point and torque in ground, an external loads file, or plates of a C3D."""
     ending = path.suffix.lower()
     with about(path):
         if ending == ".c3d":
-            trial = open_trial(path) if place is None else place(open_trial(path))
-            return plate_wrenches(trial.rotated(Z_UP_TO_Y_UP) if turned else trial, model.gravity)
+            return plate_wrenches(open_trial(path) if place is None else place(open_trial(path)))
         if place is not None:
             raise BadFile(path, "is a table in ground, where no plate can be moved", "'plate' goes with C3D forces")
         if ending == ".xml":
@@ -220,11 +217,8 @@ def _triple(names: Sequence[str], kind: str) -> list[int] | None:
     return [one[0] for one in found] if all(len(one) == 1 for one in found) else None
 
 
-def plate_wrenches(trial: Trial, gravity: Array) -> Wrenches:
-    """Force of all plates of a C3D file on what stands on them, as measured: not set to zero, about plates' centers.
-
-    Files hold either the force of the plate or that on the plate: what carries the limb is the one that points
-    away from gravity on average.
+def plate_wrenches(trial: Trial) -> Wrenches:
+    """Force and moment of all plates of a C3D file, as measured: not set to zero, about the plates' centers.
 
     Raises
     ------
@@ -239,6 +233,5 @@ def plate_wrenches(trial: Trial, gravity: Array) -> Wrenches:
         force, moment = plate_wrench(plate)
         parts.append((force @ axes.T, np.broadcast_to(plate.corners.mean(axis=0), force.shape), moment @ axes.T))
     force, point, torque = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
-    sign = -1.0 if float(np.nanmean(force.sum(axis=1), axis=0) @ gravity) > 0.0 else 1.0
     names = tuple(plate.name for plate in trial.plate_recordings)
-    return Wrenches(trial.plate_time, names, ("",) * len(names), sign * force, point, sign * torque)
+    return Wrenches(trial.plate_time, names, ("",) * len(names), force, point, torque)

@@ -79,6 +79,7 @@ class _Specimen(Strict):
     first: str | None = None
     bones: list[str] = Field(default_factory=list)
     joint: Literal["ball", "hinge"] = "ball"
+    up: Literal["x", "y", "z"] | None = None
     muscles: dict[str, list[str]] = Field(default_factory=dict)
     pcsa: dict[str, float] = Field(default_factory=dict)
     tare: str | None = None
@@ -115,6 +116,7 @@ class SpecimenFiles:
     plate : how its place among the markers is known, None where the C3D files know it
     ct : scanned bones and clusters, where the model's own markers are not to be used
     truth, paper : values of `QUANTITIES` that are known from elsewhere
+    up : axis of the laboratory that points up, None for the model's
     """
 
     name: str
@@ -133,6 +135,7 @@ class SpecimenFiles:
     ct: tuple[ScanFiles, ...] = ()
     truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    up: Literal["x", "y", "z"] | None = None
 
 
 @dataclass(frozen=True)
@@ -237,6 +240,7 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
         tuple(_scans(given.ct, folder, f"{where}: ct", problems)),
         MappingProxyType(dict(given.truth)),
         MappingProxyType(dict(given.paper)),
+        given.up,
     )
 
 

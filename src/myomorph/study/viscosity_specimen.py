@@ -171,7 +171,7 @@ def _tracked(
     notes: list[str] = []
     trials: list[SwingTrial] = []
     for entry in entries:
-        trial, told = open_swing(entry, specimen.model, files.tare, place)
+        trial, told = open_swing(entry, specimen.model, files, place)
         trials.append(trial)
         notes += told
     frames = 2 * sum(len(trial.markers) for trial in trials)
