@@ -18,6 +18,7 @@ COMPARISONS = {
     "masspoints": ("benchmarks.speed_masspoints", "the mass-point problem at full size, and general QP solvers"),
     "calibrate": ("benchmarks.speed_calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
     "grid": ("benchmarks.speed_grid", "grid of mass points of an adult at 5 mm, with weights: time and memory"),
+    "viscosity": ("benchmarks.speed_viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 
