@@ -152,7 +152,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     report, found = _judged(found, conditions, notes)
     report = trusted(report, found, options.laws, options.arms)
     tracked = {name: one.tracked for name, one in conditions.items()}
-    report = with_cutoffs(report, tracked, cutoff, reason, options.identification)
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)
     residuals = () if calibration is None else plate_residuals(calibration)
     report, model = _with_model(report, found, tracked, cutoff)
     residuals = (*opened.residuals, *residuals, *_marker_residuals(conditions))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -49,6 +49,8 @@ def with_laws(
     """The report with alternatives to plain viscosity for one condition."""
     if condition is None:
         return report
+    if np.isnan(condition.mass.value):
+        options = replace(options, tare="unknown")
     compared = compare_passive_laws(condition.recordings, options)
     models = tuple(
         PassiveModel(
@@ -93,11 +95,18 @@ def with_cutoffs(
     cutoff: float,
     reason: str,
     options: ViscosityOptions,
+    hidden: Collection[str] = (),
 ) -> SpecimenReport:
-    """The report with what other cut-offs of the filter would have given."""
+    """The report with what other cut-offs of the filter would have given.
+
+    Parameters
+    ----------
+    hidden : conditions whose plate hides the mass
+    """
     values: dict[str, Array] = {}
     for name, one in tracked.items():
-        scan = scan_cutoffs(lambda at, one=one: swing_recordings(one, at, muscles=False), options=options)  # type: ignore[misc]
+        own = replace(options, tare="unknown") if name in hidden else options
+        scan = scan_cutoffs(lambda at, one=one: swing_recordings(one, at, muscles=False), options=own)  # type: ignore[misc]
         kind = "joint_viscosity" if name == "without" else "total_viscosity"
         values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
     shown = {name: one for name, one in values.items() if np.isfinite(one).any()}
