@@ -12,7 +12,7 @@ from swung_specimen import HELD, Swung, arm_specimen, limb_parameters, swing
 
 from myomorph.identify.specimen import SpecimenNames, SwingTrial, build_specimen
 from myomorph.identify.swing_rows import swing_recordings
-from myomorph.identify.swing_segments import swing_numbers, touched_frames, whole_frames
+from myomorph.identify.swing_segments import REACH, swing_numbers, touched_frames, whole_frames
 from myomorph.identify.swings import SwingRecording
 from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial, TrackingOptions, track
 from myomorph.model.errors import BadData
@@ -118,7 +118,7 @@ def test_ends_and_gaps_are_out_of_the_filters_reach():
     trial = replace(truth.trial, markers=replace(truth.trial.markers, values=values))
     tracked = track(SPECIMEN, [trial], PLAIN)
     (one,) = swing_recordings(tracked, CUTOFF)
-    reach = round(1.5 / CUTOFF / 0.005)
+    reach = round(REACH / CUTOFF / 0.005)
     left_out = set(np.flatnonzero(~one.used))
     assert left_out == {*range(reach), *range(500 - reach, 520 + reach), *range(1200 - reach, 1200)}
     error = one.wrench_rows[one.used] @ truth.parameters - one.wrench[one.used]
@@ -231,7 +231,7 @@ def test_swing_numbers_of_a_decaying_oscillation():
 def test_frames_in_reach_of_ends_are_told():
     finite = np.ones(100, bool)
     finite[50] = False
-    whole = whole_frames(0.01 * np.arange(100), finite, 15.0)
+    whole = whole_frames(0.01 * np.arange(100), finite, 10.0 * REACH)
     assert set(np.flatnonzero(~whole)) == {*range(10), *range(40, 61), *range(90, 100)}
 
 

@@ -20,8 +20,17 @@ CUTOFF = 6.0
 AGREES = 0.98
 """Share of the wrench that the motion explains, from which two clocks are taken as brought together."""
 
+AROUND = 0.3
+"""How far off a clock is first looked for [s]: a swing further away looks much the same, only smaller."""
+
 SEARCH, LAG = 2.0, 0.05
-"""Offsets that are tried where the given clock does not agree, and their distance [s]."""
+"""Offsets that are tried where no clock so near agrees, and their distance [s]."""
+
+AS_GOOD = 1.1
+"""Of lags that leave up to this much more than the best, the smallest is taken."""
+
+FEW = 500
+"""Frames on which every lag is judged."""
 
 CHANCE = 13.8
 """Squared distance of offset and drift from zero, in standard deviations, that chance passes 1 time in 1000."""
@@ -31,7 +40,7 @@ LEAST = 5e-4
 
 
 def plate_clock(
-    time: Array, rows: Array, whole: np.ndarray, wrench_time: Array, wrench: Array, share: float
+    time: Array, rows: Array, slow: Array, whole: np.ndarray, wrench_time: Array, wrench: Array, share: float
 ) -> tuple[Clock, list[str]]:
     """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and what is doubtful.
 
@@ -41,7 +50,8 @@ def plate_clock(
 
     Parameters
     ----------
-    time, rows : (frames,), (frames, 6, 10) of the markers, filtered at `CUTOFF`
+    time, rows : (frames,), (frames, 6, 10) of the markers
+    slow : (frames, 6, 10) the rows filtered at `CUTOFF`
     whole : (frames,) out of the reach of the filter's ends
     wrench_time, wrench : (samples,), (samples, 6) as measured
     share : as `TrackingOptions.touch`
@@ -52,10 +62,10 @@ def plate_clock(
     own, values = wrench_time[part], wrench[part].copy()
     for column in values.T:
         column[~known[part]] = np.interp(own[~known[part]], own[known[part]], column[known[part]])
-    best = _fitted(time, rows, whole, own, values, share, 0.0)
+    best = _fitted(time, rows, slow, whole, own, values, share, 0.0)
     if best.explained < AGREES:
-        lag = _best_lag(time, rows, whole, own, values)
-        other = _fitted(time, rows, whole, own, values, share, lag)
+        lag = _best_lag(time, slow, whole, own, values)
+        other = _fitted(time, rows, slow, whole, own, values, share, lag)
         best = other if other.explained > best.explained else best
     if best.explained < AGREES:
         explained = f"{100 * best.explained:.0f} %"
@@ -70,14 +80,15 @@ def plate_clock(
     ]
 
 
-def _fitted(time: Array, rows: Array, whole: np.ndarray, own: Array, wrench: Array, share: float, lag: float) -> Clock:
+def _fitted(
+    time: Array, rows: Array, slow: Array, whole: np.ndarray, own: Array, wrench: Array, share: float, lag: float
+) -> Clock:
     """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
     seen, force = _filtered(time, whole, own + lag, wrench)
     if seen.sum() < 6:
         return Clock()
-    hand = touched_frames([rows], [force], [time], [seen], share, 0.5 * REACH / CUTOFF)[0]
-    # Around the lag already found a swing cannot be taken for the next one.
-    options = ClockOptions(search=SEARCH if lag == 0.0 else 2.0 * LAG, cutoff=CUTOFF)
+    hand = touched_frames([slow], [force], [time], [seen], share, 0.5 * REACH / CUTOFF)[0]
+    options = ClockOptions(search=AROUND, cutoff=CUTOFF)
     try:
         found = wrench_clock(time, rows, own + lag, wrench, options, seen & ~hand)
     except BadData:
@@ -95,15 +106,17 @@ def _filtered(time: Array, whole: np.ndarray, own: Array, wrench: Array) -> tupl
     return np.asarray(whole & known), np.where(known[:, None], force, 0.0)
 
 
-def _best_lag(time: Array, rows: Array, whole: np.ndarray, own: Array, wrench: Array) -> float:
+def _best_lag(time: Array, slow: Array, whole: np.ndarray, own: Array, wrench: Array) -> float:
     """The lag at which the median frame's force is explained best, relative to how the force varies [s]."""
     lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
+    thin = np.arange(len(time)) % max(1, len(time) // FEW) == 0
     left = []
     for lag in lags:
         seen, force = _filtered(time, whole, own + lag, wrench)
         if seen.sum() < 0.5 * whole.sum():
             left.append(np.inf)
             continue
-        mismatch, _ = force_mismatch([rows[:, 3:, :4]], [force[:, 3:]], [seen])
+        mismatch, _ = force_mismatch([slow[:, 3:, :4]], [force[:, 3:]], [seen & thin])
         left.append(float(np.median(np.linalg.norm(mismatch[0][seen], axis=1)) / max(force[seen, 3:].std(), 1e-9)))
-    return float(lags[int(np.argmin(left))])
+    good = lags[np.array(left) <= AS_GOOD * min(left)]
+    return float(good[np.argmin(np.abs(good))])

@@ -9,8 +9,9 @@ from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from myomorph.model.spatial import Array
 
-REACH = 1.5
-"""How far ends, gaps and hands reach through the filter, times 1 / cutoff: 1 % of a jump is left there."""
+REACH = 2.0
+"""How far ends, gaps and hands reach through the filter, times 1 / cutoff: what is left of the ends there changes the
+viscosity of virtual limbs without noise by 0.02 %, with 1.5 by 0.08 % and with 0.75 by 0.3 %."""
 
 WINDOW = 0.1
 """Time over which a mismatch is averaged before it counts as a hand on the limb [s]."""

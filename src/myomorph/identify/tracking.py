@@ -21,7 +21,7 @@ from myomorph.identify.held_still import (
     slips,
     turning_center,
 )
-from myomorph.identify.limb_motion import LimbMotion, limb_motion
+from myomorph.identify.limb_motion import limb_motion
 from myomorph.identify.plate_wrench import lowpass_runs, on_clock, wrench_about
 from myomorph.identify.specimen import Specimen, SwingTrial
 from myomorph.identify.swing_clock import CUTOFF, plate_clock
@@ -37,6 +37,9 @@ from myomorph.motion.sync import cut
 TURNED = 0.995
 """Largest singular value of a mean rotation from which a limb has not turned about two axes enough, some 6 degrees
 root mean square, to show its center."""
+
+QUICK = 25.0
+"""Low-pass of a motion before its rows are filtered themselves [Hz]."""
 
 Progress = Callable[[int], None]
 
@@ -272,8 +275,8 @@ def _wrench(
         raw = raw - np.nanmean(wrench_about(trial.tare, center), axis=0)
     clock, doubts = Clock(), list[str]()
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
-        limb, whole = _low(specimen, motion)
-        clock, doubts = plate_clock(motion.time, limb.wrench_rows, whole, time, raw, options.touch)
+        rows, slow, whole = _rows(specimen, motion)
+        clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.touch)
     found = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(found).any():
         raise BadData(
@@ -283,20 +286,26 @@ def _wrench(
     return found, clock, doubts
 
 
-def _low(specimen: Specimen, motion: Motion) -> tuple[LimbMotion, np.ndarray]:
-    """The limb at the cutoff that looks for clocks and hands, and the frames out of reach of its ends."""
-    slow = differentiate_joint(specimen, motion, CUTOFF)
-    finite = np.asarray(np.isfinite(slow.values).all(axis=1))
-    return limb_motion(specimen, slow), whole_frames(slow.time, finite, CUTOFF)
+def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]:
+    """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of reach of its ends.
+
+    Rows are filtered as the wrench is, after the motion has passed a filter that leaves fast twists as they are:
+    what is then left of wrench - rows phi is no matter of filters.
+    """
+    quick = differentiate_joint(specimen, motion, QUICK)
+    rows = limb_motion(specimen, quick).wrench_rows
+    slow = lowpass_runs(rows.reshape(len(rows), -1), motion.rate, CUTOFF).reshape(rows.shape)
+    finite = np.asarray(np.isfinite(slow).all(axis=(1, 2)))
+    return rows, slow, whole_frames(motion.time, finite, CUTOFF)
 
 
 def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: float) -> list[TrackedTrial]:
     """The trials with the frames in which somebody touches the limb, found over all of them together."""
     rows, wrenches, frames = [], [], []
     for one in trials:
-        limb, whole = _low(specimen, one.motion)
+        _, slow, whole = _rows(specimen, one.motion)
         wrench = lowpass_runs(one.wrench, one.motion.rate, CUTOFF)
-        rows.append(limb.wrench_rows)
+        rows.append(slow)
         wrenches.append(wrench)
         frames.append(whole & np.asarray(np.isfinite(wrench).all(axis=1)))
     times = [one.motion.time for one in trials]
