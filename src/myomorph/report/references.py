@@ -123,10 +123,11 @@ REFERENCES: tuple[Reference, ...] = (
         "",
     ),
     Reference(
-        "kunsch1989",
-        "intervals from resampled swings",
-        "Künsch HR (1989). The jackknife and the bootstrap for general stationary observations. Ann Stat 17:1217–1241.",
-        "https://doi.org/10.1214/aos/1176347265",
+        "cameron2008",
+        "intervals: a wild bootstrap over blocks of swings",
+        "Cameron AC, Gelbach JB, Miller DL (2008). Bootstrap-based improvements for inference with clustered errors. "
+        "Rev Econ Stat 90:414–427; after Wu CFJ (1986), Ann Stat 14:1261–1295.",
+        "https://doi.org/10.1162/rest.90.3.414",
     ),
 )
 
@@ -146,5 +147,5 @@ def references(
 
 def viscosity_references() -> tuple[Reference, ...]:
     """Those that a report on swinging limbs relies on."""
-    wanted = ("murai2016", "stroeve1999", "kunsch1989")
+    wanted = ("murai2016", "stroeve1999", "cameron2008")
     return tuple(one for key in wanted for one in REFERENCES if one.key == key)
