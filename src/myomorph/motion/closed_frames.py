@@ -11,7 +11,6 @@ its rank, and gives the multipliers lambda. The pose is then closed again by mov
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from myomorph.motion.marker_cost import (
     new_work,
     normal_equations,
 )
-from myomorph.rigid.coordinates import Ints, evaluate
+from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import body_poses, couple, gather_dependents
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, in_place, matrix, minus, plus, turned, vector
@@ -57,22 +56,35 @@ class Ties(NamedTuple):
     point_2: Array
 
 
-def solvers(tree: Tree, free: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """`solve_frame` and `solve_frames` for a tree: where it closes loops, those that keep them closed.
-
-    Parameters
-    ----------
-    free : number of variables
-    """
+def solvers(tree: Tree) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """`solve_frame` and `solve_frames` for a tree: where it closes loops, those that keep them closed."""
     if not tree.model.loops:
         return solve_frame, solve_frames
     ties = ties_of(tree)
-    closing = new_closing(ties, len(tree.defaults), free)
 
-    def one(*arguments: Any) -> Any:
-        return solve_closed_frame(ties, *arguments, closing)
+    def one(T: Any, K: Any, observed: Array, target: Array, *told: Any) -> tuple[bool, int, float]:
+        *settings, c, _ = told
+        errors, cost = np.empty((1, len(K.body))), np.empty(1)
+        converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
+        frames = (observed[None], target[None], *settings, False, c[None], errors, cost, converged, iterations)
+        solve_closed_frames(ties, T, K, *frames)
+        return bool(converged[0]), int(iterations[0]), float(cost[0])
 
-    return one, partial(solve_closed_frames, ties)
+    def all_frames(T: Any, K: Any, observed: Array, *told: Any) -> None:
+        *settings, start, c, errors, converged, iterations = told
+        c[:1] = start
+        cost = np.empty(len(c))
+        solve_closed_frames(ties, T, K, observed, *settings, True, c, errors, cost, converged, iterations)
+
+    return one, all_frames
+
+
+def settle_closed(ties: Ties, T: Any, K: Any, observed: Array, *told: Any) -> None:
+    """`settle_frames` with loops kept closed; the cost is infinite where they cannot be."""
+    *settings, c, cost, converged = told
+    errors, iterations = np.empty((len(c), len(K.body))), np.empty(len(c), np.int64)
+    solve_closed_frames(ties, T, K, observed, *settings, False, c, errors, cost, converged, iterations)
+    cost *= np.where(np.isfinite(errors), K.weight, 0.0).sum(axis=1)
 
 
 class Closing(NamedTuple):
@@ -135,39 +147,68 @@ def new_closing(ties, n, variables):
 
 @njit(cache=True, nogil=True)
 def solve_closed_frames(
-    ties, T, K, observed, targets, posture, posture_weight, tolerance, most, start, c_out, errors, converged, iterations
-):
-    """`solve_frames` with loops kept closed."""
-    n = start.shape[0]
+    ties, T, K, observed, targets, posture, posture_weight, tolerance, most, chained, c, errors, cost, converged,
+    iterations,
+):  # fmt: skip
+    """`solve_frames` with loops kept closed.
+
+    Parameters
+    ----------
+    chained : whether each frame starts from where those before it lead, the first from its row of c; else all
+        start from their rows
+    c : (frames, coordinates) starts, replaced by what is found
+    errors, cost, converged, iterations : filled; the cost is infinite where loops cannot be closed
+    """
+    n = c.shape[1]
     work, closing = new_work(T, n), new_closing(ties, n, K.free.shape[0])
-    c, before = start.copy(), start.copy()
     for frame in range(observed.shape[0]):
-        if frame >= 2:
+        now = c[frame]
+        if chained and frame > 0:
             for j in range(n):
-                c[j] = 2.0 * c[j] - before[j]
-        hold(K, targets[frame], c)
-        done, count, _ = solve_closed_frame(
-            ties, T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c, work, closing
-        )
-        converged[frame], iterations[frame] = done, count
-        for j in range(n):
-            before[j] = c_out[frame - 1, j] if frame > 0 else c[j]
-            c_out[frame, j] = c[j]
-        marker_distances(T, K, observed[frame], c, work, errors[frame])
+                now[j] = 2.0 * c[frame - 1, j] - c[frame - 2, j] if frame >= 2 else c[frame - 1, j]
+        hold(K, targets[frame], now)
+        begin(K, now)
+        whole = close(ties, T, K, now, work, closing)
+        if not whole and chained and frame > 0:
+            for j in range(n):
+                now[j] = c[frame - 1, j]
+            hold(K, targets[frame], now)
+            begin(K, now)
+            whole = close(ties, T, K, now, work, closing)
+        converged[frame], iterations[frame], cost[frame] = False, 0, np.inf
+        if whole:
+            converged[frame], iterations[frame], cost[frame] = descend(
+                ties,
+                T,
+                K,
+                observed[frame],
+                targets[frame],
+                posture,
+                posture_weight,
+                tolerance,
+                most,
+                now,
+                work,
+                closing,
+            )
+        marker_distances(T, K, observed[frame], now, work, errors[frame])
 
 
 @njit(cache=True, nogil=True)
-def solve_closed_frame(ties, T, K, observed, target, posture, posture_weight, tolerance, most, c, work, closing):
-    """`solve_frame` with loops kept closed: damped Newton steps from c in place.
+def begin(K, c):
+    """Put the variables inside their bounds."""
+    for i in range(K.free.shape[0]):
+        c[K.free[i]] = min(max(c[K.free[i]], K.lower[i]), K.upper[i])
 
-    Returns whether the last step was within `tolerance` with all loops closed, the iterations, and the cost.
+
+@in_place
+def descend(ties, T, K, observed, target, posture, posture_weight, tolerance, most, c, work, closing):
+    """`solve_frame` from a closed pose, of which `close` has left poses and gaps, along the ties.
+
+    Returns whether the last step was within `tolerance`, the iterations, and the cost.
     """
     F, D, trial = K.free, work.D, work.trial
     damping = 0.0
-    for i in range(F.shape[0]):
-        c[F[i]] = min(max(c[F[i]], K.lower[i]), K.upper[i])
-    if not close(ties, T, K, c, work, closing):
-        return False, 0, np.inf
     cost = normal_equations(T, K, observed, target, c, work)
     stiffness = posture_weight * mean_curvature(K, D)
     cost += posture_cost(K, c, posture, stiffness)
@@ -386,7 +427,7 @@ def tie_curvature(T, ties, c, work, closing):
             x = plus(vector(work.p, b), turned(matrix(work.R, b), at))
             while b != top_1:
                 for k in range(T.axis_start[b], T.axis_start[b + 1]):
-                    add_curvature(T, c, work, closing, k, b, top_1, x, f, sign)
+                    add_curvature(T, work, closing, k, b, top_1, x, f, sign)
                 b = T.parent[b]
     for i in range(c.shape[0]):
         for j in range(i):
@@ -395,14 +436,15 @@ def tie_curvature(T, ties, c, work, closing):
 
 
 @in_place
-def add_curvature(T, c, work, closing, k, b, top, x, f, sign):
+def add_curvature(T, work, closing, k, b, top, x, f, sign):
     """What axis k of body b, with all axes between it and the body `top`, adds for a force f at the point x."""
     H, g = closing.H, closing.g
     u = vector(work.w, k)
     rotates = T.axis_kind[k] == ROTATION
     moved = cross(u, minus(x, vector(work.o, k))) if rotates else u
     i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
-    _, _, _, d11, d12, d22 = evaluate(T.functions, T.axis_function[k], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
+    # `normal_equations` has left the second derivatives of the axes' motions.
+    d11, d12, d22 = work.curvature[k, 0], work.curvature[k, 1], work.curvature[k, 2]
     along = sign * dot(f, moved)
     if i >= 0:
         g[i] += work.dphi[k, 0] * along

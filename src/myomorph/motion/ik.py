@@ -157,7 +157,7 @@ def inverse_kinematics(
     frames = len(markers)
     values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
     converged, iterations = np.empty(frames, np.bool_), np.empty(frames, np.int64)
-    _, solve_frames = solvers(tree, len(arrays.free))
+    _, solve_frames = solvers(tree)
 
     def part(start: int, stop: int) -> None:
         span = slice(start, stop)

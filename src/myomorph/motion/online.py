@@ -180,7 +180,7 @@ class OnlineKinematics:
         self.marker_names, weights = tracked_markers(model, empty, self._options)
         self._columns = [list(names).index(name) for name in self.marker_names]
         self._arrays = marker_arrays(self._tree, self.marker_names, weights, self._options)
-        _, self._solve_frames = solvers(self._tree, len(self._arrays.free))
+        _, self._solve_frames = solvers(self._tree)
         self._before: list[Array] = []
         self._usual = 0.0
 

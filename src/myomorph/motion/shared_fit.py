@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Array
-from myomorph.motion.closed_frames import ties_of
+from myomorph.motion.closed_frames import settle_closed, ties_of
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import closed_defaults
@@ -20,7 +20,6 @@ from myomorph.motion.stretch import (
     FRAMES_AT_ONCE,
     Stretch,
     frame_blocks,
-    settle_closed_frames,
     settle_frames,
     tied_markers,
     with_travel,
@@ -152,7 +151,7 @@ class Reduced:
 def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50) -> Point:
     """Inverse kinematics of all frames on the model that x makes."""
     tree = compile_tree(problem.stretched(x))
-    solve = settle_frames if not tree.model.loops else partial(settle_closed_frames, ties_of(tree))
+    solve = settle_frames if not tree.model.loops else partial(settle_closed, ties_of(tree))
     locations = problem.placed(x)
     arrays, found, data, settled, frames = [], [], [], 0, 0
     for one, start in zip(problem.sets, angles, strict=True):

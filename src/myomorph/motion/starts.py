@@ -44,7 +44,7 @@ def chunk_starts(
     posture_weight, iterations : as in `InverseKinematicsOptions`
     """
     work = new_work(tree.arrays, len(tree.defaults))
-    solve_frame, _ = solvers(tree, len(markers.free))
+    solve_frame, _ = solvers(tree)
     rest = closed_defaults(tree)
     root = root_coordinates(tree)
     turning = _turning(tree, markers, root)

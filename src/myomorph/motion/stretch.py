@@ -21,7 +21,7 @@ from numba import njit
 from myomorph.model.model import GROUND, Axis, Model
 from myomorph.model.scale import scale, slides_freely
 from myomorph.model.spatial import Array
-from myomorph.motion.closed_frames import Ties, new_closing, solve_closed_frame
+from myomorph.motion.closed_frames import Ties
 from myomorph.motion.least_squares import hold, solve_frame
 from myomorph.motion.lengths import Length
 from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight
@@ -61,7 +61,7 @@ def skeleton(model: Model) -> Model:
     bodies = tuple(replace(body, meshes=()) for body in model.bodies)
     return replace(
         model, bodies=bodies, muscles=(), wrap_objects=(), actuators=(), frames=(), ground_meshes=(), kept=(),
-        passive_torques=(),
+        passive_torques=(), bushings=(),
     )  # fmt: skip
 
 
@@ -145,19 +145,6 @@ def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, m
         converged[frame], _, value = solve_frame(
             T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c[frame], work
         )
-        cost[frame] = value * seen_weight(K, observed[frame])
-
-
-@njit(cache=True, nogil=True)
-def settle_closed_frames(ties, T, K, observed, targets, posture, posture_weight, tolerance, most, c, cost, converged):
-    """`settle_frames` with loops kept closed; the cost is infinite where they cannot be."""
-    work, closing = new_work(T, c.shape[1]), new_closing(ties, c.shape[1], K.free.shape[0])
-    for frame in range(observed.shape[0]):
-        hold(K, targets[frame], c[frame])
-        converged[frame], _, value = solve_closed_frame(
-            ties, T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c[frame], work,
-            closing,
-        )  # fmt: skip
         cost[frame] = value * seen_weight(K, observed[frame])
 
 
