@@ -10,7 +10,9 @@ import pytest
 from myomorph.io.osim import read_osim
 from myomorph.io.osim_write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
+from myomorph.model.model import Bushing
 from myomorph.model.passive_dynamics import with_passive_dynamics
+from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
@@ -112,3 +114,33 @@ def test_a_loop_that_stands_open_is_told_or_refused(data, command, tmp_path):
         assert told.status == status
         assert said in " ".join((told.out + told.err).split())
     assert not (tmp_path / "0.2.sto").exists()
+
+
+SETUP = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000"><InverseDynamicsTool name="thick"><model_file>{model}</model_file>
+<results_directory>{out}</results_directory><time_range>0.1 0.5</time_range>
+<forces_to_exclude>{excluded}</forces_to_exclude><coordinates_file>{motion}</coordinates_file>
+<output_gen_force_file>id.sto</output_gen_force_file></InverseDynamicsTool></OpenSimDocument>
+"""
+
+
+@pytest.mark.parametrize("excluded", ["Muscles", "ALL", "Muscles flexor_viscosity passive_elbow_flexion bush"])
+def test_setups_take_off_what_opensim_takes_off(thick, excluded, tmp_path):
+    opensim = pytest.importorskip("opensim")
+    opensim.Logger.setLevelString("Off")
+    from myomorph.study.tools import run_tool
+
+    path, model, motion = thick
+    stiff = Bushing(
+        "bush", "upper", "fore", Transform(np.eye(3), np.array([0.0, -0.3, 0.0])), Transform.identity(),
+        rotational_damping=np.array([0.1, 0.2, 0.3]), translational_stiffness=np.array([50.0, 60.0, 70.0]),
+    )  # fmt: skip
+    write_osim(with_passive_dynamics(model, bushings=(stiff,)), path)
+    setup = tmp_path / "setup.xml"
+    setup.write_text(SETUP.format(model=path, out="ours", excluded=excluded, motion=motion))
+    ours = read_sto(run_tool(setup).written[0])
+    setup.write_text(SETUP.format(model=path, out=tmp_path / "theirs", excluded=excluded, motion=motion))
+    opensim.InverseDynamicsTool(str(setup)).run()
+    theirs = read_sto(tmp_path / "theirs" / "id.sto")
+    for name in ours.names:
+        np.testing.assert_allclose(ours[name], theirs[name], atol=1e-4, err_msg=name)

@@ -143,8 +143,10 @@ def inspect_model(model: Model) -> Inspection:
     viscous = [one.name for one in model.muscles if one.viscosity]
     if viscous:
         facts.append(("muscles with viscosity", _list(viscous)))
-    if model.kept:
-        facts.append(("kept, not modelled", _counted([kept.kind for kept in model.kept])))
+    modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
+    kept = [one.kind for one in model.kept if one.name not in modelled]
+    if kept:
+        facts.append(("kept, not modelled", _counted(kept)))
     return Inspection("model", tuple(facts), (*model.warnings, *_model_doubts(model)))
 
 
