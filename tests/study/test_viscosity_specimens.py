@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.identify.swung_specimen import arm_specimen, swing
 
+from myomorph.cli.program import main
 from myomorph.io.osim import read_osim
 from myomorph.io.osim_write import write_osim
 from myomorph.io.sto import write_sto
@@ -117,3 +118,26 @@ def test_the_model_is_damped_as_found(ran):
     (bushing,) = model.bushings
     assert bushing.rotational_damping == pytest.approx(np.full(3, JOINT), rel=0.05)
     assert all(muscle.viscosity > 0.0 for muscle in model.muscles)
+
+
+@pytest.mark.long
+def test_one_specimen_needs_no_study_file(ran, capsys):
+    outcomes, out, _ = ran
+    folder = out.parent
+    recordings = {
+        name: [str(folder / f"{kind}{i}.trc") for i in (1, 2)]
+        for name, kind in (("--without", "bare"), ("--with", "full"))
+    }
+    given = [
+        "--model",
+        str(folder / "arm.osim"),
+        *(word for name, files in recordings.items() for word in (name, *files)),
+    ]
+    assert main(["viscosity", *given, "--muscle-mass", "0.3", "--draws", "40", "--out", str(folder / "one")]) == 0
+    with (folder / "one" / "specimens.csv").open() as stream:
+        (row,) = csv.DictReader(stream)
+    found = outcomes["whole"].report.row
+    assert (row["name"], row["measured_muscle_mass"]) == ("arm", "0.3")
+    for name in ("joint_viscosity", "muscle_viscosity", "com_with"):
+        assert float(row[name]) == pytest.approx(found[name].value, rel=1e-6)
+    assert "1 of 1 specimens done" in capsys.readouterr().out
