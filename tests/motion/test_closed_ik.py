@@ -19,8 +19,11 @@ from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
 from myomorph.motion.calibrate import calibrate
 from myomorph.motion.calibration import CalibrationOptions
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
+from myomorph.motion.lengths import lengths_of
 from myomorph.motion.online import OnlineKinematics
+from myomorph.motion.shared_fit import FrameSet, Prior, SharedProblem, reduce, settle
+from myomorph.motion.stretch import stretch_of
 from myomorph.rigid.kinematics import couple_frames, forward_kinematics
 from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
 from myomorph.rigid.tree import compile_tree
@@ -166,6 +169,35 @@ def test_bone_pins_cost_less_than_the_stored_result(data):
     seen = markers.values[:, [markers.names.index(name) for name in fit.marker_names]]
     cost = np.nansum(fit.weights * ((places - seen) ** 2).sum(axis=2), axis=1)
     assert (np.nansum(fit.weights * fit.errors**2, axis=1) <= cost * (1 + 1e-6)).all()
+
+
+def test_reduced_gradient_is_that_of_the_settled_cost():
+    """How the cost of all frames, angles settled and loops closed, changes with the lengths and marker places."""
+    model = four_bar()
+    markers = markers_of(model, four_bar_angles(1.5 + 0.8 * np.sin(np.linspace(0.0, 6.0, 7))), noise=0.01)
+    tree = compile_tree(model)
+    lengths = lengths_of(model, True)
+    arrays = marker_arrays(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
+    frames = FrameSet(markers.values, np.tile(tree.defaults, (len(markers), 1)), np.zeros(3))
+    unknowns = len(lengths) + 3 * len(model.markers) + 1
+    problem = SharedProblem(
+        model, lengths, stretch_of(model, lengths, model.marker_names), arrays, (frames,),
+        Prior(np.zeros((0, unknowns)), np.zeros(0)), tree.defaults, 1e-9,
+    )  # fmt: skip
+    x = np.concatenate([np.random.default_rng(1).uniform(0.97, 1.03, len(lengths)), np.zeros(unknowns - len(lengths))])
+    x[len(lengths) : -1] = np.random.default_rng(2).normal(scale=0.01, size=unknowns - len(lengths) - 1)
+    start = [np.tile(four_bar_angles(np.array([1.5])), (len(markers), 1))]
+    at = settle(problem, x, start, 1.0)
+    assert at.settled == 1.0
+    reduced = reduce(problem, at)
+    h = 1e-5
+    for i in range(unknowns - 1):
+        ends = []
+        for sign in (1, -1):
+            moved = x.copy()
+            moved[i] += sign * h
+            ends.append(settle(problem, moved, at.angles, 1.0).cost(0.0))
+        assert 2.0 * reduced.g[i] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3, abs=1e-5), i
 
 
 @pytest.mark.long

@@ -167,6 +167,13 @@ def test_four_bars_follow_the_law_of_cosines(kind):
     np.testing.assert_allclose(basis.slopes[:, :, 0], slopes, atol=1e-8)
 
 
+@pytest.mark.parametrize("held", [(), (0,)])
+def test_four_bars_close_from_anywhere(held):
+    tree = compile_tree(four_bar())
+    given = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, 3))
+    assert np.abs(closure(tree, close_loops(tree, given, held=held))).max() < 1e-12
+
+
 def test_what_cannot_be_closed_is_named():
     model = four_bar()
     tree = compile_tree(model)

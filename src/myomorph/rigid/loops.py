@@ -27,6 +27,9 @@ NEAREST = 1e-9
 STEPS = 200
 """Steps of a projection."""
 
+ELSEWHERE = 30
+"""Random poses from which a loop is closed that does not close from where it is."""
+
 FRAMES_AT_ONCE = 256
 
 
@@ -256,11 +259,10 @@ def _pseudo_inverse(G: Array) -> Array:
 def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
     """Nearest closed coordinates: steps towards those given along the constraint, closed again after each."""
     c = _shut(tree, given, free, scale)
-    stuck = np.abs(closure(tree, c)).max(axis=1) > CLOSED
-    if stuck.any():
-        # From the default pose the way back is long, but free of the fold that the given pose lies behind.
-        rest = _shut(tree, np.where(np.isin(np.arange(given.shape[1]), free), tree.defaults, given[stuck]), free, scale)
-        c[stuck] = rest
+    for frame in np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) > CLOSED):
+        c[frame] = _elsewhere(tree, given[frame], free, scale)
+        if np.abs(closure(tree, c[frame : frame + 1])).max() > CLOSED:
+            return c
     share = np.ones(len(c))
     moving = np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) <= CLOSED)
     for _ in range(STEPS):
@@ -279,6 +281,22 @@ def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
         if not len(moving):
             break
     return c
+
+
+def _elsewhere(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
+    """The nearest of the closed poses that the default and random poses lead to, where the given one leads to none."""
+    starts = np.tile(given, (ELSEWHERE + 1, 1))
+    starts[:, free] = tree.defaults[free]
+    shares = np.random.default_rng(0).random((ELSEWHERE, len(free)))
+    for i, j in enumerate(free):
+        one = tree.model.coordinates[j]
+        reach = np.pi if one.motion == "rotational" else 0.5
+        low, high = (max(one.range[0], one.default - reach), min(one.range[1], one.default + reach))
+        starts[1:, j] = low + (high - low) * shares[:, i]
+    shut = _shut(tree, starts, free, scale)
+    far = (((shut - given)[:, free] / scale) ** 2).sum(axis=1)
+    nearest: Array = shut[int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))]
+    return nearest
 
 
 def _shut(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
