@@ -116,3 +116,46 @@ def test_a_study_of_subjects_is_another_command(folder):
 def test_one_condition_alone_is_remarked(folder):
     plan = plan_of(folder, SMALLEST.replace('with = ["full1.c3d"]\n', ""))
     assert any("no recordings with muscles" in remark for remark in plan.remarks)
+
+
+def test_plate_and_ct(folder):
+    for name in ("weight1.c3d", "weight2.c3d", "humerus.stl", "cluster.stl"):
+        (folder / name).write_text("")
+    plan = plan_of(
+        folder,
+        SMALLEST
+        + """up = "z"
+plate = {placements = ["weight*.c3d"], markers = ["w1", "w2", "w3"], mass = 10.0, name = "FP1"}
+[[specimen.ct]]
+bone = "humerus_r"
+surface = "humerus.stl"
+cluster = "cluster.stl"
+markers = ["h1", "h2", "h3"]
+unit = "mm"
+""",
+    )
+    (one,) = plan.specimens
+    assert one.up == "z"
+    assert [path.name for path in one.plate.placements] == ["weight1.c3d", "weight2.c3d"]
+    assert (one.plate.weight.markers, one.plate.weight.mass, one.plate.plate) == (("w1", "w2", "w3"), 10.0, "FP1")
+    (scan,) = one.ct
+    assert (scan.bone, scan.surface, scan.markers) == ("humerus_r", folder / "humerus.stl", ("h1", "h2", "h3"))
+
+
+def test_what_is_wrong_with_plate_and_ct_is_told(folder):
+    told = problems_of(
+        folder,
+        SMALLEST
+        + """plate = {placements = ["bare1.trc"], markers = ["w1"], shares = [0.5]}
+ct = [{bone = "humerus_r", surface = "humerus.stl", cluster = "bare1.trc", markers = ["h1"]}]
+""",
+    )
+    for words in (
+        "'bare1.trc' is no C3D recording",
+        "1 shares",
+        "'humerus.stl' does not exist",
+        "a cluster needs three",
+    ):
+        assert words in told
+    told = problems_of(folder, SMALLEST + 'plate = {placements = ["full1.c3d"], marker = ["w1"]}\n')
+    assert "unknown key 'specimen.1.plate.marker': there are 'markers'" in told

@@ -73,6 +73,10 @@ def _swings(one: SpecimenReport, order: int) -> Section | None:
         " Vertical lines separate swings; frames outside them are not used. A passive torque opposes its velocity, so "
         "the fitted line falls with slope −d; the paper prints the opposite sign."
     )
+    for name, found in conditions:
+        if found.by_trial:
+            lead += f" Trials {TITLES[name]} differ by more than their swings explain: intervals of "
+            lead += f"{', '.join(found.by_trial)} are drawn by trial."
     legend = (
         ("first", "first axis"),
         ("second", "second axis"),

@@ -200,7 +200,9 @@ def _identified(
     specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: ViscosityOptions
 ) -> SpecimenViscosity:
     """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
-    pcsa = files.pcsa or dict(zip(specimen.muscles, specimen.isometric_forces.tolist(), strict=True))
+    forces = specimen.isometric_forces
+    own = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
+    pcsa = files.pcsa or own
     recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
 
     def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
