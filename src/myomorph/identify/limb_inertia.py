@@ -34,10 +34,13 @@ class InertiaOptions:
         moment of every trial are free, as a zero set with the limb on it leaves: the mass then hides
     prior_sd : relative standard deviation of the prior, a uniform cylinder of the estimated mass from the joint
         through the estimated mass center to twice its distance, of a tenth of that distance as radius
+    instruments : least squares as the rows see it that hold the acceleration predicted from the state, which the
+        noise of twice differentiated markers does not bias; without, plain least squares on the rows themselves
     """
 
     tare: Tare = "known"
     prior_sd: float = 1.0
+    instruments: bool = True
 
     def __post_init__(self) -> None:
         if self.tare not in ("known", "unknown"):
@@ -103,6 +106,10 @@ def limb_inertia(
     if hidden:
         for column in (0, PREDICTED):
             products[:, column] = products[:, :, column] = 0.0
+    if not options.instruments:
+        products[:, PREDICTED:] = 0.0
+        products[:, PREDICTED:, : WRENCH + 1] = products[:, :PARAMETERS, : WRENCH + 1]
+        products[:, PREDICTED:, PREDICTED:] = products[:, :PARAMETERS, :PARAMETERS]
     if noise is None:
         noise = _noise(products, float(counts @ sums.frames))
     A, b = _equations(np.tensordot(noise**-2.0, products, axes=1))

@@ -38,6 +38,8 @@ class ViscosityOptions:
     ----------
     tare : whether the plate's zero is known; where unknown, the mass hides and only its moment shows
     prior_sd : relative standard deviation of the prior of the limb's inertia, a slender cylinder
+    instruments : find the inertia free of the noise of twice differentiated markers, by instruments; without,
+        plain least squares as the paper writes them
     stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they do not bias it;
         without, least squares as the paper writes them
     subtract : joint viscosity that step 3 takes off: the one value, or one an axis
@@ -51,6 +53,7 @@ class ViscosityOptions:
 
     tare: Tare = "known"
     prior_sd: float = 1.0
+    instruments: bool = True
     stiffness: bool = True
     subtract: Literal["one", "axes"] = "one"
     spread: float = 1.0
@@ -201,7 +204,8 @@ def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> Condi
     """Steps 1 and 2, or why not."""
     try:
         sums = swing_sums(given, options.block, options.least)
-        return solve_condition(sums, InertiaOptions(options.tare, options.prior_sd), options.stiffness)
+        inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
+        return solve_condition(sums, inertial, options.stiffness)
     except MyomorphError as error:
         return str(error)
 
