@@ -21,11 +21,27 @@ ROBUST = 1.345
 AGREE = 0.15
 """Share of the radius within which normals of a ball meet in its center."""
 
+PATCH = 0.35
+"""Share of the radius over which the direction of a surface is averaged."""
+
+VOTERS = 6000
+SAME_WAY = 0.25
+"""Share of a patch's area that must look the same way for it to vote."""
+
+FEWEST = 12
+"""Points or votes that make a ball."""
+
+ROUND = 0.08
+"""Share of the radius that the median distance from a sphere may be."""
+
 COVERED = 0.25
 """Share of a ball's surface that must be seen."""
 
-LIKE = 0.3
-"""A second order of the markers whose misfit is nearer than that [mm] to the best one's makes the order doubtful."""
+LIKE = 3e-4
+"""A second order of the markers whose misfit is nearer than that to the best one's makes the order doubtful [m]."""
+
+OTHER = 2e-3
+"""Misfit above which the scan's cluster is not the recording's [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,37 +145,56 @@ def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.1
     radius = 0.5 * diameter
     found: list[Ball] = []
     for part in surface_parts(surface):
-        if len(part.vertices) < 12:
+        if len(part.vertices) < FEWEST:
             continue
         whole = fit_ball(part.vertices, radius)
-        if _is_ball(whole, radius, tolerance) and whole.residual < 0.1 * radius:
+        if _is_ball(whole, radius, tolerance):
             found.append(whole)
         elif np.ptp(part.vertices, axis=0).max() > 0.8 * diameter:
             found += _voted(part, radius, tolerance)
-    found.sort(key=lambda ball: -ball.covered)
-    return tuple(found)
+    found.sort(key=lambda ball: ball.residual)
+    apart: list[Ball] = []
+    for ball in found:
+        if all(np.linalg.norm(ball.center - other.center) > 0.9 * diameter for other in apart):
+            apart.append(ball)
+    return tuple(sorted(apart, key=lambda ball: -ball.covered))
 
 
 def _is_ball(ball: Ball, radius: float, tolerance: float) -> bool:
-    return abs(ball.radius - radius) <= tolerance * radius and ball.covered >= COVERED
+    sized = abs(ball.radius - radius) <= tolerance * radius
+    return sized and ball.covered >= COVERED and ball.residual < ROUND * radius
 
 
 def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
     """Balls grown together with other things, by votes of the normals."""
     corners = part.vertices[part.faces]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(crossed, axis=1)
-    sound = areas > 0
-    places, normals = corners.mean(axis=1)[sound], crossed[sound] / areas[sound][:, None]
-    areas = areas[sound]
+    crossed = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     middle = part.vertices.mean(axis=0)
-    outward = np.sign(np.einsum("ij,ij->", corners[:, 0] - middle, crossed)) or 1.0
-    votes = places - outward * radius * normals
+    crossed = crossed * (np.sign(np.einsum("ij,ij->", corners[:, 0] - middle, crossed)) or 1.0)
+    places = corners.mean(axis=1)
+    every = max(1, len(places) // VOTERS)
+    voters = places[::every]
+    # The sum of the area vectors of a patch depends on its rim only, so a scan's noise hardly turns it.
+    patches = cKDTree(places).query_ball_point(voters, PATCH * radius)
+    normals = np.array([crossed[patch].sum(axis=0) for patch in patches])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    sizes = np.linalg.norm(crossed, axis=1)
+    whole = np.array([sizes[patch].sum() for patch in patches])[:, None]
+    # Around a thin pin or plate the area vectors cancel: what is left of them points nowhere.
+    votes = np.where(
+        lengths > SAME_WAY * whole, voters - radius * normals / np.where(lengths > 0, lengths, 1.0), np.inf
+    )
+    voting = np.isfinite(votes[:, 0])
+    if np.count_nonzero(voting) < FEWEST:
+        return []
+    votes = votes[voting]
+    share = sizes.sum() / len(voters)
     tree = cKDTree(votes)
-    weight = np.array([areas[near].sum() for near in tree.query_ball_point(votes, AGREE * radius)])
+    counts = tree.query_ball_point(votes, AGREE * radius, return_length=True)
+    weight = np.where(counts >= FEWEST, share * counts, 0.0)
     found: list[Ball] = []
     free = np.ones(len(votes), dtype=bool)
-    needed = COVERED * 2.0 * 4.0 * np.pi * radius**2
+    needed = COVERED * 4.0 * np.pi * radius**2
     for index in np.argsort(-weight):
         if weight[index] < 0.5 * needed:
             break
@@ -168,13 +203,14 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
         center = votes[tree.query_ball_point(votes[index], AGREE * radius)].mean(axis=0)
         for _ in range(3):
             near = np.abs(np.linalg.norm(places - center, axis=1) - radius) < 0.25 * radius
-            if near.sum() < 8:
+            if near.sum() < FEWEST:
                 break
-            ball = fit_ball(corners[sound][near].reshape(-1, 3), radius)
+            ball = fit_ball(places[near], radius)
             center = ball.center
-        if near.sum() >= 8 and _is_ball(ball, radius, tolerance):
+        if near.sum() >= FEWEST and _is_ball(ball, radius, tolerance):
             found.append(ball)
-        free &= np.linalg.norm(votes - center, axis=1) > radius
+            free &= np.linalg.norm(votes - center, axis=1) > radius
+        free &= np.linalg.norm(votes - votes[index], axis=1) > 0.3 * radius
     return found
 
 
@@ -239,12 +275,12 @@ def name_cluster(
     else:
         best = int(np.argmin(by_size))
         rest = np.delete(by_size, best)
-        if len(rest) and 1e3 * (rest.min() - by_size[best]) < LIKE:
+        if len(rest) and by_size[best] < OTHER and rest.min() - by_size[best] < LIKE:
             raise BadData(
                 f"the markers {', '.join(names)} form a triangle of equal sides within {1e3 * rest.min():.1f} mm: "
                 "their distances do not tell which is which; pick a point near one of them"
             )
-    if distances is not None and by_size[best] > 2e-3:
+    if distances is not None and by_size[best] > OTHER:
         notes.append(
             f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root mean square) "
             "between CT and recording: another cluster, a bent one, or a wrong unit?"

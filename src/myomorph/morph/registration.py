@@ -22,6 +22,9 @@ FACING = 0.7
 """Share of normals that must agree at a good fit for them to be used to tell the two sides of a thin bone apart."""
 
 
+COARSE = 200
+"""Points with which the many starts are tried."""
+
 SETTLED = 1e-5
 """A step that moves the surface less ends the iteration [m]."""
 
@@ -247,9 +250,9 @@ def _iterated(
 
 def _from_starts(given: _Samples, goal: _Goal, options: SurfaceOptions) -> _Found:
     """The best of many coarse fits, refined."""
-    every = max(1, len(given.points) // 400)
+    every = max(1, len(given.points) // COARSE)
     few = _Samples(given.points[::every], given.normals[::every], given.area)
-    found = [_iterated(few, goal, start, 20, options, fine=False) for start in _starts(given, goal, options.starts)]
+    found = [_iterated(few, goal, start, 15, options, fine=False) for start in _starts(given, goal, options.starts)]
     found.sort(key=lambda one: one.rms)
     distinct: list[_Found] = []
     for one in found:
@@ -291,7 +294,12 @@ def _covariance(found: _Found, given: _Samples, options: SurfaceOptions) -> Arra
     """Covariance (7, 7) of a step from the solution, zero for a scale that was not looked for."""
     rows, count = found.slopes.shape
     independent = max(given.area * options.kept / PATCH, count + 1.0)
-    information = found.slopes.T @ found.slopes * (independent / rows)
+    radius = np.sqrt(given.area) * found.similarity.scale
+    units = np.concatenate([np.full(3, radius), np.ones(3), [radius]])[:count]
+    information = (found.slopes / units).T @ (found.slopes / units) * (independent / rows)
+    # A direction that the shape does not show at all keeps a large variance instead of none.
+    information += 1e-9 * np.trace(information) * np.eye(count)
     result = np.zeros((7, 7))
-    result[:count, :count] = (found.rms * found.similarity.scale) ** 2 * np.linalg.pinv(information)
+    found_variance = (found.rms * found.similarity.scale) ** 2 * np.linalg.inv(information)
+    result[:count, :count] = found_variance / np.outer(units, units)
     return result
