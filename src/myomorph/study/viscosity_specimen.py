@@ -138,12 +138,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     if not conditions:
         raise BadData("; ".join(lost))
     cutoff, reason = _cutoff(options, conditions)
-    for name, one in list(conditions.items()):
-        try:
-            conditions[name] = _equations(one, cutoff, muscles=name == "with")
-        except MyomorphError as error:
-            lost.append(f"{name} muscles: {error}")
-            del conditions[name]
+    conditions = _equations(conditions, cutoff, options.identification.tare == "known", lost)
     if not conditions:
         raise BadData("; ".join(lost))
     notes += lost
@@ -189,11 +184,21 @@ def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[
     return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
 
 
-def _equations(one: Prepared, cutoff: float, muscles: bool) -> Prepared:
-    recordings = swing_recordings(one.tracked, cutoff, muscles=muscles)
-    return replace(
-        one, recordings=recordings, findings=(*tracking_findings(one.tracked), *recording_findings(recordings))
-    )
+def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]) -> dict[str, Prepared]:
+    """The conditions with their equations and faults; those that have none are added to what is lost."""
+    found = {}
+    for name, one in conditions.items():
+        try:
+            recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
+            findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
+        except MyomorphError as error:
+            lost.append(f"{name} muscles: {error}")
+            continue
+        if not tared:
+            hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
+            findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
+        found[name] = replace(one, recordings=recordings, findings=findings)
+    return found
 
 
 def _identified(
