@@ -24,6 +24,7 @@ from benchmarks import (
     accuracy_shape,
     accuracy_simulated,
     accuracy_tension,
+    accuracy_tracking,
     accuracy_transfer,
     accuracy_trust,
 )
@@ -79,6 +80,8 @@ def run() -> list[Row]:
         "identification": lambda: accuracy_identification.measure(folder),
         "identification_prototype": lambda: accuracy_identification.measure_prototype(folder),
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
+        "tracking_noise": accuracy_tracking.measure_noise,
+        "tracking_faults": accuracy_tracking.measure_faults,
         "passive_laws": accuracy_trust.measure_laws,
         "trust_specimens": accuracy_trust.measure_specimens,
         "trust_attachments": accuracy_trust.measure_attachments,

@@ -212,12 +212,28 @@ def test_a_wire_that_slips_is_named_and_followed(joint, by):
     assert not tracked.trials[1].notes
 
 
-def test_a_base_that_moves_on_its_plate_is_named():
+def test_a_base_that_moves_on_its_plate_is_named_and_followed():
     truth = swung()
     moved = with_markers(truth.trial, lambda values, _: values[350:].__iadd__([0.0, 0.0, 0.006]))
     tracked = track(SPECIMEN, [moved], MARKERS_ONLY)
-    assert [slip.what for slip in tracked.slips] == ["base"]
-    assert any("the base moves" in note and "6.0 mm" in note for note in tracked.trials[0].notes)
+    (slip,) = tracked.slips
+    assert (slip.what, slip.unit) == ("base", "m")
+    assert slip.amount == pytest.approx(0.006, rel=0.01)
+    assert "the base moves by 6.0 mm, most at 1.75 s" in tracked.trials[0].notes[0]
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-3
+
+
+def test_what_moves_between_two_trials_is_named_and_followed():
+    truth = swung()
+    time = truth.trial.markers.time
+    other = markers_of(SPECIMEN, time, truth.rotations, HELD | {"elbow": HELD["elbow"] + 0.1})
+    values = other.values + np.array([0.01, 0.0, 0.0])
+    later = replace(truth.trial, name="later", markers=Markers(time, other.names, values))
+    tracked = track(SPECIMEN, [truth.trial, replace(truth.trial, name="again"), later], MARKERS_ONLY)
+    found = {(slip.trial, slip.what, slip.before) for slip in tracked.slips}
+    assert found >= {("later", "elbow", True), ("later", "base", True)}
+    assert apart(rotations(tracked, 2), truth.rotations).max() < 1e-3
+    assert any("'elbow' stands 3.8 degrees off where it stands in the other" in one for one in tracked.trials[2].notes)
 
 
 def test_markers_that_the_model_does_not_name():

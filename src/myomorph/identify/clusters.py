@@ -109,7 +109,7 @@ def checked_clusters(specimen: Specimen, markers: Markers, name: str, tolerance:
             frames = np.flatnonzero((patterns == pattern[:, None]).all(axis=0))
             notes += _put_right(clusters, values, bones, frames, markers.time, name)
     notes += _turned_over(specimen, clusters, values, markers.time, name)
-    notes += _lost(clusters, values, markers.time, name)
+    notes += _lost(clusters, markers.values, markers.time, name)
     return replace(markers, values=values), notes
 
 
@@ -256,21 +256,19 @@ def _leave_out(clusters: Clusters, values: Array, bone: str, frames: np.ndarray,
 
 
 def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str]:
-    """Markers unseen for long, a line each; all that blink, in one."""
+    """Markers unseen for long, a line a bone; all that blink, in one."""
     notes, blinking = [], 0
     for bone, own in clusters.columns.items():
         seen = np.asarray(np.isfinite(values[:, own]).all(axis=2))
-        for i, column in enumerate(own):
-            gone = np.flatnonzero(~seen[:, i])
-            if len(gone) < LONG * len(values):
-                blinking += bool(len(gone))
-                continue
-            left = int(seen[gone].sum(axis=1).min())
+        share = 1.0 - seen.mean(axis=0)
+        blinking += int(((share > 0.0) & (share < LONG)).sum())
+        gone = [clusters.names[column] for column, lost in zip(own, share, strict=True) if lost >= LONG]
+        if gone:
+            frames = np.flatnonzero(~seen[:, share >= LONG].all(axis=1))
+            left = int(seen[frames].sum(axis=1).min())
             how = "it is still solved with its joints" if left == 2 else "it follows the bones beside it"
-            notes.append(
-                f"trial '{name}': marker '{clusters.names[column]}' is unseen {_when(time, gone)}; '{bone}' has {left} "
-                f"left there, {how}"
-            )
+            which = f"markers {_listed(gone)} are" if len(gone) > 1 else f"marker '{gone[0]}' is"
+            notes.append(f"trial '{name}': {which} unseen {_when(time, frames)}; '{bone}' has {left} left there, {how}")
     if blinking:
         notes.append(f"trial '{name}': {blinking} markers are unseen now and then, each under {100 * LONG:.0f} % of it")
     return notes

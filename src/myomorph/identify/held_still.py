@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,9 +24,11 @@ class Slip:
     Attributes
     ----------
     trial, what : the trial, and the coordinate or "base"
-    time : where it moves fastest [s]
-    amount : between its extremes, each the mean over `WINDOW` [rad], of the base's place [m]
+    time : where it moves fastest; the trial's start if it moved before [s]
+    amount : between its extremes, each the mean over `WINDOW`, or against the other trials, in `unit`
     lasting : whether it stays where it went (a wire slipped), instead of going to and fro (a wire is loose)
+    unit : "rad" or "m"
+    before : whether it moved before this trial, and stands still in it
     """
 
     trial: str
@@ -34,6 +36,19 @@ class Slip:
     time: float
     amount: float
     lasting: bool
+    unit: str = "rad"
+    before: bool = False
+
+    @property
+    def line(self) -> str:
+        """What to tell the user."""
+        amount = f"{np.degrees(self.amount):.1f} degrees" if self.unit == "rad" else f"{1000 * self.amount:.1f} mm"
+        base = self.what == "base"
+        what = "the base" if base else f"held joint '{self.what}'"
+        if self.before:
+            return f"trial '{self.trial}': {what} stands {amount} off where it stands in the other trials"
+        cause = "clamp it again" if base else "a wire slipped" if self.lasting else "a wire is loose"
+        return f"trial '{self.trial}': {what} moves by {amount}, most at {self.time:.2f} s: {cause}"
 
 
 def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
@@ -106,12 +121,21 @@ def mean_base(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[A
     return Transform(mean_rotation(rotations[used], weight[used]), place)
 
 
-def mean_held(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array]) -> dict[str, float]:
-    """The one value of every held coordinate over all trials; of angles, the mean on the circle [rad or m]."""
-    weight = np.concatenate(weights)
+def mean_held(
+    specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array], slipped: Sequence[Sequence[str]] = ()
+) -> dict[str, float]:
+    """The one value of every held coordinate over all trials; of angles, the mean on the circle [rad or m].
+
+    Parameters
+    ----------
+    slipped : what slipped in each trial, which then does not count unless it slipped in all
+    """
     means = {}
     for name in specimen.held_coordinates:
-        values = np.concatenate([motion[name] for motion in motions])
+        firm = [name not in own for own in slipped] or [True] * len(motions)
+        chosen = [k for k, holds in enumerate(firm) if holds or not any(firm)]
+        values = np.concatenate([motions[k][name] for k in chosen])
+        weight = np.concatenate([weights[k] for k in chosen])
         used = np.isfinite(values) & (weight > 0.0)
         if not used.any():
             means[name] = specimen.model.coordinate(name).default
@@ -122,19 +146,65 @@ def mean_held(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[A
     return means
 
 
-def slips(specimen: Specimen, name: str, motion: Motion, base: Transform, turned: float, moved: float) -> list[Slip]:
+def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, moved: float) -> list[Slip]:
     """Held coordinates and the base, where they move by more than `turned` [rad] or `moved` [m] in a trial."""
     found = []
     for held in specimen.held_coordinates:
-        limit = moved if specimen.model.coordinate(held).motion == "translational" else turned
-        found += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit)
+        unit = _unit(specimen, held)
+        limit = moved if unit == "m" else turned
+        found += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit, unit)
     rotations, origins = base_poses(specimen, motion)
     seen = np.isfinite(origins).all(axis=1)
-    angles = np.full((len(motion), 3), np.nan)
-    angles[seen] = Rotation.from_matrix(base.rotation.T @ rotations[seen]).as_rotvec()
-    found += _slip(name, "base", motion.time, _filled(angles), turned)
-    found += _slip(name, "base", motion.time, _filled(origins), moved)
+    if seen.any():
+        middle = mean_rotation(rotations[seen])
+        angles = np.full((len(motion), 3), np.nan)
+        angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
+        base = _slip(name, "base", motion.time, _filled(angles), turned, "rad")
+        found += base or _slip(name, "base", motion.time, center_course(specimen, motion), moved, "m")
     return found
+
+
+def slips_before(
+    specimen: Specimen,
+    names: Sequence[str],
+    motions: Sequence[Motion],
+    held: Mapping[str, float],
+    center: Array,
+    turned: float,
+    moved: float,
+) -> list[Slip]:
+    """What stands elsewhere in one trial than in the mean of all: moved between two trials.
+
+    Parameters
+    ----------
+    held : mean value of every held coordinate
+    center : (3,) mean place of the joint's center in ground [m]
+    """
+    found = []
+    for name, motion in zip(names, motions, strict=True):
+        for one, mean in held.items():
+            values = motion[one][np.isfinite(motion[one])]
+            unit = _unit(specimen, one)
+            off = float(np.median(values)) - mean if len(values) else 0.0
+            off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
+            if abs(off) > (moved if unit == "m" else turned):
+                found.append(Slip(name, one, float(motion.time[0]), abs(off), True, unit, before=True))
+        distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
+        if distance > moved:
+            found.append(Slip(name, "base", float(motion.time[0]), distance, True, "m", before=True))
+    return found
+
+
+def center_course(specimen: Specimen, motion: Motion) -> Array:
+    """(frames, 3) where the base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
+    rotations, origins = base_poses(specimen, motion)
+    places = _filled(rotations @ specimen.center + origins)
+    smooth: Array = median_filter(places, (_window(motion.time), 1), mode="nearest")
+    return smooth
+
+
+def _unit(specimen: Specimen, name: str) -> str:
+    return "m" if specimen.model.coordinate(name).motion == "translational" else "rad"
 
 
 def course(motion: Motion, name: str) -> Array:
@@ -149,7 +219,7 @@ def _window(time: Array) -> int:
     return max(3, round(WINDOW / float(np.median(np.diff(time)))) | 1) if len(time) > 1 else 3
 
 
-def _slip(trial: str, what: str, time: Array, values: Array, limit: float) -> list[Slip]:
+def _slip(trial: str, what: str, time: Array, values: Array, limit: float, unit: str) -> list[Slip]:
     frames = _window(time)
     if len(time) <= 2 * frames:
         return []
@@ -161,7 +231,8 @@ def _slip(trial: str, what: str, time: Array, values: Array, limit: float) -> li
     rate = np.abs(column[frames:] - column[:-frames])
     at = int(np.argmax(rate)) + frames // 2
     before, after = np.median(column[: max(at, 1)]), np.median(column[at:])
-    return [Slip(trial, what, float(time[at]), float(np.ptp(column)), bool(abs(after - before) > 0.5 * np.ptp(column)))]
+    lasting = bool(abs(after - before) > 0.5 * np.ptp(column))
+    return [Slip(trial, what, float(time[at]), float(np.ptp(column)), lasting, unit)]
 
 
 def _filled(values: Array) -> Array:

@@ -190,19 +190,7 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     """Faults that the markers, the plate's clock and the held joints show."""
-    found = []
-    for slip in tracked.slips:
-        line = next(
-            (
-                note
-                for one in tracked.trials
-                if one.name == slip.trial
-                for note in one.notes
-                if f"'{slip.what}'" in note
-            ),
-            f"trial '{slip.trial}': '{slip.what}' moves at {slip.time:.2f} s",
-        )
-        found.append(Finding("slip", line))
+    found = [Finding("slip", slip.line) for slip in tracked.slips]
     for one in tracked.trials:
         lost = float(np.mean(~np.isfinite(one.motion.values).all(axis=1)))
         if lost > LOST:

@@ -13,12 +13,14 @@ from myomorph.identify.ball_motion import differentiate_joint
 from myomorph.identify.clusters import checked_clusters
 from myomorph.identify.held_still import (
     Slip,
+    center_course,
     cluster_poses,
     course,
     mean_base,
     mean_held,
     mean_rotation,
-    slips,
+    slips_before,
+    slips_within,
     turning_center,
 )
 from myomorph.identify.limb_motion import limb_motion
@@ -151,30 +153,49 @@ def track(
     fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
     motions = [on_one_branch(started, fit.motion) for fit in fits]
     weights = [_complete(fit) for fit in fits]
-    base = mean_base(started, motions, weights)
-    held = mean_held(started, motions, weights)
     # Where markers lack, what is held may be anything: it is judged, and followed, by the frames that show all.
     sure = [
         replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
         for motion, weight in zip(motions, weights, strict=True)
     ]
-    found = [
-        slip
-        for one, motion in zip(trials, sure, strict=True)
-        for slip in slips(started, one.name, motion, base, options.slip, options.shift)
-    ]
+    base, held, found = _held_still(started, [one.name for one in trials], sure, weights, options)
     posed = _posed(started.standing(base), held)
     tracked = []
     for trial, (seen, notes), motion in zip(trials, checked, sure, strict=True):
         own = [slip for slip in found if slip.trial == trial.name]
-        fit = _joint_alone(posed, seen, motion, own, progress)
-        wrench, clock, doubts = _wrench(posed, trial, fit.motion, options)
-        told = (*notes, *(_told(slip) for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
+        away = np.zeros((len(motion), 3))
+        if any(slip.what == "base" for slip in own):
+            away = center_course(started, motion) - posed.center_in_ground
+        fit = _joint_alone(posed, seen, away, motion, own, progress)
+        wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
+        told = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
         tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
     if options.find_touch:
         tracked = _with_touches(posed, tracked, options.touch)
     return TrackedSpecimen(posed, tuple(tracked), held, tuple(found), astray)
+
+
+def _held_still(
+    specimen: Specimen,
+    names: Sequence[str],
+    motions: Sequence[Motion],
+    weights: Sequence[Array],
+    options: TrackingOptions,
+) -> tuple[Transform, dict[str, float], list[Slip]]:
+    """Pose of the base, value of what is held, and what moved all the same, in a trial or between two."""
+    limits = options.slip, options.shift
+    found = [
+        slip
+        for name, motion in zip(names, motions, strict=True)
+        for slip in slips_within(specimen, name, motion, *limits)
+    ]
+    moved = [[slip.what for slip in found if slip.trial == name] for name in names]
+    base = mean_base(specimen, motions, weights)
+    held = mean_held(specimen, motions, weights, moved)
+    told = {(slip.trial, slip.what) for slip in found}
+    between = slips_before(specimen, names, motions, held, base.apply(specimen.center), *limits)
+    return base, held, found + [slip for slip in between if (slip.trial, slip.what) not in told]
 
 
 def _checked(specimen: Specimen, trial: SwingTrial, options: TrackingOptions) -> tuple[Markers, list[str]]:
@@ -249,9 +270,13 @@ def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
 
 
 def _joint_alone(
-    specimen: Specimen, markers: Markers, motion: Motion, own: Sequence[Slip], progress: Progress | None
+    specimen: Specimen, markers: Markers, away: Array, motion: Motion, own: Sequence[Slip], progress: Progress | None
 ) -> KinematicsFit:
-    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean."""
+    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean.
+
+    A joint whose base moved is brought back by how far its center was `away` (frames, 3) [m].
+    """
+    markers = replace(markers, values=markers.values - away[:, None])
     slipped = [slip.what for slip in own if slip.what != "base"]
     given = None
     if slipped:
@@ -266,13 +291,16 @@ def _joint_alone(
 
 
 def _wrench(
-    specimen: Specimen, trial: SwingTrial, motion: Motion, options: TrackingOptions
+    specimen: Specimen, trial: SwingTrial, away: Array, motion: Motion, options: TrackingOptions
 ) -> tuple[Array, Clock, list[str]]:
     """The wrench about the center at the motion's times, the plate's clock, and what is doubtful."""
     center = specimen.center_in_ground
     time, raw = trial.wrenches.time, wrench_about(trial.wrenches, center)
     if trial.tare is not None:
         raw = raw - np.nanmean(wrench_about(trial.tare, center), axis=0)
+    if away.any():
+        moved = np.stack([np.interp(time, motion.time, column) for column in away.T], axis=1)
+        raw[:, :3] -= np.cross(moved, raw[:, 3:])
     clock, doubts = Clock(), list[str]()
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
         rows, slow, whole = _rows(specimen, motion)
@@ -325,14 +353,3 @@ def _hands(name: str, time: Array, touched: np.ndarray) -> tuple[str, ...]:
     if share > 0.5:
         line += "; as that is most of the trial, check the plate's calibration and its clock"
     return (line,)
-
-
-def _told(slip: Slip) -> str:
-    amount = f"{np.degrees(slip.amount):.1f} degrees"
-    if slip.what == "base":
-        return (
-            f"trial '{slip.trial}': the base moves on its plate, most at {slip.time:.2f} s "
-            f"({amount} or {1000 * slip.amount:.1f} mm): clamp it again"
-        )
-    how = "a wire slipped" if slip.lasting else "a wire is loose"
-    return f"trial '{slip.trial}': held joint '{slip.what}' moves by {amount}, most at {slip.time:.2f} s: {how}"
