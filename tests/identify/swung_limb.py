@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,15 @@ from myomorph.study.virtual_equations import moment_rows
 GRAVITY = np.array([0.0, -9.81, 0.0])
 LIMB = np.array([2.4, 0.05, -0.95, 0.03, 0.47, 0.012, 0.468, 0.018, 0.002, 0.021])
 """Mass, first moment and inertia about the joint of something like an arm that hangs along -y."""
+LAWS: dict[str, dict[str, float | Array]] = {
+    "viscosity": {"viscosity": 0.06},
+    "axes": {"viscosity": np.array([0.03, 0.05, 0.09])},
+    "spring": {"viscosity": 0.04, "stiffness": 1.5, "rest_moment": np.array([0.1, -0.05, 0.05])},
+    "friction": {"viscosity": 0.03, "coulomb": 0.04},
+    "drag": {"viscosity": 0.03, "quadratic": 0.02},
+    "muscles": {"viscosity": 0.03, "muscle": 90.0},
+}
+STARTS, RATES = ([0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]), ([0.5, 2.0, 0.0], [1.0, -3.0, 0.4])
 MUSCLES = ("deltoid", "supraspinatus", "teres", "biceps")
 
 
@@ -25,6 +35,14 @@ def law(axes: int = 3, **terms: float | Array) -> PassiveLaw:
     each |= {name: np.broadcast_to(value, (axes,)) for name, value in terms.items() if name in each}
     rest = {name: float(terms.get(name, 0.0)) for name in ("coulomb", "quadratic", "muscle")}
     return PassiveLaw(**each, **rest)
+
+
+@lru_cache(maxsize=1)
+def released() -> dict[str, list[SwingRecording]]:
+    """Two releases under each of `LAWS`."""
+    each = [law(**terms) for terms in LAWS.values() for _ in STARTS]
+    made = swung(each, len(LAWS) * STARTS, len(LAWS) * RATES)
+    return {name: made[2 * i : 2 * i + 2] for i, name in enumerate(LAWS)}
 
 
 def moment_arms(angles: Array) -> Array:

@@ -6,19 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from swung_limb import LIMB, law, swung
+from swung_limb import LIMB, released
 
 from myomorph.identify.arm_sensitivity import ArmOptions, arm_sensitivity
 from myomorph.model.errors import BadData
 
-JOINT, MUSCLE = 0.04, 85.0
+JOINT, MUSCLE = 0.03, 90.0
 FEW = ArmOptions(draws=2, offset=0.0)
 
 
 @pytest.fixture(scope="module")
 def intact() -> list:
-    starts, rates = [[0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]], [[0.5, 2.0, 0.0], [1.0, -3.0, 0.4]]
-    return swung(2 * [law(viscosity=JOINT, muscle=MUSCLE)], starts, rates)
+    return released()["muscles"]
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +72,7 @@ def test_offsets_act_as_arms_that_are_moved(intact):
     assert spread.exact == pytest.approx(MUSCLE, rel=1e-3)
 
 
-def test_swings_without_muscles_are_refused():
-    bare = swung([law(viscosity=JOINT)], [[0.8, 0.2, 0.3]], [[0.5, 2.0, 0.0]], muscles=False, seconds=4.0)
+def test_swings_without_muscles_are_refused(intact):
+    bare = [replace(one, muscles=(), lengthening=one.lengthening[:, :0]) for one in intact]
     with pytest.raises(BadData, match="no viscosity of muscles"):
         arm_sensitivity(bare, LIMB, JOINT)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from swung_limb import LIMB, law, swung
+from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.identify.passive_fit import bounded_least_squares, effective_samples, law_columns
 from myomorph.identify.passive_law import PassiveLaw
@@ -16,22 +16,11 @@ from myomorph.study.virtual_joint import mechanical_joint
 
 AXIS = np.array([0.6, 0.0, 0.8])
 QUICK = PassiveOptions(draws=40, held_out=2)
-LAWS = {
-    "viscosity": {"viscosity": 0.06},
-    "axes": {"viscosity": np.array([0.03, 0.05, 0.09])},
-    "spring": {"viscosity": 0.04, "stiffness": 1.5, "rest_moment": np.array([0.1, -0.05, 0.05])},
-    "friction": {"viscosity": 0.03, "coulomb": 0.04},
-    "drag": {"viscosity": 0.03, "quadratic": 0.02},
-    "muscles": {"viscosity": 0.03, "muscle": 90.0},
-}
 
 
 @pytest.fixture(scope="module")
 def ball() -> dict:
-    starts, rates = [[0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]], [[0.5, 2.0, 0.0], [1.0, -3.0, 0.4]]
-    laws = [law(**terms) for terms in LAWS.values() for _ in starts]
-    made = swung(laws, len(LAWS) * starts, len(LAWS) * rates)
-    return {name: made[2 * i : 2 * i + 2] for i, name in enumerate(LAWS)}
+    return released()
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from swung_limb import GRAVITY, LIMB, law, swung
+from swung_limb import GRAVITY, LAWS, LIMB, released
 
 from myomorph.identify.swing_checks import condition_findings, plate_zero, recording_findings
 from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
@@ -15,8 +15,7 @@ from myomorph.study.virtual_joint import mechanical_joint
 
 @pytest.fixture(scope="module")
 def sound() -> list:
-    starts, rates = [[0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]], [[0.5, 2.0, 0.0], [1.0, -3.0, 0.4]]
-    return swung(2 * [law(viscosity=0.05)], starts, rates, muscles=False)
+    return released()["viscosity"]
 
 
 def with_constant(recordings: list, constant: np.ndarray) -> list:
@@ -50,7 +49,7 @@ def test_the_viscosity_survives_a_hidden_mass(sound):
     found = identify_specimen("hidden", tared, [], options=ViscosityOptions(tare="unknown", draws=20))
     assert found.without is not None
     assert np.isnan(found.without.mass.value)
-    assert found.without.viscosity.value == pytest.approx(0.05, rel=1e-3)
+    assert found.without.viscosity.value == pytest.approx(LAWS["viscosity"]["viscosity"], rel=1e-3)
 
 
 def test_a_zero_that_is_off_is_named(sound):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import welch
 
+from myomorph.identify.joint_viscosity import joint_viscosity, torque_problem
+from myomorph.identify.limb_inertia import InertiaOptions, limb_inertia
+from myomorph.identify.swing_sums import swing_sums
 from myomorph.identify.swings import SwingRecording
 from myomorph.identify.tracking import TrackedSpecimen
-from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
+from myomorph.identify.viscosity import ViscosityOptions
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass
@@ -160,7 +163,7 @@ def scan_cutoffs(
     ----------
     recordings_at : from a cutoff [Hz] to the recordings, as `swing_recordings` of a tracked condition
     """
-    options = replace(options or ViscosityOptions(), draws=2)
+    options = options or ViscosityOptions()
     rows = []
     for cutoff in cutoffs:
         try:
@@ -172,9 +175,12 @@ def scan_cutoffs(
 
 
 def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> Array:
-    found = identify_specimen("one cutoff", recordings, (), options=options).without
-    assert found is not None
-    return np.array([found.mass.value, found.com.value, found.viscosity.value])
+    """Mass, mass center and viscosity, without what intervals take."""
+    sums = swing_sums(recordings, options.block, options.least)
+    every = np.ones(len(sums))
+    limb = limb_inertia(sums, every, InertiaOptions(options.tare, options.prior_sd, options.instruments))
+    problem = torque_problem(sums.torque_total(every), limb.parameters, options.stiffness)
+    return np.array([limb.mass, limb.com, joint_viscosity(problem, float(every @ sums.frames)).one])
 
 
 def _runs(signals: Sequence[Array]) -> list[Array]:
