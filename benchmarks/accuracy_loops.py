@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -21,8 +22,12 @@ from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
+from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates, project_rates
 from myomorph.rigid.tree import compile_tree
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from looped import looped_tree, mujoco_constraints, pinocchio_rates
 
 BONE_PINS = "shoulder-bonepin/subject1_abdbonepin.osim"
 SHOULDERS = {
@@ -68,6 +73,28 @@ def measure_constraints(folder: Path) -> Iterator[Row]:
             "closed to, ours [m]": float(np.abs(closure(tree, found)).max()),
             "closed to, OpenSim [m]": float(np.abs(closure(tree, assembled)).max()),
             "squared distance, ours / OpenSim": float(nearer.mean()),
+        }
+
+
+def measure_trees() -> Iterator[Row]:
+    """Random trees with a point and a weld: derivatives beside MuJoCo's, projected rates in Pinocchio."""
+    for seed in range(3):
+        model, closed = looped_tree(seed, kinds=("connect", "weld"))
+        ours = np.linalg.svd(closure_jacobian(compile_tree(model), closed[None])[0], full_matrices=False)[2]
+        theirs = np.linalg.svd(mujoco_constraints(model, closed)[1], full_matrices=False)[2]
+        outside = np.linalg.norm(theirs - theirs @ ours.T @ ours, 2)
+        twin, _ = looped_tree(seed)
+        v, a = project_rates(
+            compile_tree(twin), closed[None], *np.random.default_rng(0).normal(size=(2, 1, len(closed)))
+        )
+        apart = [float(np.abs(one - two).max()) for one, two in pinocchio_rates(twin, closed, v[0], a[0])]
+        yield {
+            "tree": f"random, seed {seed}",
+            "coordinates": len(closed),
+            "rows": len(ours),
+            "sine of the angle between the spaces of G, MuJoCo": float(outside),
+            "velocities of tied frames differ by, Pinocchio [m/s or rad/s]": max(apart[:2]),
+            "accelerations differ by, Pinocchio": max(apart[2:]),
         }
 
 
@@ -178,6 +205,7 @@ def _row(
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Rows of both tables."""
+    """Rows of all tables."""
     yield from measure_constraints(folder)
+    yield from measure_trees()
     yield from measure_inverse_kinematics(folder)

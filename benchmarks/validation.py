@@ -47,6 +47,7 @@ def run() -> list[Row]:
             accuracy_kinematics.measure_inverse_kinematics(folder, case) for case in MARKER_CASES
         ),
         "loops": lambda: accuracy_loops.measure_constraints(folder),
+        "loops_trees": accuracy_loops.measure_trees,
         "loops_inverse_kinematics": lambda: accuracy_loops.measure_inverse_kinematics(folder),
         "inverse_dynamics": lambda: (
             accuracy_kinematics.measure_inverse_dynamics(folder, case) for case in FORCE_CASES

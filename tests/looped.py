@@ -11,7 +11,7 @@ from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Loop, Ma
 from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import couple_frames, forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from trees import functional_tree, random_rotation, random_tree
+from trees import functional_tree, random_rotation, random_tree, to_mujoco, to_pinocchio
 
 SHOULDERS = (
     "shoulder-bonepin/subject1_abdbonepin.osim",
@@ -85,3 +85,55 @@ def four_bar_angles(turn, crank=0.3, coupler=0.7, rocker=0.6, ground=0.8):
     tip = end + coupler * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     back = np.arctan2(tip[:, 1], tip[:, 0] - ground)
     return np.stack([turn, heading - turn, back], axis=1)
+
+
+def mujoco_constraints(model, coordinates):
+    """MuJoCo's errors (rows,) of connects and welds at coordinates (n,), and their derivatives (rows, n)."""
+    import mujoco
+
+    spec = to_mujoco(replace(model, loops=()), compiled=False)
+    for loop in model.loops:
+        added = spec.add_equality(name=loop.name, name1=loop.body_1, name2=loop.body_2)
+        added.objtype = mujoco.mjtObj.mjOBJ_BODY
+        if loop.kind == "connect":
+            added.type = mujoco.mjtEq.mjEQ_CONNECT
+            added.data[:3] = loop.pose_1.translation
+        else:
+            added.type = mujoco.mjtEq.mjEQ_WELD
+            quaternion = np.empty(4)
+            mujoco.mju_mat2Quat(quaternion, (loop.pose_1 @ loop.pose_2.inverse()).rotation.ravel())
+            added.data[:3], added.data[3:6] = loop.pose_2.translation, loop.pose_1.translation
+            added.data[6:10], added.data[10] = quaternion, 1.0
+    theirs = spec.compile()
+    for i, loop in enumerate(model.loops):
+        if loop.kind == "connect":
+            # MuJoCo finds the second anchor in its own default pose; ours is known.
+            theirs.eq_data[i, 3:6] = loop.pose_2.translation
+    data = mujoco.MjData(theirs)
+    order = [theirs.joint(joint.name).dofadr[0] for joint in model.joints]
+    data.qpos[order] = coordinates
+    mujoco.mj_forward(theirs, data)
+    return data.efc_pos.copy(), data.efc_J.reshape(-1, theirs.nv)[:, order].copy()
+
+
+def pinocchio_rates(model, coordinates, velocities, accelerations):
+    """What a point or a weld ties, by Pinocchio: pairs of velocities, then of accelerations, of both ends."""
+    import pinocchio as pin
+
+    theirs, ids = to_pinocchio(model)
+    ends = [
+        [
+            theirs.addFrame(
+                pin.Frame(loop.name + body, ids[body], pin.SE3(pose.rotation, pose.translation), pin.OP_FRAME)
+            )
+            for body, pose in ((loop.body_1, loop.pose_1), (loop.body_2, loop.pose_2))
+        ]
+        for loop in model.loops
+    ]
+    data = theirs.createData()
+    pin.forwardKinematics(theirs, data, coordinates, velocities, accelerations)
+    for rate in (pin.getFrameVelocity, pin.getFrameClassicalAcceleration):
+        for loop, frames in zip(model.loops, ends, strict=True):
+            rows = 6 if loop.kind == "WeldConstraint" else 3
+            one, two = (rate(theirs, data, end, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).vector[:rows] for end in frames)
+            yield one, two
