@@ -77,10 +77,9 @@ def _swings(one: SpecimenReport, order: int) -> Section | None:
         if found.by_trial:
             lead += f" Trials {TITLES[name]} differ by more than their swings explain: intervals of "
             lead += f"{', '.join(found.by_trial)} are drawn by trial."
+    axes = conditions[0][1].axes
     legend = (
-        ("first", "first axis"),
-        ("second", "second axis"),
-        ("third", "third axis"),
+        *((style, f"axis {axis}") for style, axis in zip(AXES, axes, strict=False)),
         ("measured", "wrench, measured"),
         ("left", "fit, or predicted by the inertial parameters"),
     )
@@ -118,7 +117,8 @@ def torque_plot(found: ShownCondition, axis: int, title: str) -> str:
     ]
     if found.excited[axis]:
         clouds.append(Cloud(ends, -own.value * ends, "middle", f"this axis: {number(own.value)} Nms/rad", True))
-    return xy_plot(f"Torque, axis {found.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds)
+    width = 330 if len(found.axes) > 1 else 505
+    return xy_plot(f"Torque, axis {found.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
 
 
 def wrench_plot(curves: SwingCurves, k: int, title: str) -> str:
