@@ -136,6 +136,16 @@ def test_a_spring_that_is_left_out_biases_what_resists(bare):
     assert fitted.viscosity.value == pytest.approx(0.05, rel=1e-9)
 
 
+def test_angles_counted_from_another_rest_change_nothing(bare):
+    turn = Rotation.from_rotvec([0.03, -0.05, 0.02])
+    moved = [remade(one, angles=(turn * Rotation.from_rotvec(one.angles.copy())).as_rotvec()) for one in bare]
+    sums = swing_sums(moved)
+    left = joint_viscosity(torque_problem(sums.torque_total(np.ones(len(sums))), BARE.parameters), sums.frames.sum())
+    found = identify_specimen("moved", moved, (), options=OPTIONS).without
+    assert abs(left.one / 0.05 - 1.0) > 2e-3
+    assert found.viscosity.value == pytest.approx(0.05, rel=1e-4)
+
+
 def test_unknown_zero_of_the_plate_hides_the_mass_and_nothing_else(bare):
     tared = [remade(one, wrench=one.wrench - one.wrench[k]) for k, one in enumerate(bare)]
     found = identify_specimen("tared", tared, (), options=replace(OPTIONS, tare="unknown"))

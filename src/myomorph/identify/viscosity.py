@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.identify.condition_solution import ConditionSolution, Solution, solve_condition
 from myomorph.identify.estimate import Estimate
 from myomorph.identify.joint_viscosity import torque_problem
-from myomorph.identify.limb_inertia import InertiaOptions, Tare
+from myomorph.identify.limb_inertia import InertiaOptions, Tare, limb_inertia
 from myomorph.identify.muscle_viscosity import (
     muscle_problem,
     noise_variance,
@@ -21,6 +21,7 @@ from myomorph.identify.muscle_viscosity import (
     solve_muscles,
 )
 from myomorph.identify.resampling import Influences
+from myomorph.identify.spring_rest import counted_from, spring_rest
 from myomorph.identify.swing_sums import swing_sums
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
@@ -28,6 +29,9 @@ from myomorph.model.spatial import Array
 
 TOLD = 0.5
 """An axis is excited where its interval is narrower than plus or minus this share of the one value."""
+
+RESTS = 2
+"""How often the rest of a ball joint's spring is found again from angles counted from the last."""
 
 
 @dataclass(frozen=True)
@@ -205,6 +209,11 @@ def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> Condi
     try:
         sums = swing_sums(given, options.block, options.least)
         inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
+        if options.stiffness and len(sums.axes) == 3:
+            parameters = limb_inertia(sums, None, inertial).parameters
+            for _ in range(RESTS):
+                given = counted_from(given, spring_rest(sums, parameters))
+                sums = swing_sums(given, options.block, options.least)
         return solve_condition(sums, inertial, options.stiffness)
     except MyomorphError as error:
         return str(error)
