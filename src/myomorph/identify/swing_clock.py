@@ -109,14 +109,19 @@ def _filtered(time: Array, whole: np.ndarray, own: Array, wrench: Array) -> tupl
 def _best_lag(time: Array, slow: Array, whole: np.ndarray, own: Array, wrench: Array) -> float:
     """The lag at which the median frame's force is explained best, relative to how the force varies [s]."""
     lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
-    thin = np.arange(len(time)) % max(1, len(time) // FEW) == 0
+    thin = whole & (np.arange(len(time)) % max(1, len(time) // FEW) == 0)
+    step = float(np.median(np.diff(time)))
+    even = np.arange(own[0], own[-1], step)
+    force = lowpass(on_clock(own, wrench[:, 3:], even), 1.0 / step, CUTOFF)
     left = []
     for lag in lags:
-        seen, force = _filtered(time, whole, own + lag, wrench)
-        if seen.sum() < 0.5 * whole.sum():
+        there = time - lag
+        seen = thin & (there >= even[0]) & (there <= even[-1])
+        if 2 * seen.sum() < thin.sum():
             left.append(np.inf)
             continue
-        mismatch, _ = force_mismatch([slow[:, 3:, :4]], [force[:, 3:]], [seen & thin])
-        left.append(float(np.median(np.linalg.norm(mismatch[0][seen], axis=1)) / max(force[seen, 3:].std(), 1e-9)))
+        moved = np.stack([np.interp(there, even, column) for column in force.T], axis=1)
+        mismatch, _ = force_mismatch([slow[:, 3:, :4]], [moved], [seen])
+        left.append(float(np.median(np.linalg.norm(mismatch[0][seen], axis=1)) / max(moved[seen].std(), 1e-9)))
     good = lags[np.array(left) <= AS_GOOD * min(left)]
     return float(good[np.argmin(np.abs(good))])
