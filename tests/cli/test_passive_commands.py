@@ -10,8 +10,8 @@ import pytest
 from myomorph.io.osim import read_osim
 from myomorph.io.osim_write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
-from myomorph.model.model import Bushing
 from myomorph.model.passive_dynamics import with_passive_dynamics
+from myomorph.model.passive_parts import Bushing
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.passive import passive_generalized_forces
@@ -144,3 +144,46 @@ def test_setups_take_off_what_opensim_takes_off(thick, excluded, tmp_path):
     theirs = read_sto(tmp_path / "theirs" / "id.sto")
     for name in ours.names:
         np.testing.assert_allclose(ours[name], theirs[name], atol=1e-4, err_msg=name)
+
+
+STATIC = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000"><AnalyzeTool name="thick"><model_file>{model}</model_file>
+<replace_force_set>false</replace_force_set><results_directory>{out}</results_directory>
+<initial_time>0.1</initial_time><final_time>0.5</final_time><solve_for_equilibrium>false</solve_for_equilibrium>
+<force_set_files>{reserves}</force_set_files>
+<coordinates_file>{motion}</coordinates_file><AnalysisSet><objects>
+<StaticOptimization name="StaticOptimization"><step_interval>20</step_interval>
+<optimizer_convergence_criterion>1e-6</optimizer_convergence_criterion></StaticOptimization>
+</objects></AnalysisSet></AnalyzeTool></OpenSimDocument>
+"""
+RESERVES = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000"><ForceSet name="reserves"><objects>{all}</objects></ForceSet></OpenSimDocument>
+"""
+RESERVE = """<CoordinateActuator name="r_{name}"><coordinate>{name}</coordinate><optimal_force>10</optimal_force>
+<min_control>-Inf</min_control><max_control>Inf</max_control></CoordinateActuator>"""
+
+
+def test_static_optimization_takes_springs_and_viscosity_into_account_as_opensim(thick, arm, tmp_path):
+    """OpenSim's muscle forces leave its dampers out, for those are forces of their own; so do ours in this tool."""
+    opensim = pytest.importorskip("opensim")
+    opensim.Logger.setLevelString("Off")
+    from myomorph.study.tools import run_tool
+
+    path, model, motion = thick
+    reserves = tmp_path / "reserves.xml"
+    reserves.write_text(RESERVES.format(all="".join(RESERVE.format(name=name) for name in model.coordinate_names)))
+    setup, tables = tmp_path / "so.xml", []
+    for out, used in (("ours", path), ("theirs", path), ("bare", arm.model)):
+        folder = tmp_path / out
+        setup.write_text(STATIC.format(model=used, out=folder, motion=motion, reserves=reserves))
+        if out == "theirs":
+            opensim.AnalyzeTool(str(setup)).run()
+        else:
+            run_tool(setup)
+        tables.append(read_sto(folder / "thick_StaticOptimization_force.sto"))
+    ours, theirs, bare = tables
+    near = [int(np.argmin(np.abs(theirs.time - at))) for at in ours.time]
+    assert np.abs(theirs.time[near] - ours.time).max() < 1e-6
+    for name in ours.names:
+        np.testing.assert_allclose(ours[name], theirs[name][near], atol=0.02, err_msg=name)
+    assert np.abs(ours.values - bare.values).max() > 0.5

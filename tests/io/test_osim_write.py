@@ -30,7 +30,8 @@ from myomorph.model.functions import (
     polynomial,
     simm_spline,
 )
-from myomorph.model.model import Body, Model, PassiveTorque
+from myomorph.model.model import Body, Model
+from myomorph.model.passive_parts import PassiveTorque
 from osim_models import FILES, body_poses, random_values
 
 # What a written file says differently by its nature: where it is, and where meshes hang in it.

@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.io.osim import read_osim
 from myomorph.io.osim_write import write_osim
-from myomorph.model.model import Bushing
+from myomorph.model.passive_parts import Bushing
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Transform
 from myomorph.rigid.bushings import bushing_forces, deflection

@@ -16,7 +16,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from myomorph.identify.coordinate_damping import along_axes, share, turning
-from myomorph.model.model import Bushing, Model
+from myomorph.model.model import Model
+from myomorph.model.passive_parts import Bushing
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array, Transform
 from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection

@@ -13,7 +13,8 @@ from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_joints import plain_name
 from myomorph.model.errors import UnknownName
 from myomorph.model.functions import PiecewisePolynomial, constant, linear
-from myomorph.model.model import Bushing, Coordinate, PassiveTorque
+from myomorph.model.model import Coordinate
+from myomorph.model.passive_parts import Bushing, PassiveTorque
 
 BUSHING = "BushingForce"
 KINDS = ("CoordinateLimitForce", "SpringGeneralizedForce")

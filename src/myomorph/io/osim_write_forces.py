@@ -9,7 +9,8 @@ from myomorph.io.osim_viscosity import DAMPER, damper_expression
 from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.io.osim_write_joints import body_path, write_offset_frame
 from myomorph.model.functions import PiecewisePolynomial
-from myomorph.model.model import Actuator, Bushing, Coupler, Loop, PassiveTorque
+from myomorph.model.model import Actuator, Coupler, Loop
+from myomorph.model.passive_parts import Bushing, PassiveTorque
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap
 
 FLAGS = frozenset({"ignore_tendon_compliance", "ignore_activation_dynamics", "ignore_passive_fiber_force"})

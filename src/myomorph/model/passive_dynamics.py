@@ -9,7 +9,8 @@ import numpy as np
 
 from myomorph.model.errors import BadData
 from myomorph.model.functions import constant, linear
-from myomorph.model.model import Bushing, Model, PassiveTorque, index_of
+from myomorph.model.model import Model, index_of
+from myomorph.model.passive_parts import Bushing, PassiveTorque
 
 NOTHING: Mapping[str, float] = {}
 PASSIVE = "passive_"

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
-from myomorph.model.model import GROUND, Actuator, Axis, Body, Bushing, Coordinate, Coupler, Joint, Loop, Mesh, Model
+from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
+from myomorph.model.passive_parts import Bushing
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.spatial import Array, Transform
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.model import Bushing
+from myomorph.model.passive_parts import Bushing
 from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import ROTATION, Tree

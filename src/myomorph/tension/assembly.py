@@ -116,16 +116,8 @@ def assemble(paths: Paths, actuators: Sequence[Actuator], basis: LoopBasis | Non
     ]
     touched += [(muscles + i, index_of("coordinate", actuators[i].coordinate, names)) for i in on_coordinates]
     sources += [(variable, j, reach[j]) for variable, j in touched]
-    places: dict[tuple[int, int], int] = {}
-    links = []
-    for source, (variable, _, ends) in enumerate(sources):
-        for dependent, k in ends:
-            if row_of[k] >= 0:
-                target = places.setdefault((int(row_of[k]), variable), len(places))
-                links.append((variable, source, dependent, k, target))
-    table = np.array(links, np.int64).reshape(-1, 5)
-    place_rows, place_columns = np.array(list(places), np.int64).reshape(-1, 2).T
-    shape = pattern(place_rows, place_columns, (len(rows), muscles + len(actuators)))
+    table, places = _linked(sources, row_of)
+    shape = pattern(places[0], places[1], (len(rows), muscles + len(actuators)))
     table[:, 4] = shape.place[table[:, 4]]
     rank = np.append(np.argsort(shape.order), -1)
     driven = np.concatenate([tree.arrays.coupler_coordinate, by_loops])
@@ -139,6 +131,20 @@ def assemble(paths: Paths, actuators: Sequence[Actuator], basis: LoopBasis | Non
         coordinate_actuators=len(on_coordinates),
         optimal_forces=np.array([one.optimal_force for one in actuators], dtype=np.float64),
     )
+
+
+def _linked(
+    sources: list[tuple[int, int, list[tuple[int, int]]]], row_of: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Columns variable ... target of `Links` (links, 5), and row and column (2, entries) of every entry of A."""
+    places: dict[tuple[int, int], int] = {}
+    links = []
+    for source, (variable, _, ends) in enumerate(sources):
+        for dependent, k in ends:
+            if row_of[k] >= 0:
+                target = places.setdefault((int(row_of[k]), variable), len(places))
+                links.append((variable, source, dependent, k, target))
+    return np.array(links, np.int64).reshape(-1, 5), np.array(list(places), np.int64).reshape(-1, 2).T
 
 
 def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
