@@ -140,7 +140,7 @@ def inverse_kinematics(
     Raises
     ------
     BadData
-        where model and recording share no marker, or no frame shows one
+        where model and recording share no marker, no frame shows one, or a loop cannot be closed
     UnknownName
         where a weight or task names what the model does not have
     """
