@@ -20,7 +20,7 @@ LIMB = np.array([2.4, 0.05, -0.95, 0.03, 0.47, 0.012, 0.468, 0.018, 0.002, 0.021
 LAWS: dict[str, dict[str, float | Array]] = {
     "viscosity": {"viscosity": 0.06},
     "axes": {"viscosity": np.array([0.03, 0.05, 0.09])},
-    "spring": {"viscosity": 0.04, "stiffness": 1.5, "rest_moment": np.array([0.1, -0.05, 0.05])},
+    "spring": {"viscosity": 0.04, "stiffness": 1.5},
     "friction": {"viscosity": 0.03, "coulomb": 0.04},
     "drag": {"viscosity": 0.03, "quadratic": 0.02},
     "muscles": {"viscosity": 0.03, "muscle": 90.0},

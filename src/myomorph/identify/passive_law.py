@@ -20,7 +20,7 @@ class PassiveLaw:
         tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w
 
     For a ball w and theta have three components and friction acts against the direction of w; d and k may
-    differ by axis. The spring is linear in the rotation vector away from hanging at rest.
+    differ by axis. The spring is linear in the rotation vector from wherever angles are counted.
 
     Attributes
     ----------

@@ -13,6 +13,7 @@ from myomorph.identify.limb_inertia import InertiaOptions, Tare
 from myomorph.identify.passive_fit import LAST, PassiveProblem, effective_samples, law_columns
 from myomorph.identify.passive_law import WIDTH, PassiveLaw
 from myomorph.identify.resampling import Influences
+from myomorph.identify.spring_rest import counted_from, spring_rest
 from myomorph.identify.swing_motion import SwingMotion, hinge_axis
 from myomorph.identify.swing_stretches import Stretch, stretches
 from myomorph.identify.swings import SwingRecording
@@ -46,6 +47,8 @@ LAWS: tuple[tuple[str, ...], ...] = (
 """What is compared. "muscles": one viscosity of every muscle, left out where the recordings have no moment arms."""
 
 ALONE = LAWS[0]
+RESTS = 2
+"""How often the rest of a ball's spring is found again with angles counted from the last."""
 CLOSE = 2.0
 """Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
 
@@ -180,7 +183,8 @@ def compare_passive_laws(
         AIC = n ln(RSS / N) + 2 free,   BIC = n ln(RSS / N) + ln(n) free,   n = N / sum_k rho_k^2
 
     with rho the autocorrelation of what the richest law leaves (`effective_samples`). A prediction, and the
-    inertia and law that make it, know nothing of the stretch but its first frame.
+    inertia and law that make it, know nothing of the stretch but its first frame. The angles of a ball are counted
+    from where its spring is slack (`spring_rest`), for only from there is the spring linear in them.
 
     Parameters
     ----------
@@ -194,7 +198,12 @@ def compare_passive_laws(
         a term that does not exist
     """
     options = options or PassiveOptions()
-    problem = PassiveProblem.of(recordings, options.width, InertiaOptions(options.tare, options.prior_sd))
+    inertial = InertiaOptions(options.tare, options.prior_sd)
+    problem = PassiveProblem.of(recordings, options.width, inertial)
+    slack = Rotation.identity()
+    if len(problem.axes) == 3:
+        problem, slack = _from_spring(problem)
+        recordings = problem.recordings
     muscles = bool(problem.sums.muscles)
     laws = [ALONE, *(one for one in laws if one != ALONE and (muscles or "muscles" not in one))]
     if len(problem.axes) == 1:
@@ -222,7 +231,7 @@ def compare_passive_laws(
         score = effective * np.log(max(float(rss), 1e-300) / samples)
         fit = PassiveFit(
             terms,
-            _estimates(terms, coefficients, draws, problem.axes),
+            _estimates(terms, coefficients, draws, problem.axes, slack),
             PassiveLaw.of(coefficients, options.width),
             free,
             float(np.sqrt(rss / samples)),
@@ -236,9 +245,19 @@ def compare_passive_laws(
     least_aic, least_bic = min(one.aic for one in fits), min(one.bic for one in fits)
     fits = [replace(one, aic=one.aic - least_aic, bic=one.bic - least_bic) for one in fits]
     chosen = min((one for one in fits if one.bic <= CLOSE), key=lambda one: (one.free, one.bic))
-    shown = _shown(problem, chosen.terms, left_out[0], trained[0]) if left_out else None
+    shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
     horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")
     return PassiveComparison(tuple(fits), chosen, round(samples), effective, horizon, shown)
+
+
+def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
+    """The problem with angles counted from where a ball's spring is slack, and that rotation from the given zero."""
+    slack = Rotation.identity()
+    for _ in range(RESTS):
+        shift = spring_rest(problem.sums, problem.parameters(np.ones(len(problem.sums))))
+        slack = slack * Rotation.from_rotvec(-shift)
+        problem = PassiveProblem.of(counted_from(problem.recordings, shift), problem.width, problem.inertial)
+    return problem, slack
 
 
 def _predict(problem: PassiveProblem, terms: Sequence[str], one: Stretch, parameters: Array) -> SwingMotion:
@@ -250,22 +269,31 @@ def _errors(problem: PassiveProblem, terms: Sequence[str], one: Stretch, paramet
     return one.errors(_predict(problem, terms, one, parameters), problem.inertial.tare == "unknown")
 
 
-def _shown(problem: PassiveProblem, terms: Sequence[str], one: Stretch, parameters: Array) -> Prediction:
+def _shown(
+    problem: PassiveProblem, terms: Sequence[str], one: Stretch, parameters: Array, slack: Rotation
+) -> Prediction:
     measured = one.measured
     viscous, chosen = (_predict(problem, law, one, parameters) for law in (ALONE, terms))
-    angles = one.recording.angles[one.frames]
     axis = hinge_axis(one.recording)
     turn = axis[:, None] if axis.any() else np.eye(3)
-    rest = measured.rotations[0] @ Rotation.from_rotvec(turn @ angles[0]).as_matrix().T
-    viscous_angles, chosen_angles = (
-        Rotation.from_matrix(rest.T @ motion.rotations).as_rotvec() @ turn for motion in (viscous, chosen)
-    )
-    axes = one.recording.axes
-    return Prediction(one.recording.name, measured, viscous, chosen, axes, angles, viscous_angles, chosen_angles)
+    first = Rotation.from_matrix(measured.rotations[0])
+    hanging = first * Rotation.from_rotvec(turn @ one.recording.angles[one.frames][0]).inv() * slack.inv()
+    angles = [
+        (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec() @ turn
+        for motion in (measured, viscous, chosen)
+    ]
+    return Prediction(one.recording.name, measured, viscous, chosen, one.recording.axes, *angles)
 
 
-def _estimates(terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str]) -> dict[str, Estimate]:
-    """Coefficients by name, with the intervals of draws (draws, 3 axes + 3)."""
+def _estimates(
+    terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str], slack: Rotation
+) -> dict[str, Estimate]:
+    """Coefficients by name, with the intervals of draws (draws, 3 axes + 3).
+
+    Parameters
+    ----------
+    slack : from which the angles are counted, by the zero that was given
+    """
     n = len(axes)
     columns: dict[str, int] = {}
     for term in terms:
@@ -277,13 +305,18 @@ def _estimates(terms: Sequence[str], value: Array, draws: Array, axes: Sequence[
         columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
     found = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
     if any(term.startswith("stiffness") for term in terms):
-        for i, axis in enumerate(axes):
-            rest, rests = (_rest_angles(one[..., 2 * n + i], one[..., n + i]) for one in (value, draws))
-            if np.isfinite(rest) and np.isfinite(rests).any():
-                found[f"rest angle {axis}"] = Estimate.of_draws(float(rest), rests)
+        rest, rests = (_rest_angles(one[..., 2 * n : 3 * n], one[..., n : 2 * n], slack) for one in (value, draws))
+        for axis, one, several in zip(axes, rest, rests.T, strict=True):
+            if np.isfinite(one) and np.isfinite(several).any():
+                found[f"rest angle {axis}"] = Estimate.of_draws(float(one), several)
     return found
 
 
-def _rest_angles(moment: Array, stiffness: Array) -> Array:
-    """Moment over stiffness; NaN where there is no spring."""
-    return np.divide(moment, stiffness, out=np.full(np.shape(moment), np.nan), where=np.asarray(stiffness) > 0.0)
+def _rest_angles(moment: Array, stiffness: Array, slack: Rotation) -> Array:
+    """Moment over stiffness (..., axes) as angles from the given zero; NaN where there is no spring."""
+    lies = np.divide(moment, stiffness, out=np.full(np.shape(moment), np.nan), where=np.asarray(stiffness) > 0.0)
+    if lies.shape[-1] != 3:
+        return lies
+    sprung = np.isfinite(lies).all(axis=-1)
+    lies[sprung] = (slack * Rotation.from_rotvec(lies[sprung])).as_rotvec()
+    return lies
