@@ -36,7 +36,7 @@ TRIALS = ("ABD01", "FLX01", "SHRUG01")
 BONEPIN = ("shoulder-bonepin/subject1_abdbonepin.osim", "shoulder-bonepin/std_subject1_abdbonepin_IK.mot")
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
 CUTOFF = 3.0
-POSES = 6
+POSES = 4
 STEP = 1e-5
 
 

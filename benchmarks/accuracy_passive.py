@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -92,15 +93,21 @@ def variants(lift: Lift) -> Iterator[tuple[str, Model]]:
         yield f"d_J {MEAN.joint_viscosity:g}, d_M {value:.3g}", made
 
 
+@lru_cache(maxsize=len(TRIALS))
+def solved(folder: Path, trial: str, weight: str) -> tuple[Tension, tuple[tuple[str, Tension], ...]]:
+    """Tensions of a trial without passive dynamics, and with each variant of them."""
+    lift = open_lift(folder, trial, weight)
+    return tension_of(lift, lift.model), tuple((name, tension_of(lift, model)) for name, model in variants(lift))
+
+
 def measure(folder: Path) -> Iterator[dict[str, object]]:
     """A row for every trial and variant: how tensions differ from those without passive dynamics."""
     if not (folder / FOLDER).exists():
         return
     for trial, weight in TRIALS:
-        lift = open_lift(folder, trial, weight)
-        plain = tension_of(lift, lift.model)
-        for name, model in variants(lift):
-            yield {"trial": trial, "put in": name, **_difference(plain, tension_of(lift, model))}
+        plain, thick = solved(folder, trial, weight)
+        for name, tension in thick:
+            yield {"trial": trial, "put in": name, **_difference(plain, tension)}
 
 
 def measure_muscles(folder: Path) -> Iterator[dict[str, object]]:
@@ -111,13 +118,12 @@ def measure_muscles(folder: Path) -> Iterator[dict[str, object]]:
     changes: dict[str, list[np.ndarray]] = {}
     names: tuple[str, ...] = ()
     for trial, weight in TRIALS:
-        lift = open_lift(folder, trial, weight)
-        names = lift.model.muscle_names
-        before = tension_of(lift, lift.model).forces
-        plain.append(before)
-        kinds = ("d_J", "d_J and matching d_M", "d_J and printed d_M")
-        for kind, (_, model) in zip(kinds, variants(lift), strict=True):
-            changes.setdefault(kind, []).append(np.abs(tension_of(lift, model).forces - before))
+        before, thick = solved(folder, trial, weight)
+        names = before.muscles
+        plain.append(before.forces)
+        kinds = ("d_J", "d_J and fitting d_M", "d_J and printed d_M")
+        for kind, (_, tension) in zip(kinds, thick, strict=True):
+            changes.setdefault(kind, []).append(np.abs(tension.forces - before.forces))
     pooled = {kind: np.vstack(parts) for kind, parts in changes.items()}
     forces = np.vstack(plain)
     order = np.argsort(pooled["d_J and printed d_M"].mean(axis=0))[::-1][:12]

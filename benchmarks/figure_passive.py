@@ -11,7 +11,7 @@ matplotlib.use("svg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.accuracy_passive import Lift, open_lift, tension_of, variants
+from benchmarks.accuracy_passive import solved
 from benchmarks.cases import data_folder
 
 FILE = Path(__file__).resolve().parents[1] / "docs" / "images" / "passive-tensions.svg"
@@ -19,14 +19,13 @@ SHOWN = (("DeltoideusScapula_M", "deltoid, acromial part"), ("TRIlong", "triceps
 COLORS = ("#222222", "#2166ac", "#b2182b")
 
 
-def draw(lift: Lift, file: Path) -> None:
+def draw(file: Path) -> None:
     """Tension of two muscles without and with passive dynamics, and the difference, over one lift."""
-    plain = tension_of(lift, lift.model)
-    _, (fitting, muscles), (printed, thick) = variants(lift)
+    plain, (_, (fitting, muscles), (printed, thick)) = solved(data_folder(), "FLX01", "no")
     found = [
         ("no passive dynamics", plain),
-        (fitting.replace("d_M", "fitting d_M"), tension_of(lift, muscles)),
-        (printed.replace("d_M", "printed d_M"), tension_of(lift, thick)),
+        (fitting.replace("d_M", "fitting d_M"), muscles),
+        (printed.replace("d_M", "printed d_M"), thick),
     ]
     plt.rcParams.update({"svg.hashsalt": "passive", "svg.fonttype": "none", "font.size": 9})
     figure, axes = plt.subplots(2, len(SHOWN), figsize=(8.0, 4.6), sharex=True)
@@ -53,4 +52,4 @@ def draw(lift: Lift, file: Path) -> None:
 
 
 if __name__ == "__main__":
-    draw(open_lift(data_folder(), "FLX01", "no"), Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)
+    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)
