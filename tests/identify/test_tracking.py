@@ -339,3 +339,29 @@ def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
     (note,) = tracked.trials[0].notes
     assert f"'{bone}_2' and '{bone}_3' bear each other's names" in note
+
+
+def test_two_trials_of_one_name_are_two_trials():
+    truth = swung()
+    time = truth.trial.markers.time
+    after = markers_of(SPECIMEN, time, truth.rotations, HELD | {"elbow": HELD["elbow"] + 0.12})
+    values = np.where((time > 1.8)[:, None, None], after.values, truth.trial.markers.values)
+    slipped = replace(truth.trial, markers=Markers(time, after.names, values))
+    tracked = track(SPECIMEN, [slipped, truth.trial], MARKERS_ONLY)
+    assert len(tracked.slips) == 1
+    assert tracked.trials[0].notes
+    assert not tracked.trials[1].notes
+
+
+def test_markers_that_blink_are_told_in_one_line():
+    truth = swung()
+    rng = np.random.default_rng(2)
+
+    def blink(values, column):
+        values[rng.random(values.shape[:2]) < 0.03] = np.nan
+
+    tracked = track(SPECIMEN, [with_markers(truth.trial, blink)], MARKERS_ONLY)
+    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert not tracked.slips
+    (note,) = tracked.trials[0].notes
+    assert "15 markers are unseen now and then" in note

@@ -166,14 +166,14 @@ def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, m
 
 def slips_before(
     specimen: Specimen,
-    names: Sequence[str],
-    motions: Sequence[Motion],
+    name: str,
+    motion: Motion,
     held: Mapping[str, float],
     center: Array,
     turned: float,
     moved: float,
 ) -> list[Slip]:
-    """What stands elsewhere in one trial than in the mean of all: moved between two trials.
+    """What stands elsewhere in a trial than in the mean of all: moved between two trials.
 
     Parameters
     ----------
@@ -181,17 +181,17 @@ def slips_before(
     center : (3,) mean place of the joint's center in ground [m]
     """
     found = []
-    for name, motion in zip(names, motions, strict=True):
-        for one, mean in held.items():
-            values = motion[one][np.isfinite(motion[one])]
-            unit = _unit(specimen, one)
-            off = float(np.median(values)) - mean if len(values) else 0.0
-            off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
-            if abs(off) > (moved if unit == "m" else turned):
-                found.append(Slip(name, one, float(motion.time[0]), abs(off), True, unit, before=True))
-        distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
-        if distance > moved:
-            found.append(Slip(name, "base", float(motion.time[0]), distance, True, "m", before=True))
+    start = float(motion.time[0])
+    for one, mean in held.items():
+        values = motion[one][np.isfinite(motion[one])]
+        unit = _unit(specimen, one)
+        off = float(np.median(values)) - mean if len(values) else 0.0
+        off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
+        if abs(off) > (moved if unit == "m" else turned):
+            found.append(Slip(name, one, start, abs(off), True, unit, before=True))
+    distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
+    if distance > moved:
+        found.append(Slip(name, "base", start, distance, True, "m", before=True))
     return found
 
 

@@ -43,6 +43,9 @@ root mean square, to show its center."""
 QUICK = 25.0
 """Low-pass of a motion before its rows are filtered themselves [Hz]."""
 
+PARTIAL = 0.1
+"""Weight in means of a frame in which a cluster has lost a marker."""
+
 Progress = Callable[[int], None]
 
 EXACT = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-12)
@@ -152,8 +155,8 @@ def track(
     started, astray = _centered(_started(specimen, markers), markers, options)
     fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
     motions = [on_one_branch(started, fit.motion) for fit in fits]
-    weights = [_complete(fit) for fit in fits]
-    # Where markers lack, what is held may be anything: it is judged, and followed, by the frames that show all.
+    weights = [_sureness(started, fit) for fit in fits]
+    # Where markers lack, what is held may be anything: it is judged, and followed, by the frames that show each bone.
     sure = [
         replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
         for motion, weight in zip(motions, weights, strict=True)
@@ -161,8 +164,7 @@ def track(
     base, held, found = _held_still(started, [one.name for one in trials], sure, weights, options)
     posed = _posed(started.standing(base), held)
     tracked = []
-    for trial, (seen, notes), motion in zip(trials, checked, sure, strict=True):
-        own = [slip for slip in found if slip.trial == trial.name]
+    for trial, (seen, notes), motion, own in zip(trials, checked, sure, found, strict=True):
         away = np.zeros((len(motion), 3))
         if any(slip.what == "base" for slip in own):
             away = center_course(started, motion) - posed.center_in_ground
@@ -173,7 +175,7 @@ def track(
         tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
     if options.find_touch:
         tracked = _with_touches(posed, tracked, options.touch)
-    return TrackedSpecimen(posed, tuple(tracked), held, tuple(found), astray)
+    return TrackedSpecimen(posed, tuple(tracked), held, tuple(slip for own in found for slip in own), astray)
 
 
 def _held_still(
@@ -182,20 +184,18 @@ def _held_still(
     motions: Sequence[Motion],
     weights: Sequence[Array],
     options: TrackingOptions,
-) -> tuple[Transform, dict[str, float], list[Slip]]:
-    """Pose of the base, value of what is held, and what moved all the same, in a trial or between two."""
+) -> tuple[Transform, dict[str, float], list[list[Slip]]]:
+    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or before it."""
     limits = options.slip, options.shift
-    found = [
-        slip
-        for name, motion in zip(names, motions, strict=True)
-        for slip in slips_within(specimen, name, motion, *limits)
-    ]
-    moved = [[slip.what for slip in found if slip.trial == name] for name in names]
+    found = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
+    moved = [[slip.what for slip in own] for own in found]
     base = mean_base(specimen, motions, weights)
     held = mean_held(specimen, motions, weights, moved)
-    told = {(slip.trial, slip.what) for slip in found}
-    between = slips_before(specimen, names, motions, held, base.apply(specimen.center), *limits)
-    return base, held, found + [slip for slip in between if (slip.trial, slip.what) not in told]
+    center = base.apply(specimen.center)
+    for name, motion, own, told in zip(names, motions, found, moved, strict=True):
+        before = slips_before(specimen, name, motion, held, center, *limits)
+        own += [slip for slip in before if slip.what not in told]
+    return base, held, found
 
 
 def _checked(specimen: Specimen, trial: SwingTrial, options: TrackingOptions) -> tuple[Markers, list[str]]:
@@ -252,11 +252,21 @@ def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
     return cluster_poses(np.array([one.location for one in own]), markers.values[:, columns])
 
 
-def _complete(fit: KinematicsFit) -> Array:
-    """(frames,) 1 where all markers are seen that the trial ever shows, else 0; 1 where some are seen if never all."""
+def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
+    """(frames,) weight in means: 1 where all markers are seen that the trial ever shows, `PARTIAL` where two of each
+    bone are, else 0; `PARTIAL` wherever any is seen if that is nowhere so.
+    """
     seen = np.isfinite(fit.errors)
-    whole = seen[:, seen.any(axis=0)].all(axis=1) & fit.converged
-    return (whole if whole.any() else seen.any(axis=1)).astype(float)
+    ever = seen.any(axis=0)
+    bodies = np.array([specimen.model.marker(name).body for name in fit.marker_names])
+    enough = np.ones(len(seen), bool)
+    for bone in set(bodies[ever]):
+        own = seen[:, ever & (bodies == bone)]
+        enough &= own.sum(axis=1) >= min(2, own.shape[1])
+    if not enough.any():
+        return np.asarray(PARTIAL * seen.any(axis=1))
+    weight: Array = np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
+    return weight
 
 
 def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
