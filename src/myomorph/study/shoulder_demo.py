@@ -6,17 +6,23 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
+
 from myomorph.identify.arm_sensitivity import OFFSET
 from myomorph.identify.murai_tables import SPECIMENS, PublishedSpecimen
+from myomorph.model.spatial import Transform
 from myomorph.study.progress import progress
 from myomorph.study.virtual_files import specimen_mjcf, write_recording
-from myomorph.study.virtual_recording import Noise
-from myomorph.study.virtual_shoulder import BASE, FIRST, FURTHER, VirtualSpecimen, arm_model, virtual_specimen
+from myomorph.study.virtual_laboratory import ROD, VirtualPlate, write_rod, write_scans, write_swing_c3d
+from myomorph.study.virtual_recording import Noise, VirtualTrial
+from myomorph.study.virtual_shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
 from myomorph.study.viscosity import SpecimenOutcome, run_viscosity
 from myomorph.study.viscosity_plan import read_viscosity_plan
 
 STUDY, RECORDINGS = "shoulder.toml", "recordings"
 SECONDS, TRIALS = 10.0, 3
+WHOLE = 1
+"""The specimen that is handed over raw: C3D of a plate whose place is wrong, pushes of a rod on it, and a CT."""
 WORKERS = 2
 ARM_OFFSET = 0.0014
 """`arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m]."""
@@ -78,25 +84,46 @@ def write_shoulder_study(
 
 def _write_specimen(made: VirtualSpecimen, folder: Path) -> str:
     """Write a specimen's files; its table of the study file."""
-    name = f"specimen_{made.published.name}"
-    (folder / name).mkdir(exist_ok=True)
-    (folder / name / "model.xml").write_text(specimen_mjcf(made.specimen), encoding="utf-8")
-    for condition in (made.without, made.intact):
-        for trial in condition.trials:
-            write_recording(trial, folder / name / trial.name.replace(" ", "_"))
+    number = made.published.name
+    place = folder / f"specimen_{number}"
+    place.mkdir(exist_ok=True)
+    (place / "model.xml").write_text(specimen_mjcf(made.specimen), encoding="utf-8")
+    trials = (*made.without.trials, *made.intact.trials)
+    if int(number) == WHOLE:
+        ending, more = "c3d", _write_laboratory(made, trials, place)
+    else:
+        ending, more = "trc", ""
+        for trial in trials:
+            write_recording(trial, place / trial.name.replace(" ", "_"))
     bones = ", ".join(f'"{one}"' for one in FURTHER)
     return f"""[[specimen]]
-name = "{made.published.name}"
-model = "{name}/model.xml"
+name = "{number}"
+model = "{place.name}/model.xml"
 base = "{BASE}"
 first = "{FIRST}"
 bones = [{bones}]
-without = ["{name}/without_*.trc"]
-with = ["{name}/with_*.trc"]
-measured_muscle_mass = {made.published.measured_muscle_mass}
+without = ["{place.name}/without_*.{ending}"]
+with = ["{place.name}/with_*.{ending}"]
+{more}measured_muscle_mass = {made.published.measured_muscle_mass}
 truth = {{ {_pairs(truth_of(made))} }}
 paper = {{ {_pairs(paper_of(made.published))} }}
 """
+
+
+def _write_laboratory(made: VirtualSpecimen, trials: Sequence[VirtualTrial], place: Path) -> str:
+    """Write a specimen's swings as C3D of a plate that lies elsewhere than they say, a rod's pushes and a CT."""
+    random = np.random.default_rng(int(made.published.name))
+    center = made.specimen.stand.apply(made.specimen.center)
+    plate = VirtualPlate(Transform(np.eye(3), center + PLATE), random)
+    for trial in trials:
+        write_swing_c3d(trial, plate, place / f"{trial.name.replace(' ', '_')}.c3d")
+    write_rod(plate, made.noise, random, place / "rod.c3d")
+    names = ", ".join(f'"{name}"' for name in ROD)
+    tip = next(iter(ROD.values()))
+    return (
+        f"ct = {write_scans(made.specimen, place, random)}\n"
+        f'plate = {{ placements = ["{place.name}/rod.c3d"], markers = [{names}], axis = [{names}], tip = {tip} }}\n'
+    )
 
 
 def truth_of(made: VirtualSpecimen) -> dict[str, float]:
@@ -131,6 +158,9 @@ def _head(seconds: float, trials: int, noise: Noise) -> str:
         f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces {noise.force:g} N, "
         f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up "
         "to 40 ms and 50 millionths apart.",
+        f"Specimen {WHOLE:02d} comes raw: C3D of a plate that lies up to 1.5 degrees and 8 mm an axis off its place in "
+        "the file, pushes of a rod with two markers on it, and a CT of bones and clusters with 0.2 mm of noise and "
+        "points picked 0.5 mm off.",
         "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. Each "
         "specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total viscosity "
         "over the true swing is that of table II. The measured mass of the muscles is only copied from the table.",
