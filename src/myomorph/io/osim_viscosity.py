@@ -1,8 +1,8 @@
 """Viscosity of muscles in OpenSim's terms: a damper of its own along the muscle's path.
 
 OpenSim's muscle classes have no damper along the path. Millard2012EquilibriumMuscle alone damps, along the
-fiber and in proportion to its strength, and static optimization leaves that out with the passive force. An
-ExpressionBasedPathForce `viscosity * ldot` on the same path is exact for every class and pose.
+fiber and in proportion to its strength, and static optimization leaves that out with the passive force; a
+PathSpring's dissipation multiplies its stretch. An ExpressionBasedPathForce `viscosity * ldot` on the same path is exact for every class and pose.
 """
 
 from __future__ import annotations
