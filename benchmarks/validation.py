@@ -27,6 +27,7 @@ from benchmarks import (
     accuracy_tracking,
     accuracy_transfer,
     accuracy_trust,
+    accuracy_virtual,
 )
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
 
@@ -90,6 +91,9 @@ def run() -> list[Row]:
         "pendulum_damping": lambda: accuracy_pendulum.measure_decay(folder / "pendulum-swing-inertia"),
         "pendulum_period": lambda: accuracy_pendulum.measure_periods(folder / "pendulum-swing-inertia"),
         "cohort": accuracy_cohort.measure,
+        "virtual_joints": accuracy_virtual.measure_joints,
+        "virtual_cohort": accuracy_virtual.measure_cohort,
+        "virtual_muscles": accuracy_virtual.measure_muscles,
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
