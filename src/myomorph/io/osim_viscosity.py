@@ -2,7 +2,8 @@
 
 OpenSim's muscle classes have no damper along the path. Millard2012EquilibriumMuscle alone damps, along the
 fiber and in proportion to its strength, and static optimization leaves that out with the passive force; a
-PathSpring's dissipation multiplies its stretch. An ExpressionBasedPathForce `viscosity * ldot` on the same path is exact for every class and pose.
+PathSpring's dissipation multiplies its stretch. An ExpressionBasedPathForce `viscosity*ldot` on the same path is
+exact for every class and pose.
 """
 
 from __future__ import annotations
