@@ -120,7 +120,7 @@ class SpecimenRun(NamedTuple):
 
 def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     """One virtual specimen of tables I and II through tracking, clocks, cutoff and identification."""
-    from myomorph.identify.arm_sensitivity import ArmOptions, arm_sensitivity
+    from myomorph.identify.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
     from myomorph.identify.cohort import specimen_row
     from myomorph.identify.cutoff import choose_cutoff
     from myomorph.identify.swing_rows import swing_recordings
@@ -140,7 +140,8 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     assert found.without is not None
     assert found.intact is not None
     assert found.muscles is not None
-    arms = arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, ArmOptions(factor=0.10))
+    errors = ArmOptions(factor=0.10, offset=OFFSET * made.factor)
+    arms = arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, errors)
     return SpecimenRun(
         number,
         full_size,
