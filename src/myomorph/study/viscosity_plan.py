@@ -353,6 +353,5 @@ def _given(
 
 
 def swing_loads(markers: Path) -> Path | None:
-    """The forces that belong to a recording: beside it by its stem, or in it where it is a C3D file; or None."""
-    found = companion(markers, "loads")
-    return markers if found is None and markers.suffix.lower() == ".c3d" else found
+    """The forces that belong to a recording: in it where it is a C3D file, else beside it by its stem, or None."""
+    return markers if markers.suffix.lower() == ".c3d" else companion(markers, "loads")
