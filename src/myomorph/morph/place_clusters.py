@@ -15,6 +15,10 @@ from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import PointFit, fit_points
 from myomorph.morph.registration import SurfaceFit, SurfaceOptions, register_surface
 
+GOOD = 5e-4
+"""Surfaces that come so near [m] need no other starts beside the picked points: bones turned end over end may differ by
+little more than a millimetre."""
+
 FAR = 0.25
 """A marker further from its bone than that is named [m]."""
 
@@ -113,7 +117,7 @@ def place_bone(
         # A wrong pick would only lead the surfaces astray; without picks they find each other from many starts.
         start = None if fitted.notes else fitted.similarity
     fit = register_surface(scanned, modelled, start, options)
-    if start is not None and fit.rms > 0.002:
+    if start is not None and fit.rms > GOOD:
         other = register_surface(scanned, modelled, None, options)
         if other.rms < 0.7 * fit.rms:
             notes.append(

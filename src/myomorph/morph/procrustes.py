@@ -93,6 +93,8 @@ def procrustes(source: Array, target: Array, scale: bool = False, weights: Array
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if source.shape != target.shape or source.ndim != 2 or len(source) < 3:
         raise BadData(f"expected at least three pairs of points, but got {source.shape} and {target.shape}")
+    if not (np.isfinite(source).all() and np.isfinite(target).all()):
+        raise BadData("a point is not finite: leave it out")
     share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
     share = (share / share.sum())[:, None]
     middle, goal = (share * source).sum(axis=0), (share * target).sum(axis=0)

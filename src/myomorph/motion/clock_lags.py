@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
+from scipy.ndimage import minimum_filter1d
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
@@ -103,11 +104,15 @@ def compare(
     time, other_time = np.asarray(time, dtype=np.float64), np.asarray(other_time, dtype=np.float64)
     _checked(time, other_time, other, rows)
     usable = np.asarray(np.isfinite(rows).all(axis=(1, 2)))
-    if used is not None:
-        usable &= np.asarray(used, dtype=bool)
     start, end = float(other_time[0]), float(other_time[-1])
     rate = (len(time) - 1) / float(time[-1] - time[0])
     rows, usable = _filtered(rows, usable, rate, cutoff)
+    if used is not None:
+        # Through the filter, frames feel those nearby: the rim of what is used is left out.
+        rim = 2 * int(np.ceil(0.5 * rate / cutoff)) + 1
+        usable &= np.asarray(minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest"), dtype=bool)
+    if not usable.any():
+        raise BadData(f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz")
     other_rate = (len(other_time) - 1) / (end - start)
     few = max(1, int(other_rate / (DENSE * cutoff)))
     other, other_time = lowpass(other, other_rate, cutoff)[::few], other_time[::few]
@@ -152,8 +157,6 @@ def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tu
         if stop - start > 2 * settling + 4:
             filtered[start:stop] = lowpass(rows[start:stop], rate, cutoff)
             kept[start + settling : stop - settling] = True
-    if not kept.any():
-        raise BadData(f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz")
     return filtered, kept
 
 

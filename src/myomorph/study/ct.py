@@ -130,10 +130,11 @@ def model_from_scans(
     for scan in scans:
         scanned, factor = _read_scan(scan.surface, scan.unit)
         points = {} if scan.picked is None else read_picks(scan.picked)
+        distances = _distances(recorded, scan.markers)
         near = {name: factor * row[:3] for name, row in points.items() if name in scan.markers}
         with about(scan.cluster):
             balls = find_balls(_sized(read_mesh(scan.cluster), factor), scan.diameter)
-            cluster = name_cluster(balls, scan.markers, _distances(recorded, scan.markers), near)
+            cluster = name_cluster(balls, scan.markers, distances, near)
         with about(scan.surface):
             picks = _picks(model, scan, points, factor)
             bones.append(place_bone(scan.bone, scanned, _modelled(model, scan), cluster.centers, picks, options))
