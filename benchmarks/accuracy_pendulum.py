@@ -88,7 +88,7 @@ def measure_inertias(folder: Path) -> Iterator[Row]:
                 "bicycle": bicycle,
                 "parameters": kind,
                 "within one standard error of the authors": f"{sum(abs(one[1]) <= 1.0 for one in rows)} of {len(rows)}",
-                "worst, in standard errors": f"{worst[1]:+.4f} ({worst[0]})",
+                "worst, in standard errors": f"{worst[1]:+.1e} ({worst[0]})",
                 "our standard error over theirs": f"{min(r[2] for r in rows):.3f} to {max(r[2] for r in rows):.3f}",
             }
 
