@@ -110,7 +110,7 @@ def test_a_failure_while_writing_leaves_nothing(tmp_path):
 
 
 def test_inverse_kinematics_of_a_closed_loop(data, tmp_path):
-    """OpenSim's setup of the bone pins. Its stored result, solved to 1e-6 only, lies up to 0.9 degrees from the minimum."""
+    """OpenSim's setup of the bone pins. The stored result, solved to 1e-6, lies up to 0.9 degrees off the minimum."""
     folder = tmp_path / "ik"
     shutil.copytree(data("shoulder-bonepin"), folder)
     path = folder / "setup_ik_abdbonepin.xml"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Array
-from myomorph.motion.closed_frames import settle_closed, ties_of
+from myomorph.motion.closed_frames import settle_closed
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import closed_defaults
@@ -24,6 +24,7 @@ from myomorph.motion.stretch import (
     tied_markers,
     with_travel,
 )
+from myomorph.motion.ties import ties_of
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import TreeArrays, compile_tree

@@ -21,10 +21,10 @@ from numba import njit
 from myomorph.model.model import GROUND, Axis, Model
 from myomorph.model.scale import scale, slides_freely
 from myomorph.model.spatial import Array
-from myomorph.motion.closed_frames import Ties
 from myomorph.motion.least_squares import hold, solve_frame
 from myomorph.motion.lengths import Length
 from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight
+from myomorph.motion.ties import Ties
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.kinematics import body_poses, gather_dependents
 from myomorph.rigid.tree import ROTATION, compile_tree
