@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from looped import SHOULDERS, four_bar, four_bar_angles, looped_tree, mujoco_constraints, pinocchio_rates
+from myomorph.io.mjcf import model_from_mujoco
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform, axis_rotation
@@ -209,6 +210,33 @@ def test_the_jacobian_spans_what_mujocos_does(seed):
     assert both == np.linalg.matrix_rank(ours, tol=1e-9) == np.linalg.matrix_rank(expected, tol=1e-9) == 9
     # The point's rows differ by a rotation alone.
     np.testing.assert_allclose(ours[:3].T @ ours[:3], expected[:3].T @ expected[:3], atol=1e-9)
+
+
+def test_gaps_of_a_read_model_are_mujocos():
+    mujoco = pytest.importorskip("mujoco")
+    text = """
+    <mujoco><worldbody>
+      <body name="one"><joint name="a" axis="0 0 1"/><geom size="0.1"/>
+        <body name="two" pos="0.3 0 0"><joint name="b" axis="0 0 1"/><joint name="c" axis="0 1 0"/>
+          <geom size="0.1"/></body>
+      </body>
+      <body name="three" pos="0.8 0.1 0"><joint name="d" axis="0 0 1"/><joint name="e" axis="1 0 0"/>
+        <geom size="0.1"/></body>
+    </worldbody><equality>
+      <connect body1="two" body2="three" anchor="0.5 0 0.2"/><weld body1="three" body2="one"/>
+    </equality></mujoco>"""
+    m = mujoco.MjModel.from_xml_string(text)
+    model = model_from_mujoco(m)
+    tree, data = compile_tree(model), mujoco.MjData(m)
+    assert np.abs(closure(tree, tree.defaults[None])).max() < 1e-12
+    data.qpos[:] = np.random.default_rng(0).normal(scale=0.3, size=5)
+    mujoco.mj_forward(m, data)
+    order = [model.coordinate_names.index(name) for name in "abcde"]
+    c = np.zeros((1, 5))
+    c[0, order] = data.qpos
+    connect, weld = closure(tree, c)[0, :3], closure(tree, c)[0, 3:]
+    assert np.linalg.norm(connect) == pytest.approx(np.linalg.norm(data.efc_pos[:3]), abs=1e-12)
+    assert np.linalg.norm(weld[3:]) == pytest.approx(np.linalg.norm(data.efc_pos[3:6]), abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
