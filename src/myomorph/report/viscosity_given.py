@@ -14,6 +14,7 @@ from myomorph.identify.swings import SwingRecording
 from myomorph.identify.viscosity import Condition, MuscleViscosity, SpecimenViscosity
 from myomorph.model.spatial import Array
 from myomorph.report.given import Note, SourceFile, Step
+from myomorph.report.section import Figure
 
 MOST_FRAMES = 1200
 """Frames of a trial that charts are drawn from."""
@@ -195,6 +196,7 @@ class SpecimenReport:
     row : its values in the tables
     truth : of a virtual specimen, by quantity
     paper : the printed values of the same specimen, by quantity
+    scans : residual maps of scanned bones
     failure : why it could not be done, "" where it could
     """
 
@@ -210,6 +212,7 @@ class SpecimenReport:
     calibration: tuple[Residual, ...] = ()
     truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    scans: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     failure: str = ""
 

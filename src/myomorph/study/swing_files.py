@@ -13,10 +13,15 @@ from myomorph.contact.plates import plate_axes, plate_wrench
 from myomorph.identify.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.identify.specimen_muscles import fig1_muscles
 from myomorph.io.loads import read_external_loads
+from myomorph.io.mesh import read_mesh
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
+from myomorph.morph.place_clusters import PlacedBone
+from myomorph.report.chart import number
+from myomorph.report.residual_map import residual_map
+from myomorph.report.section import Figure
 from myomorph.report.viscosity_given import Residual
 from myomorph.study.ct import ScannedModel, model_from_scans
 from myomorph.study.inputs import about, fitted_to, open_model, open_trial
@@ -37,6 +42,7 @@ class OpenedSpecimen:
     specimen: Specimen
     notes: tuple[str, ...] = ()
     residuals: tuple[Residual, ...] = ()
+    scans: tuple[Figure, ...] = ()
 
 
 def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
@@ -62,12 +68,18 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
         bones = files.bones or _marked(model, base, first, recorded.names)
         names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)
         specimen = build_specimen(model, names)
-    return OpenedSpecimen(specimen) if scanned is None else OpenedSpecimen(specimen, scanned.notes, _fits(scanned))
+    if scanned is None:
+        return OpenedSpecimen(specimen)
+    maps = [
+        residual_map(bone.body, f"mm, root mean square {number(1e3 * bone.fit.rms)}", surface, bone.fit.distances)
+        for bone, surface in zip(scanned.bones, (read_mesh(scan.surface) for scan in files.ct), strict=True)
+    ]
+    return OpenedSpecimen(specimen, scanned.notes, _fits(scanned), tuple(Figure(one) for one in maps))
 
 
 def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
     bones = tuple(
-        Residual(f"CT of {one.body} on the model's bone", 1e3 * one.fit.rms, "mm", f"scale {one.scale:.3f}")
+        Residual(f"CT of {one.body} on the model's bone", 1e3 * one.fit.rms, "mm", _fit_told(one))
         for one in scanned.bones
     )
     clusters = tuple(
@@ -85,6 +97,10 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
     from myomorph.io.mjcf import read_mjcf
 
     return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
+
+
+def _fit_told(one: PlacedBone) -> str:
+    return f"95 % of its places within {1e3 * one.fit.percentile(95.0):.2f} mm; scale {one.scale:.3f}"
 
 
 def _body(model: Model, given: str | None, role: str, other: str = "") -> str:

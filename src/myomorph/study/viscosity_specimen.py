@@ -152,7 +152,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     residuals = () if calibration is None else plate_residuals(calibration)
     report, model = _with_model(report, found, tracked, cutoff)
     residuals = (*opened.residuals, *residuals, *_marker_residuals(conditions))
-    return Studied(found, replace(report, truth=files.truth, paper=files.paper, calibration=residuals), model)
+    known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
+    return Studied(found, known, model)
 
 
 def _tracked(

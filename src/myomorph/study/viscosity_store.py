@@ -16,6 +16,7 @@ from myomorph.identify.viscosity import MuscleViscosity
 from myomorph.model.errors import BadFile
 from myomorph.report import viscosity_given as shown
 from myomorph.report.given import Note, SourceFile, Step
+from myomorph.report.section import Figure
 from myomorph.report.viscosity import viscosity_page
 from myomorph.report.viscosity_given import ViscosityInput
 from myomorph.study.viscosity_files import write_whole
@@ -28,6 +29,7 @@ NOUNS: dict[str, Any] = {
     one.__name__: one
     for one in (
         Estimate,
+        Figure,
         MuscleViscosity,
         Note,
         SourceFile,
