@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +20,7 @@ from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.jump_recording import LEG_MARKERS, PELVIS_MARKERS, SHOULDER, mirrored_name
+from myomorph.study.silence import silent_mujoco
 
 MODEL = "myolegs_abdomen"
 TRUNK_BEND = "flex_extension"
@@ -49,23 +46,6 @@ LANDMARKS = {
 LANDMARK_WEIGHTS = {"RHJC": 10.0, "LHJC": 10.0, "RKJC": 10.0, "RAJC": 10.0}
 
 
-@contextmanager
-def _silent() -> Iterator[None]:
-    """MuJoCo prints its warnings and writes them into a file in the user's folder."""
-    import mujoco
-
-    mujoco.set_mju_user_warning(lambda text: None)
-    level = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logging.disable(level)
-        mujoco.set_mju_user_warning(None)
-
-
 def leg_model() -> Model:
     """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
 
@@ -81,7 +61,7 @@ def leg_model() -> Model:
         ) from None
     from myomorph.io.mjcf import model_from_mujoco
 
-    with _silent():
+    with silent_mujoco():
         compiled = myo_sim.load_model(MODEL)
     # Composed in memory: the source only says beside which folder its meshes lie.
     model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / MODEL))

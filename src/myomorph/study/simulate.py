@@ -9,7 +9,6 @@ compares is thus the effect of noise and filters, not the criterion itself.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -28,6 +27,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.study.results import value_source
 from myomorph.study.settings import Differentiation
+from myomorph.study.silence import silent_mujoco
 from myomorph.study.steps import Take
 
 FEET = ("calcn_r", "calcn_l")
@@ -159,8 +159,7 @@ def marked_body() -> Model:
         import myo_sim
     except ImportError:
         raise BadData("the simulated study needs the package 'myo-sim': pip install myo-sim") from None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with silent_mujoco():
         compiled = myo_sim.load_model("myofullbody")
     # Meshes are looked for beside a model's source.
     model = model_from_mujoco(compiled, name="MyoFullBody", source=str(myo_sim.MODELS_DIR / "myofullbody"))

@@ -8,7 +8,6 @@ total viscosity over the true swing is that of table II; or they keep their size
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,6 +24,7 @@ from myomorph.io.mjcf import model_from_mujoco
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Array, Transform, axis_rotation
+from myomorph.study.silence import silent_mujoco
 from myomorph.study.virtual_limb import HeldLimb, swing_mjcf, with_scaled_muscles
 from myomorph.study.virtual_recording import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
 
@@ -108,8 +108,7 @@ def arm_model() -> Model:
         import myo_sim
     except ImportError:
         raise BadData("virtual specimens need the package 'myo-sim': pip install myo-sim") from None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with silent_mujoco():
         compiled = myo_sim.load_model("myoarm")
     # Meshes are looked for beside a model's source.
     return model_from_mujoco(compiled, name="MyoArm", source=str(myo_sim.MODELS_DIR / "myoarm"))
