@@ -11,7 +11,7 @@ from myomorph.identify.plate_wrench import on_clock
 from myomorph.identify.swing_segments import REACH, force_mismatch, touched_frames
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
-from myomorph.motion.clocks import Clock, ClockOptions
+from myomorph.motion.clocks import SIGNIFICANT, Clock, ClockOptions
 from myomorph.motion.filters import lowpass
 
 CUTOFF = 6.0
@@ -74,9 +74,10 @@ def plate_clock(
     doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
     if doubt < CHANCE or np.abs(best.times(time) - time).max() < LEAST:
         return Clock(), []
+    drifts = f", and drifts {1e6 * best.drift:+.0f} ± {1e6 * best.drift_sd:.0f} ppm" if best.drift else ""
     return best, [
-        f"the plate's clock is {1000 * best.offset:+.2f} ms off the markers' and drifts {1e6 * best.drift:+.0f} ppm "
-        f"(± {1000 * best.offset_sd:.2f} ms, ± {1e6 * best.drift_sd:.0f} ppm): corrected"
+        f"the plate's clock is {1000 * best.offset:+.2f} ± {1000 * best.offset_sd:.2f} ms off the markers'{drifts}: "
+        "corrected"
     ]
 
 
@@ -91,6 +92,9 @@ def _fitted(
     options = ClockOptions(search=AROUND, cutoff=CUTOFF)
     try:
         found = wrench_clock(time, rows, own + lag, wrench, options, seen & ~hand)
+        # A drift that chance may have made would only spoil the ends of the recording.
+        if abs(found.drift) < SIGNIFICANT * found.drift_sd:
+            found = wrench_clock(time, rows, own + lag, wrench, replace(options, drift=False), seen & ~hand)
     except BadData:
         return Clock(explained=0.0)
     return replace(found, offset=found.offset + lag, epoch=found.epoch - lag)
