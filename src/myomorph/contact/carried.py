@@ -1,0 +1,258 @@
+"""A force sensor in the handle of a carried object: its orientation on it and its clock, from the object's own motion.
+
+While nothing but hands holds an object of mass m, they push it with m (a - g). The sensor of one handle measures its
+share of that. Two hands can also squeeze the object along the line between them, which moves nothing, so with two
+hands only what lies across that line is known: for frames t and the line's direction e in the object's axes,
+
+    Q f(t - offset) = share m R^T (a + R'' c - g) + lambda(t) e + constant,
+
+with R, a the object's orientation and acceleration, c the point of the object whose acceleration counts, Q the
+sensor's axes in the object, and lambda free in every frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Markers
+from myomorph.model.spatial import Array, axis_rotation, frozen_array
+from myomorph.motion.filters import lowpass, natural_spline
+
+STARTS = 12
+LEAST_TURN = 0.1
+"""The object must turn or be accelerated by that share of gravity for its handle's orientation to show."""
+
+BLOCK = 0.2
+"""Time over which residuals go together, for the standard deviations [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectMotion:
+    """Motion of a rigid object.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    rotations : (frames, 3, 3) of the object's axes, those of the laboratory in the reference pose
+    places : (frames, 3) of the markers' middle [m]
+    accelerations : (frames, 3) of the middle [m/s^2]
+    turning : (frames, 3, 3) second derivative of the rotations [1/s^2]
+    residual : (frames,) root mean square distance of the markers from the rigid object [m]
+    """
+
+    time: Array
+    rotations: Array
+    places: Array
+    accelerations: Array
+    turning: Array
+    residual: Array
+
+
+@dataclass(frozen=True, eq=False)
+class HandleFit:
+    """How a handle's sensor sits on the object, and how well that explains its force.
+
+    Attributes
+    ----------
+    rotation : (3, 3) the sensor's axes in the object's, as columns
+    rotation_sd : (3,) of a rotation vector about the object's axes [rad]
+    share : mass that this handle carries [kg]
+    share_sd : [kg]
+    point : (3,) of the object whose acceleration counts, from the markers' middle [m]
+    offset, offset_sd : what is added to the sensor's time [s]
+    constant : (3,) force that the sensor reads beside the tare, in its axes [N]
+    squeeze : (frames,) force along the line between the hands [N], zero with one hand
+    residuals : (frames, 3) of the force in the object's axes [N]
+    """
+
+    rotation: Array
+    rotation_sd: Array
+    share: float
+    share_sd: float
+    point: Array
+    offset: float
+    offset_sd: float
+    constant: Array
+    squeeze: Array
+    residuals: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals [N]."""
+        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+
+
+def object_motion(markers: Markers, names: tuple[str, ...], cutoff: float, reference: int = 0) -> ObjectMotion:
+    """Rigid motion of an object by its markers (Kabsch 1976 in every frame), low-pass filtered.
+
+    Parameters
+    ----------
+    cutoff : of the low-pass filter [Hz]
+    reference : frame in which the object's axes are the laboratory's; every marker must be seen in it
+
+    Raises
+    ------
+    BadData : a marker unseen in the reference, or fewer than three in some frame
+    """
+    values = np.stack([markers[name] for name in names], axis=1)
+    seen: np.ndarray = np.isfinite(values[:, :, 0])
+    if not seen[reference].all():
+        hidden = names[int(np.argmin(seen[reference]))]
+        raise BadData(f"marker '{hidden}' of the object is not seen in frame {reference}: choose another reference")
+    if seen.sum(axis=1).min() < 3:
+        raise BadData(f"fewer than three markers of the object are seen in frame {int(np.argmin(seen.sum(axis=1)))}")
+    shape = values[reference] - values[reference].mean(axis=0)
+    rotations, places, residual = np.empty((len(values), 3, 3)), np.empty((len(values), 3)), np.empty(len(values))
+    for k, (row, there) in enumerate(zip(values, seen, strict=True)):
+        own, goal = shape[there], row[there]
+        u, _, vt = np.linalg.svd((goal - goal.mean(axis=0)).T @ (own - own.mean(axis=0)))
+        rotations[k] = (u * np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])) @ vt
+        places[k] = goal.mean(axis=0) - rotations[k] @ own.mean(axis=0)
+        residual[k] = np.sqrt(np.mean(np.sum((own @ rotations[k].T + places[k] - goal) ** 2, axis=1)))
+    smooth = lowpass(np.hstack([rotations.reshape(-1, 9), places]), markers.rate, cutoff)
+    spline = natural_spline(markers.time, smooth).derivative(2)(markers.time)
+    return ObjectMotion(
+        time=frozen_array(markers.time),
+        rotations=frozen_array(smooth[:, :9].reshape(-1, 3, 3)),
+        places=frozen_array(smooth[:, 9:]),
+        accelerations=frozen_array(spline[:, 9:]),
+        turning=frozen_array(spline[:, :9].reshape(-1, 3, 3)),
+        residual=frozen_array(residual),
+    )
+
+
+def fit_handle(
+    motion: ObjectMotion,
+    held: np.ndarray,
+    force_time: Array,
+    force: Array,
+    gravity: Array,
+    cutoff: float,
+    line: Array | None = None,
+    constant: bool = False,
+) -> HandleFit:
+    """Orientation of a handle's sensor, the mass it carries and its clock, by least squares over the frames held.
+
+    Parameters
+    ----------
+    held : (frames,) whether only hands hold the object
+    force_time, force : (samples,) [s], (samples, 3) of the hand on the object, tared, in the sensor's axes [N]
+    gravity : (3,) in the laboratory [m/s^2]
+    cutoff : of the low-pass filter, that of the motion [Hz]
+    line : (3,) from hand to hand in the object's axes, None if one hand holds it alone
+    constant : estimate what the tare left too; it is told from the orientation only where the object turns
+
+    Raises
+    ------
+    BadData : too few frames, or an object that neither turns nor is accelerated
+    """
+    held = np.asarray(held, dtype=bool)
+    if held.sum() < 20:
+        raise BadData(f"the object is held in {int(held.sum())} frames: too few")
+    time = motion.time[held]
+    back = np.swapaxes(motion.rotations[held], 1, 2)
+    pull = np.einsum("nij,nj->ni", back, motion.accelerations[held] - gravity)
+    size = float(np.linalg.norm(gravity))
+    if float(np.linalg.norm(pull - pull.mean(axis=0), axis=1).max()) < LEAST_TURN * size:
+        raise BadData(
+            "the object neither turns nor is accelerated while it is held: its handle's orientation about the vertical "
+            "does not show; tilt it"
+        )
+    turning = np.einsum("nij,njk->nik", back, motion.turning[held])
+    rate = (len(force_time) - 1) / float(force_time[-1] - force_time[0])
+    few = max(1, int(rate / (40.0 * cutoff)))
+    spline = natural_spline(force_time[::few], lowpass(force, rate, cutoff)[::few], degree=3)
+    along = np.zeros((3, 3)) if line is None else np.outer(line, line) / float(line @ line)
+    problem = _Held(time, pull, turning, lambda at: spline(np.clip(at, force_time[0], force_time[-1])), along, constant)
+    return problem.solved()
+
+
+def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
+    """Point (3,) in the sensor's axes through which the force passes best, and what remains of the torque.
+
+    Least squares of torque = point x force; the remainder is the couple of the hand's grip.
+
+    Parameters
+    ----------
+    force, torque : (samples, 3) about the sensor's origin [N], [N m]
+
+    Returns
+    -------
+    the point [m], and the root mean square of the remaining torque [N m]
+    """
+    x, y, z = force.T
+    zero = np.zeros_like(x)
+    slopes = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], axis=1).reshape(-1, 3)
+    point = np.linalg.lstsq(slopes, torque.reshape(-1), rcond=None)[0]
+    left = torque - np.cross(point, force)
+    return point, float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
+
+
+class _Held:
+    """Residuals of a handle's force; parameters: rotation vector, share, point, offset and, if wanted, a constant."""
+
+    def __init__(self, time: Array, pull: Array, turning: Array, force, along: Array, constant: bool):  # type: ignore[no-untyped-def]
+        self.time, self.pull, self.turning, self.force = time, pull, turning, force
+        self.along, self.across, self.constant = along, np.eye(3) - along, constant
+
+    def apart(self, x: Array) -> Array:
+        """Measured less expected force (frames, 3) in the object's axes [N]."""
+        measured = self.force(self.time - 0.01 * x[7]) - (x[8:11] if self.constant else 0.0)
+        expected = x[3] * (self.pull + self.turning @ (0.1 * x[4:7]))
+        apart: Array = measured @ _rotation(x[:3]).T - expected
+        return apart
+
+    def solved(self) -> HandleFit:
+        """The least of several starts, with deviations by blocks of time."""
+        random = np.random.default_rng(0)
+        share = float(np.mean(np.linalg.norm(self.force(self.time), axis=1) / np.linalg.norm(self.pull, axis=1)))
+        best = None
+        for _ in range(STARTS):
+            turn = random.normal(size=3)
+            turn *= random.uniform(0.1, np.pi) / np.linalg.norm(turn)
+            start = np.concatenate([turn, [share], np.zeros(7 if self.constant else 4)])
+            found = least_squares(lambda x: (self.apart(x) @ self.across).reshape(-1), start)
+            if found.x[3] > 0 and (best is None or found.cost < best.cost):
+                best = found
+        if best is None:
+            raise BadData(
+                "the handle's force fits the object's motion only with a negative mass: is its sign reversed?"
+            )
+        x, covariance = best.x, self._covariance(best.jac, best.fun)
+        if self.constant:
+            # What of the constant lies along the hands' line is squeeze as well: it is left to that.
+            x[8:11] = _rotation(x[:3]).T @ self.across @ _rotation(x[:3]) @ x[8:11]
+        deviations = np.sqrt(np.diag(covariance))
+        apart = self.apart(x)
+        direction = self.along[np.argmax(np.diag(self.along))]
+        length = float(np.linalg.norm(direction))
+        return HandleFit(
+            rotation=frozen_array(_rotation(x[:3])),
+            rotation_sd=frozen_array(deviations[:3]),
+            share=float(x[3]),
+            share_sd=float(deviations[3]),
+            point=frozen_array(0.1 * x[4:7]),
+            offset=float(0.01 * x[7]),
+            offset_sd=float(0.01 * deviations[7]),
+            constant=frozen_array(x[8:11] if self.constant else np.zeros(3)),
+            squeeze=frozen_array(apart @ direction / length if length > 0 else np.zeros(len(apart))),
+            residuals=frozen_array(apart @ self.across),
+        )
+
+    def _covariance(self, slopes: Array, left: Array) -> Array:
+        """Sandwich of block sums."""
+        number = np.repeat(np.floor((self.time - self.time[0]) / BLOCK).astype(np.int64), 3)
+        scores = np.stack([np.bincount(number, weights=column * left) for column in slopes.T], axis=1)
+        blocks, count = len(np.unique(number)), slopes.shape[1]
+        inverse = np.linalg.pinv(slopes.T @ slopes)
+        covariance: Array = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - count, 1)
+        return covariance
+
+
+def _rotation(vector: Array) -> Array:
+    angle = float(np.linalg.norm(vector))
+    return axis_rotation(vector / angle, angle) if angle > 0 else np.eye(3)
