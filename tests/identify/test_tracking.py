@@ -12,7 +12,9 @@ from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swi
 
 from myomorph.identify.made_clusters import with_clusters
 from myomorph.identify.specimen import SpecimenNames, SwingTrial, build_specimen
+from myomorph.identify.specimen_muscles import fig1_muscles
 from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Array
@@ -365,3 +367,17 @@ def test_markers_that_blink_are_told_in_one_line():
     assert not tracked.slips
     (note,) = tracked.trials[0].notes
     assert "15 markers are unseen now and then" in note
+
+
+def test_the_thoracoscapular_shoulder_with_a_hand_that_its_model_welds(data):
+    model = read_model(data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"))
+    names = SpecimenNames("scapula", "humerus", ("ulna", "radius", "hand"), fig1_muscles(model))
+    specimen = with_clusters(build_specimen(model, names))
+    held = {"elbow_flexion": 0.3, "pro_sup": 0.9, "hand_rx": 0.4, "hand_ry": -0.3, "hand_rz": 0.2}
+    time = 0.005 * np.arange(600)
+    sway = np.stack([0.5 * np.sin(5.0 * time), 0.3 * np.sin(2.0 * time), 0.4 * np.cos(4.6 * time)], axis=1)
+    turned = Rotation.from_rotvec(sway).as_matrix() @ Rotation.from_euler("XYZ", [0.2, 0.8, 0.1]).as_matrix()
+    markers = markers_of(specimen, time, turned, held)
+    tracked = track(specimen, [replace(swung().trial, markers=markers)], MARKERS_ONLY)
+    assert tracked.held == pytest.approx(held, abs=1e-7)
+    assert apart(rotations(tracked), turned).max() < 1e-5
