@@ -274,7 +274,8 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...
         for trial in one.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:
-                drift = f"drift {1e6 * clock.drift:.1f} parts per million"
+                millionths = round(1e6 * clock.drift, 1)
+                drift = f"drift {millionths:g} parts per million" if millionths else "no drift"
                 lines.append(Residual(f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift))
     return tuple(lines)
 
