@@ -63,11 +63,11 @@ class HeldLimb:
 
     def markers(self) -> tuple[dict[str, Array], dict[str, Array]]:
         """Places (3,) of the markers on the base and on the limb, in the frames of `centered` [m]."""
-        on_base, on_limb = {}, {}
+        on_base: dict[str, Array] = {}
+        on_limb: dict[str, Array] = {}
         for one in self.specimen.model.markers:
-            (on_base if one.body == self.specimen.base else on_limb)[one.name] = self.centered(one.body).apply(
-                one.location
-            )
+            side = on_base if one.body == self.specimen.base else on_limb
+            side[one.name] = self.centered(one.body).apply(one.location)
         return on_base, on_limb
 
     def parameters(self, mass: float, com: float) -> Array:
