@@ -1,4 +1,4 @@
-"""Steps 1 and 2 of one condition, once with all blocks of swings and once without each of them."""
+"""Steps 1 and 2 of one condition, once with all blocks of swings and once with half of each block left out."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from myomorph.identify.resampling import Influences
 from myomorph.identify.swing_sums import SwingSums
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
+
+LACKING = 0.5
+"""How much of a block is left out: half. With leverage h the change is then 1 / (1 - h / 2) times what it would be
+without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out all gives 1 / (1 - h)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +47,7 @@ class ConditionSolution:
     Attributes
     ----------
     whole : with every block
-    lacking : (blocks,) without one block each
+    lacking : (blocks,) with `LACKING` of one block left out
     """
 
     sums: SwingSums
@@ -55,9 +59,8 @@ class ConditionSolution:
     def influences(self) -> Influences:
         """Of the blocks on `Solution.estimates`."""
         value = self.whole.estimates
-        return Influences(
-            value, np.array([value - one.estimates for one in self.lacking]), self.sums.trial, self.sums.parted
-        )
+        blocks = np.array([value - one.estimates for one in self.lacking]) / LACKING
+        return Influences(value, blocks, self.sums.trial, self.sums.parted)
 
     def torque(self, solution: Solution) -> Array:
         """(axes, 2 + muscles, 2 + muscles) `torque_problem` of a solution."""
@@ -65,7 +68,7 @@ class ConditionSolution:
 
 
 def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) -> ConditionSolution:
-    """Inertia and joint viscosity of the sums, with all blocks and without each.
+    """Inertia and joint viscosity of the sums, with all blocks and with a part of each left out.
 
     Raises
     ------
@@ -78,7 +81,9 @@ def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) 
         )
     every = np.ones(len(sums))
     whole = _solve(sums, every, inertial, stiffness, None)
-    lacking = [_solve(sums, every - one, inertial, stiffness, whole.inertia.noise) for one in np.eye(len(sums))]
+    lacking = [
+        _solve(sums, every - LACKING * one, inertial, stiffness, whole.inertia.noise) for one in np.eye(len(sums))
+    ]
     return ConditionSolution(sums, whole, tuple(lacking), stiffness)
 
 

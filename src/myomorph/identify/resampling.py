@@ -2,12 +2,12 @@
 
 Swings of a trial die away, so that few blocks hold most of what is known: draws with replacement, which lose the
 first swing of a trial every third time, scatter far more than the estimate does. Here the swings stay as they are
-and only their misfits are drawn: with u_b what the estimate changes when block b is left out,
+and only their misfits are drawn: with u_b twice what the estimate changes when half of block b is left out,
 
     draw = estimate + t sum_b z_b u_b,    z_b normal,  t = sqrt(dof / chi^2_dof)
 
-(the wild bootstrap of Wu 1986 in clusters, Cameron, Gelbach, Miller 2008, of jackknife influences, which grow with
-a block's leverage as MacKinnon and White 1985 ask; t with the degrees of freedom of Satterthwaite 1946). Where the
+(the wild bootstrap of Wu 1986 in clusters, Cameron, Gelbach, Miller 2008, of influences that grow with a block's
+leverage as MacKinnon and White 1985 ask; t with the degrees of freedom of Satterthwaite 1946). Where the
 sums of u_b over trials scatter more than independent blocks could make them, trials are drawn instead of blocks.
 """
 
@@ -26,12 +26,12 @@ REJECT = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """What estimates change when blocks are left out.
+    """What blocks add to estimates.
 
     Attributes
     ----------
     values : (estimates,)
-    blocks : (blocks, estimates) value less the value without the block
+    blocks : (blocks, estimates) twice the value less the value without half of the block
     trial : (blocks,) which trial a block belongs to
     parted : by how much less blocks scatter because they share frames (`SwingSums.parted`)
     """
@@ -61,11 +61,12 @@ class Influences:
         """(count, estimates) of the bootstrap."""
         chance = generator.uniform(size=(count, 1))
         found = []
-        # Of n jackknife influences (n - 1) / n, of n sums n / (n - 1) times the sum of squares is the variance.
-        for parts, power, share in ((self.blocks, 0.5, self.parted), (self.trials, -0.5, 1.0)):
-            freedom, few = _freedom(parts), (max(len(parts) - 1, 1) / len(parts)) ** power
-            heavy = np.sqrt(freedom / stats.chi2.ppf(chance, freedom) / share)
-            found.append(few * heavy * (generator.standard_normal((count, len(parts))) @ parts))
+        # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares is the variance.
+        few = len(self.trials) / max(len(self.trials) - 1, 1)
+        for parts, factor in ((self.blocks, 1.0 / self.parted), (self.trials, few)):
+            freedom = _freedom(parts)
+            heavy = np.sqrt(factor * freedom / stats.chi2.ppf(chance, freedom))
+            found.append(heavy * (generator.standard_normal((count, len(parts))) @ parts))
         drawn: Array = self.values + np.where(self.by_trial, found[1], found[0])
         return drawn
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.identify.condition_solution import ConditionSolution, Solution, solve_condition
+from myomorph.identify.condition_solution import LACKING, ConditionSolution, Solution, solve_condition
 from myomorph.identify.estimate import Estimate
 from myomorph.identify.joint_viscosity import torque_problem
 from myomorph.identify.limb_inertia import InertiaOptions, Tare, limb_inertia
@@ -249,7 +249,7 @@ def _condition(
 def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array) -> Influences:
     """Influences of the blocks without muscles, then those with."""
     trial = np.concatenate([bare.sums.trial, full.sums.trial + len(bare.sums.names)])
-    return Influences(values, values - blocks, trial, min(bare.sums.parted, full.sums.parted))
+    return Influences(values, (values - blocks) / LACKING, trial, min(bare.sums.parted, full.sums.parted))
 
 
 def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> Estimate:
