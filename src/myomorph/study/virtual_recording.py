@@ -110,8 +110,7 @@ def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: floa
     mujoco.mj_getState(compiled, data, start, whole)
     steps = round(seconds / step) + 1
     _, sensed = rollout.rollout(compiled, data, start, nstep=steps)
-    time: Array = np.arange(steps) * step
-    return sampled(compiled, time, sensed[0])
+    return sampled(compiled, np.arange(steps, dtype=np.float64) * step, sensed[0])
 
 
 def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
