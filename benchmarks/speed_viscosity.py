@@ -24,7 +24,7 @@ RUNS = 16
 
 def run() -> list[dict[str, object]]:
     """A row for the specimen, a row for the runs."""
-    specimen_steps(virtual_specimen(1, seconds=3.0, trials=1))
+    specimen_steps(virtual_specimen(1, seconds=6.0, trials=1))
     steps = specimen_steps(virtual_specimen(1, seconds=SECONDS, trials=TRIALS))
     one, two = joint_seconds(1), joint_seconds(2)
     return [
