@@ -56,7 +56,7 @@ def specimen_steps(made: VirtualSpecimen) -> dict[str, float]:
     identify_specimen("virtual", without, intact, options=ViscosityOptions(draws=DRAWS))
     marks.append(time.perf_counter())
     names = ("bones and clocks [s]", "cutoff [s]", "equations [s]", "identification [s]")
-    return {name: after - before for name, before, after in zip(names, marks, marks[1:], strict=True)}
+    return {name: after - before for name, before, after in zip(names, marks[:-1], marks[1:], strict=True)}
 
 
 def joint_seconds(workers: int) -> float:
