@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmarks import (
     accuracy_calibration,
+    accuracy_calibrations,
     accuracy_cohort,
     accuracy_identification,
     accuracy_kernels,
@@ -83,6 +84,11 @@ def run() -> list[Row]:
         "identification": lambda: accuracy_identification.measure(folder),
         "identification_prototype": lambda: accuracy_identification.measure_prototype(folder),
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
+        "plates": accuracy_calibrations.measure_plates,
+        "plates_standing": lambda: accuracy_calibrations.measure_standing(folder),
+        "clocks": accuracy_calibrations.measure_clocks,
+        "scans": lambda: accuracy_calibrations.measure_scans(folder),
+        "handle": lambda: accuracy_calibrations.measure_handle(folder),
         "tracking_noise": accuracy_tracking.measure_noise,
         "tracking_faults": accuracy_tracking.measure_faults,
         "viscosity_methods": accuracy_steps.measure,
