@@ -97,7 +97,7 @@ def noise_variance(blocks: Array, joint: Array) -> float:
     joint : (axes,) d_J [N m s/rad]
     """
     each = [muscle_problem(block, joint) for block in blocks]
-    H, g = sum(one.H for one in each), sum(one.g for one in each)
+    H, g = np.sum([one.H for one in each], axis=0), np.sum([one.g for one in each], axis=0)
     best = np.linalg.pinv(H, rcond=RANK_TOLERANCE**2, hermitian=True) @ g
     scores = np.array([one.g - one.H @ best for one in each])
     free = max(len(each) - MuscleProblem(H, g).rank, 1) / len(each)
