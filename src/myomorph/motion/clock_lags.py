@@ -30,6 +30,9 @@ DENSE = 40.0
 FINEST = 25.0
 """Frames a second that are kept at least."""
 
+RIM = 1.0
+"""Periods of the cutoff by which what is not used reaches into what is."""
+
 SETTLING = 3.0
 """Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated markers are rough."""
 
@@ -109,7 +112,7 @@ def compare(
     rows, usable = _filtered(rows, usable, rate, cutoff)
     if used is not None:
         # Through the filter, frames feel those nearby: the rim of what is used is left out.
-        rim = 2 * int(np.ceil(0.5 * rate / cutoff)) + 1
+        rim = 2 * int(np.ceil(RIM * rate / cutoff)) + 1
         usable &= np.asarray(minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest"), dtype=bool)
     if not usable.any():
         raise BadData(f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz")
