@@ -186,7 +186,10 @@ def _by_offsets(
         ])  # fmt: skip
         return muscle_problem(problem, damping).along(np.ones(count))
 
-    draws = [common(options.offset * random.standard_normal((count, axes))) for _ in range(options.draws)]
+    # A strand's row holds its arm divided by the root of its muscle's strands, and so its error does.
+    table = intact[0].strands_of
+    roots = np.sqrt(table @ table.sum(axis=0))[:, None]
+    draws = [common(options.offset / roots * random.standard_normal((count, axes))) for _ in range(options.draws)]
     exact = common(np.zeros((count, axes)))
     return ArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
 

@@ -60,22 +60,21 @@ def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
 
 
 def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
-    """(frames, muscles, axes) d(muscle length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad].
+    """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad].
 
-    A muscle of several strands counts as one along their mean, weighted by their isometric force. Moment arms
-    about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
+    Strands stand muscle after muscle, each divided by the root of their number (see `SwingRecording`). Moment
+    arms about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
     NaN where the motion is.
     """
-    found = np.full((len(motion), len(specimen.muscles), len(specimen.axes)), np.nan)
+    strands = [(strand, len(own)) for own in specimen.muscles.values() for strand in own]
+    found = np.full((len(motion), len(strands), len(specimen.axes)), np.nan)
     seen = np.isfinite(motion.values).all(axis=1)
     if not specimen.muscles or not seen.any():
         return found
     part = Motion(motion.time[seen], motion.names, motion.values[seen])
     arms = muscle_kinematics(specimen.model, part, velocities=False).moment_arms
     columns = [specimen.model.coordinate_names.index(name) for name in specimen.joint_coordinates]
-    strands = -arms[:, :, columns] @ np.linalg.inv(slopes[seen])
-    rows = {name: i for i, name in enumerate(specimen.model.muscle_names)}
-    for m, (name, parts) in enumerate(specimen.muscles.items()):
-        chosen = strands[:, [rows[strand] for strand in parts]]
-        found[seen, m] = np.einsum("s,fsa->fa", specimen.strand_shares[name], chosen)
+    rows = [specimen.model.muscle_names.index(strand) for strand, _ in strands]
+    roots = np.sqrt([count for _, count in strands])
+    found[seen] = -arms[:, rows][:, :, columns] @ np.linalg.inv(slopes[seen]) / roots[:, None]
     return found

@@ -144,16 +144,6 @@ class Specimen:
         link = replace(self.model.body(self.first), meshes=())
         return Model(self.model.name, (link,), (hung,), coordinates, self.model.gravity)
 
-    @cached_property
-    def strand_shares(self) -> dict[str, Array]:
-        """(strands,) of every muscle, each strand's share of its isometric force."""
-        forces = {one.name: one.max_isometric_force for one in self.model.muscles}
-        shares = {}
-        for name, strands in self.muscles.items():
-            sizes = np.array([forces[strand] for strand in strands])
-            shares[name] = sizes / sizes.sum() if sizes.sum() > 0.0 else np.full(len(sizes), 1.0 / len(sizes))
-        return shares
-
     @property
     def isometric_forces(self) -> Array:
         """(muscles,) largest isometric force, all strands together: proportional to the cross-section [N]."""

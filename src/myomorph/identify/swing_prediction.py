@@ -24,7 +24,7 @@ def free_directions(recordings: Sequence[SwingRecording]) -> Array:
         moments, rows = moment_rows(one)[one.used], one.torque_rows[one.used]
         left += np.einsum("fip,fjp->ij", moments, moments, optimize=True)
         right += np.einsum("fip,fap->ia", moments, rows, optimize=True)
-    return np.linalg.lstsq(left, right, rcond=1e-12)[0].T
+    return np.asarray(np.linalg.lstsq(left, right, rcond=1e-12)[0].T, np.float64)
 
 
 def moment_rows(one: SwingRecording) -> Array:

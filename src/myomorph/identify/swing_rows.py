@@ -139,4 +139,5 @@ def _recording(
         rotations=one.limb.rotations,
         gravity=np.array(specimen.model.gravity),
         swing=swing_numbers(*_swung(specimen, one, angles, free), free, LEAST_TURN),
+        strands=tuple(i for i, own in enumerate(specimen.muscles.values()) for _ in own) if muscles else (),
     )

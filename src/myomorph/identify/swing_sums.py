@@ -111,7 +111,7 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
 
 
 def _check(first: SwingRecording, one: SwingRecording) -> None:
-    for name in ("axes", "muscles"):
+    for name in ("axes", "muscles", "strands"):
         if getattr(one, name) != getattr(first, name):
             raise BadData(
                 f"swings '{first.name}' and '{one.name}' have other {name}: {getattr(first, name)} and "
@@ -187,7 +187,7 @@ def _torque_products(one: SwingRecording, along: Array, block: _Block) -> Array:
         one.angles[use, :, None],
         np.ones((*rates.shape, 1)),
         plate[:, :, None],
-        (J * speeds[:, :, None]).transpose(0, 2, 1),
+        (J * speeds[:, :, None]).transpose(0, 2, 1) @ one.strands_of,
     ]
     return _products(np.concatenate(columns, axis=2), block.weight)
 

@@ -34,7 +34,9 @@ class SwingRecording:
     angles : (frames, axes) rotation vector (ball) or angle (hinge) from hanging at rest [rad]
     axes : names of the free axes: "x", "y", "z" of the limb's first body for a ball; one for a hinge
     muscles : names
-    lengthening : (frames, muscles, axes) d(muscle length)/d(angle), J_M of [S] eq. 3 [m/rad]
+    lengthening : (frames, strands, axes) d(length)/d(angle), J_M of [S] eq. 3 [m/rad]; a muscle's n strands share
+        its viscosity evenly, so the rows of each are divided by the root of n
+    strands : the number of the muscle that each row of `lengthening` belongs to; () for one row a muscle
     rotations : (frames, 3, 3) of the limb's first body in ground
     gravity : (3,) in ground [m/s^2]
     swing : (frames,) number of the swing, from release to release or from one turn to the next but one;
@@ -54,6 +56,7 @@ class SwingRecording:
     rotations: Array
     gravity: Array
     swing: np.ndarray
+    strands: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         frames, axes = len(self.time), len(self.axes)
@@ -63,7 +66,7 @@ class SwingRecording:
             "torque_rows": (frames, axes, PARAMETERS),
             "rates": (frames, axes),
             "angles": (frames, axes),
-            "lengthening": (frames, len(self.muscles), axes),
+            "lengthening": (frames, len(self.strands or self.muscles), axes),
             "rotations": (frames, 3, 3),
             "swing": (frames,),
         }
@@ -82,3 +85,10 @@ class SwingRecording:
     def used(self) -> np.ndarray:
         """(frames,) whether a frame takes part in identification."""
         return self.swing >= 0
+
+    @property
+    def strands_of(self) -> Array:
+        """(strands, muscles) 1 where a row of `lengthening` belongs to a muscle."""
+        count = len(self.muscles)
+        table: Array = np.eye(count)[np.array(self.strands or range(count), np.int64)]
+        return table
