@@ -76,9 +76,13 @@ def _variance(parts: Array) -> Array:
 
 
 def _freedom(parts: Array) -> Array:
-    """(estimates,) degrees of freedom of sums of squares, Satterthwaite's; from 1 to one less than the parts."""
+    """(estimates,) degrees of freedom of sums of squares of normal parts, from 1 to one less than the parts.
+
+    Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 / 3 and
+    (sum s^2)^2 = (sum u^2)^2 - 2 sum s^4 on average.
+    """
     squares = np.square(parts)
-    fourth = np.square(squares).sum(axis=0)
+    fourth = np.square(squares).sum(axis=0) / 3.0
     square = np.square(squares.sum(axis=0))
-    free = np.divide(square, fourth, out=np.ones_like(square), where=fourth > 0.0)
+    free = np.divide(square, fourth, out=np.full_like(square, 3.0), where=fourth > 0.0) - 2.0
     return np.clip(free, 1.0, max(len(parts) - 1, 1))
