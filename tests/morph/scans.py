@@ -33,7 +33,7 @@ def made_scan(
 
 def sharper(bone: Surface) -> Surface:
     """A bone without a plane of symmetry: cones on an ellipsoid, for tests without data."""
-    mesh = trimesh.creation.icosphere(subdivisions=4)
+    mesh = trimesh.creation.icosphere(subdivisions=3)
     points = np.array(mesh.vertices)
     size = np.ones(len(points))
     for direction, height in (((1, 0.2, 0.3), 0.5), ((-0.8, 0.5, 0.1), 0.35), ((0.1, -0.9, 0.4), 0.4)):

@@ -17,12 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from myomorph.contact.plate_pose import rotation_vector
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Array, axis_rotation, frozen_array
 from myomorph.motion.filters import lowpass, natural_spline
 
-STARTS = 12
+STARTS = 3
+"""Random turns that are tried beside the one that the linear problem gives."""
+
 LEAST_TURN = 0.1
 """The object must turn or be accelerated by that share of gravity for its handle's orientation to show."""
 
@@ -209,12 +212,9 @@ class _Held:
     def solved(self) -> HandleFit:
         """The least of several starts, with deviations by blocks of time."""
         random = np.random.default_rng(0)
-        share = float(np.mean(np.linalg.norm(self.force(self.time), axis=1) / np.linalg.norm(self.pull, axis=1)))
         best = None
-        for _ in range(STARTS):
-            turn = random.normal(size=3)
-            turn *= random.uniform(0.1, np.pi) / np.linalg.norm(turn)
-            start = np.concatenate([turn, [share], np.zeros(7 if self.constant else 4)])
+        for turn in (self._linear(), *(random.normal(size=3) for _ in range(STARTS))):
+            start = np.concatenate([turn, [self._share()], np.zeros(7 if self.constant else 4)])
             found = least_squares(lambda x: (self.apart(x) @ self.across).reshape(-1), start)
             if found.x[3] > 0 and (best is None or found.cost < best.cost):
                 best = found
@@ -242,6 +242,24 @@ class _Held:
             squeeze=frozen_array(apart @ direction / length if length > 0 else np.zeros(len(apart))),
             residuals=frozen_array(apart @ self.across),
         )
+
+    def _share(self) -> float:
+        return float(np.mean(np.linalg.norm(self.force(self.time), axis=1) / np.linalg.norm(self.pull, axis=1)))
+
+    def _linear(self) -> Array:
+        """Rotation vector (3,) of the axes whose pull is linear in the force: e . pull = (Q^T e / share) . force."""
+        across = np.linalg.svd(self.across)[0][:, : round(float(np.trace(self.across)))]
+        found = np.linalg.lstsq(self.force(self.time), self.pull @ across, rcond=1e-3)[0]
+        # Columns of Q^T across, made orthonormal; a third follows from the other two.
+        u, _, vt = np.linalg.svd(found, full_matrices=False)
+        columns = u @ vt
+        if columns.shape[1] == 2:
+            across = np.column_stack((across, np.cross(across[:, 0], across[:, 1])))
+            columns = np.column_stack((columns, np.cross(columns[:, 0], columns[:, 1])))
+        turn = across @ columns.T
+        if np.linalg.det(turn) < 0:
+            turn = np.eye(3)
+        return rotation_vector(turn)
 
     def _covariance(self, slopes: Array, left: Array) -> Array:
         """Sandwich of block sums."""
