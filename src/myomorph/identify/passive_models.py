@@ -13,7 +13,7 @@ from myomorph.identify.limb_inertia import InertiaOptions, Tare
 from myomorph.identify.passive_fit import LAST, PassiveProblem, effective_samples, law_columns
 from myomorph.identify.passive_law import WIDTH, PassiveLaw
 from myomorph.identify.resampling import Influences
-from myomorph.identify.spring_rest import counted_from, spring_rest
+from myomorph.identify.spring_rest import counted_from, spring_misfit, spring_rest
 from myomorph.identify.swing_motion import SwingMotion, hinge_axis
 from myomorph.identify.swing_stretches import Stretch, stretches
 from myomorph.identify.swings import SwingRecording
@@ -254,9 +254,12 @@ def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
     """The problem with angles counted from where a ball's spring is slack, and that rotation from the given zero."""
     slack = Rotation.identity()
     for _ in range(RESTS):
-        shift = spring_rest(problem.sums, problem.parameters(np.ones(len(problem.sums))))
-        slack = slack * Rotation.from_rotvec(-shift)
-        problem = PassiveProblem.of(counted_from(problem.recordings, shift), problem.width, problem.inertial)
+        parameters = problem.parameters(np.ones(len(problem.sums)))
+        shift = spring_rest(problem.sums, parameters)
+        moved = PassiveProblem.of(counted_from(problem.recordings, shift), problem.width, problem.inertial)
+        if spring_misfit(moved.sums, parameters) >= spring_misfit(problem.sums, parameters):
+            break
+        problem, slack = moved, slack * Rotation.from_rotvec(-shift)
     return problem, slack
 
 

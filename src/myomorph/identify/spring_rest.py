@@ -17,7 +17,7 @@ from myomorph.identify.swing_sums import ANGLE, CONSTANT, MUSCLES, RATE, SwingSu
 from myomorph.identify.swings import PARAMETERS, SwingRecording
 from myomorph.model.spatial import Array
 
-FARTHEST = 0.3
+FARTHEST = 1.5
 """A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
 
 
@@ -30,12 +30,7 @@ def spring_rest(sums: SwingSums, parameters: Array) -> Array:
     ----------
     parameters : (10,) of the limb
     """
-    muscles = len(sums.muscles)
-    chosen = np.zeros((sums.torque.shape[-1], 4 + muscles))
-    chosen[:PARAMETERS, 0] = parameters
-    chosen[[ANGLE, CONSTANT, RATE], [1, 2, 3]] = 1.0
-    chosen[MUSCLES:, 4:] = np.eye(muscles)
-    left = eliminated(chosen.T @ sums.torque_total(np.ones(len(sums))) @ chosen, range(3, 4 + muscles))
+    left = _without_dampers(sums, parameters)
     varying = eliminated(left, [2])
     square = varying[:, 1, 1].sum()
     stiffness = -varying[:, 0, 1].sum() / square if square > 0.0 else 0.0
@@ -43,6 +38,24 @@ def spring_rest(sums: SwingSums, parameters: Array) -> Array:
         return np.zeros(len(sums.axes))
     shift: Array = -(left[:, 0, 2] / stiffness + left[:, 1, 2]) / left[:, 2, 2]
     return shift if np.linalg.norm(shift) < FARTHEST else np.zeros(len(shift))
+
+
+def spring_misfit(sums: SwingSums, parameters: Array) -> float:
+    """Sum of squares that the same least squares leave of the torque, with k of all axes and c of each [N^2 m^2]."""
+    varying = eliminated(_without_dampers(sums, parameters), [2])
+    square = float(varying[:, 1, 1].sum())
+    explained = float(varying[:, 0, 1].sum()) ** 2 / square if square > 0.0 else 0.0
+    return float(varying[:, 0, 0].sum()) - explained
+
+
+def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
+    """(axes, 3, 3) products of torque, angle and one, with rates and muscles taken off."""
+    muscles = len(sums.muscles)
+    chosen = np.zeros((sums.torque.shape[-1], 4 + muscles))
+    chosen[:PARAMETERS, 0] = parameters
+    chosen[[ANGLE, CONSTANT, RATE], [1, 2, 3]] = 1.0
+    chosen[MUSCLES:, 4:] = np.eye(muscles)
+    return eliminated(chosen.T @ sums.torque_total(np.ones(len(sums))) @ chosen, range(3, 4 + muscles))
 
 
 def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[SwingRecording]:

@@ -21,7 +21,7 @@ from myomorph.identify.muscle_viscosity import (
     solve_muscles,
 )
 from myomorph.identify.resampling import Influences
-from myomorph.identify.spring_rest import counted_from, spring_rest
+from myomorph.identify.spring_rest import counted_from, spring_misfit, spring_rest
 from myomorph.identify.swing_sums import swing_sums
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
@@ -30,7 +30,7 @@ from myomorph.model.spatial import Array
 TOLD = 0.5
 """An axis is excited where its interval is narrower than plus or minus this share of the one value."""
 
-RESTS = 2
+RESTS = 3
 """How often the rest of a ball joint's spring is found again from angles counted from the last."""
 
 
@@ -212,8 +212,11 @@ def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> Condi
         if options.stiffness and len(sums.axes) == 3:
             parameters = limb_inertia(sums, None, inertial).parameters
             for _ in range(RESTS):
-                given = counted_from(given, spring_rest(sums, parameters))
-                sums = swing_sums(given, options.block, options.least)
+                moved = counted_from(given, spring_rest(sums, parameters))
+                there = swing_sums(moved, options.block, options.least)
+                if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
+                    break
+                given, sums = moved, there
         return solve_condition(sums, inertial, options.stiffness)
     except MyomorphError as error:
         return str(error)

@@ -1,0 +1,42 @@
+"""A ball's spring that is slack far from hanging is found, and its viscosity with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.identify.limb_inertia import InertiaOptions, limb_inertia
+from myomorph.identify.spring_rest import counted_from, spring_misfit, spring_rest
+from myomorph.identify.swing_sums import swing_sums
+from myomorph.identify.viscosity import identify_specimen
+from myomorph.study.virtual_joint import mechanical_joint
+
+
+@pytest.mark.parametrize(
+    ("damping", "stiffness", "rest"), [(0.02, 1.0, (-0.2, 0.4, 0.0)), (0.05, 3.0, (0.3, -0.2, 0.5))]
+)
+def test_viscosity_beside_a_spring_with_another_rest(damping, stiffness, rest) -> None:
+    joint = mechanical_joint("ball", damping, stiffness, 7, seconds=10.0, trials=2, rest=rest)
+    found = identify_specimen("joint", joint.exact_swings(), ()).without
+    assert found is not None
+    assert found.viscosity.value == pytest.approx(damping, rel=1e-3)
+    assert found.viscosity.holds(damping)
+
+
+def test_counting_from_the_rest_leaves_less_of_the_torque() -> None:
+    joint = mechanical_joint("ball", 0.02, 1.0, 7, seconds=10.0, trials=2, rest=(-0.2, 0.4, 0.0))
+    swings = joint.exact_swings()
+    sums = swing_sums(swings)
+    parameters = limb_inertia(sums, None, InertiaOptions()).parameters
+    before = spring_misfit(sums, parameters)
+    shift = spring_rest(sums, parameters)
+    assert np.linalg.norm(shift) == pytest.approx(np.linalg.norm(joint.truth.rest), abs=0.05)
+    moved = counted_from(swings, shift)
+    assert spring_misfit(swing_sums(moved), parameters) < 1e-2 * before
+
+
+def test_without_a_spring_nothing_moves_the_viscosity() -> None:
+    joint = mechanical_joint("ball", 0.05, 0.0, 3, seconds=10.0, trials=2)
+    found = identify_specimen("joint", joint.swings(8.0), ()).without
+    assert found is not None
+    assert found.viscosity.value == pytest.approx(0.05, rel=0.03)
