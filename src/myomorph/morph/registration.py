@@ -8,15 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array, axis_rotation, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import Similarity
+from myomorph.morph.surface_points import Samples, Shape
 
 PATCH = 1e-4
 """Area over which errors of two surfaces go together, for standard deviations [m^2]."""
+
+BEYOND = 3.0
+"""Of a part, the target's points count up to so many times the furthest of the source's that count."""
 
 FACING = 0.7
 """Share of normals that must agree at a good fit for them to be used to tell the two sides of a thin bone apart."""
@@ -25,8 +28,8 @@ FACING = 0.7
 COARSE = 200
 """Points with which the many starts are tried."""
 
-SETTLED = 1e-5
-"""A step that moves the surface less ends the iteration [m]."""
+SETTLED = 1e-5, 1e-3
+"""A step that moves the surface less, in metres or as a share of the residual, ends the iteration."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -42,6 +45,8 @@ class SurfaceOptions:
     points : of the source, spread evenly over its surface
     iterations : at most
     starts : turns about each of the long axis's two directions, where no start is given
+    partial : the source is a part of the bone; None says so where it has open edges. Of a whole bone the target's
+        points count too, without which a free size shrinks into the target
     mirror : try the mirrored source too, to name a bone of the other side
     """
 
@@ -50,6 +55,7 @@ class SurfaceOptions:
     points: int = 2000
     iterations: int = 100
     starts: int = 12
+    partial: bool | None = None
     mirror: bool = True
 
     def __post_init__(self) -> None:
@@ -105,19 +111,21 @@ def register_surface(
     BadData : a surface without area
     """
     options = options or SurfaceOptions()
-    goal, given = _Goal(target), _sampled(source, options.points)
+    goal, given = Shape(target), Shape(source)
+    partial = given.is_open if options.partial is None else options.partial
     notes: list[str] = []
     if start is None:
-        found = _from_starts(given, goal, options)
+        found = _from_starts(given, goal, partial, options)
         if options.mirror:
-            other = _from_starts(_Samples(given.points * MIRROR, given.normals * MIRROR, given.area), goal, options)
+            mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
+            other = _from_starts(mirrored, goal, partial, options)
             if other.rms < 0.7 * found.rms:
                 notes.append(
                     f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * found.rms:.2f} mm): is "
                     "it a bone of the other side?"
                 )
     else:
-        found = _iterated(given, goal, start, options.iterations, options, fine=True)
+        found = _Fitting(given, goal, partial, options, options.points).iterated(start, options.iterations)
     if not found.converged:
         notes.append(f"the fit had not settled after {options.iterations} iterations")
     apart = goal.signed(found.similarity.apply(source.vertices)) / found.similarity.scale
@@ -126,19 +134,10 @@ def register_surface(
         similarity=found.similarity,
         distances=frozen_array(apart),
         kept=kept,
-        covariance=frozen_array(_covariance(found, given, options)),
+        covariance=frozen_array(_covariance(found, given.area)),
         converged=found.converged,
         notes=tuple(notes),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """Points (n, 3) and outward normals (n, 3) spread over a surface of an area [m^2]."""
-
-    points: Array
-    normals: Array
-    area: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,110 +148,93 @@ class _Found:
     slopes: Array
 
 
-class _Goal:
-    """The surface that is laid on: its nearest points and normals."""
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Points (n, 3) of the source, carried over, with normals there and how far they are from the target's points."""
 
-    def __init__(self, surface: Surface):
-        self.vertices = np.array(surface.vertices)
-        self.faces = np.array(surface.faces)
-        self.normals, areas = _face_normals(surface)
-        if not areas.sum() > 0:
-            raise BadData("the surface to lay on has no area")
-        self.samples = _sampled(surface, 4000)
-        self.tree = cKDTree(self.samples.points)
+    moved: Array
+    normals: Array
+    away: Array
 
-    def nearest(self, points: Array, fine: bool) -> tuple[Array, Array]:
-        """Nearest points and their normals, (n, 3) each; `fine` to the triangles themselves."""
-        if not fine:
-            index = self.tree.query(points)[1]
-            return self.samples.points[index], self.samples.normals[index]
-        import igl
+    @property
+    def distance(self) -> Array:
+        distance: Array = np.linalg.norm(self.away, axis=1)
+        return distance
 
-        _, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(points), self.vertices, self.faces)
-        return closest, self.normals[face]
-
-    def signed(self, points: Array) -> Array:
-        """Distances (n,), positive outside [m]."""
-        closest, normals = self.nearest(points, fine=True)
-        away = points - closest
-        side = np.sign(np.einsum("ij,ij->i", away, normals))
-        distances: Array = np.where(side < 0, -1.0, 1.0) * np.linalg.norm(away, axis=1)
-        return distances
+    def where(self, kept: np.ndarray) -> _Pairs:
+        return _Pairs(self.moved[kept], self.normals[kept], self.away[kept])
 
 
-def _face_normals(surface: Surface) -> tuple[Array, Array]:
-    """Outward unit normals (faces, 3) and areas (faces,)."""
-    corners = surface.vertices[surface.faces]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(crossed, axis=1)
-    middle = surface.vertices.mean(axis=0)
-    volume = np.einsum("ij,ij->", corners[:, 0] - middle, np.cross(corners[:, 1] - middle, corners[:, 2] - middle))
-    outward = -1.0 if volume < 0 else 1.0
-    return outward * crossed / np.where(sizes > 0, sizes, 1.0)[:, None], 0.5 * sizes
+class _Fitting:
+    """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each step."""
+
+    def __init__(
+        self, given: Shape, goal: Shape, partial: bool, options: SurfaceOptions, count: int, fine: bool = True
+    ):
+        self.given, self.goal, self.partial, self.options, self.fine = given, goal, partial, options, fine
+        self.ours, self.theirs = given.samples(count), goal.samples(count)
+        self.middle = self.ours.points.mean(axis=0)
+        self.radius = float(np.sqrt(np.mean(np.sum((self.ours.points - self.middle) ** 2, axis=1))))
+        self.count = 7 if options.scale and fine else 6
+
+    def iterated(self, start: Similarity, iterations: int) -> _Found:
+        """From a start until it settles."""
+        rotation, translation, size = np.array(start.rotation), np.array(start.translation), start.scale
+        converged, rms, slopes = False, np.inf, np.zeros((1, self.count))
+        units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[: self.count]
+        for _ in range(iterations):
+            pairs = self.pairs(rotation, translation, size)
+            center = size * rotation @ self.middle + translation
+            lever = pairs.moved - center
+            along = np.einsum("ij,ij->i", lever, pairs.normals)[:, None]
+            slopes = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])[:, : self.count]
+            rms = float(np.sqrt(np.mean(pairs.distance**2))) / size
+            scaled = slopes * units
+            gram = scaled.T @ scaled + 1e-6 * np.sum(scaled**2) * np.eye(self.count)
+            step = -units * np.linalg.solve(gram, scaled.T @ np.einsum("ij,ij->i", pairs.away, pairs.normals))
+            angle = float(np.linalg.norm(step[:3]))
+            turn = axis_rotation(step[:3] / angle, angle) if angle > 0 else np.eye(3)
+            growth = float(np.exp(np.clip(step[6], -0.1, 0.1))) if self.count == 7 else 1.0
+            rotation, size = turn @ rotation, size * growth
+            translation = center + step[3:6] - size * rotation @ self.middle
+            moved = angle * self.radius + float(np.linalg.norm(step[3:6])) + abs(growth - 1.0) * self.radius
+            if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
+                converged = True
+                break
+        return _Found(Similarity(rotation, translation, size), rms, converged, slopes)
+
+    def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
+        """Pairs that count: from the source's points to the target, and from the target's points to the source."""
+        moved = size * self.ours.points @ rotation.T + translation
+        closest = self.goal.nearest(moved, self.fine)
+        forth = _Pairs(moved, closest.normals, moved - closest.points)
+        forth = forth.where(self._kept(forth, self.ours.normals @ rotation.T, closest.normals))
+        back = (self.theirs.points - translation) @ rotation / size
+        found = self.given.nearest(back, self.fine)
+        moved = size * found.points @ rotation.T + translation
+        there = _Pairs(moved, self.theirs.normals, moved - self.theirs.points)
+        kept = self._kept(there, found.normals @ rotation.T, self.theirs.normals)
+        if self.partial:
+            kept &= ~found.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
+        there = there.where(kept)
+        return _Pairs(*(np.concatenate(both) for both in zip(_parts(forth), _parts(there), strict=True)))
+
+    def _kept(self, pairs: _Pairs, normals: Array, others: Array) -> np.ndarray:
+        """Pairs that face each other, the furthest left out."""
+        facing = np.einsum("ij,ij->i", normals, others) > 0
+        sided = facing if np.mean(facing) > FACING else np.ones(len(facing), dtype=bool)
+        kept: np.ndarray = sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
+        return kept
 
 
-def _sampled(surface: Surface, count: int) -> _Samples:
-    """Points spread evenly over the surface; the same each time."""
-    normals, areas = _face_normals(surface)
-    if not areas.sum() > 0:
-        raise BadData("a surface has no area")
-    random = np.random.default_rng(0)
-    # One point in every equal share of the area, in the order of the faces, spreads better than chance.
-    places = (np.arange(count) + random.random(count)) / count * areas.sum()
-    face = np.minimum(np.searchsorted(np.cumsum(areas), places), len(areas) - 1)
-    a, b = np.sqrt(random.random(count)), random.random(count)
-    shares = np.stack([1.0 - a, a * (1.0 - b), a * b], axis=1)
-    points = np.einsum("ij,ijk->ik", shares, surface.vertices[surface.faces[face]])
-    return _Samples(points, normals[face], float(areas.sum()))
+def _parts(pairs: _Pairs) -> tuple[Array, Array, Array]:
+    return pairs.moved, pairs.normals, pairs.away
 
 
-def _iterated(
-    given: _Samples, goal: _Goal, start: Similarity, iterations: int, options: SurfaceOptions, fine: bool
-) -> _Found:
-    """Gauss-Newton on distances to the planes of the nearest points, the furthest left out in each step."""
-    rotation, translation, size = np.array(start.rotation), np.array(start.translation), start.scale
-    middle = given.points.mean(axis=0)
-    radius = float(np.sqrt(np.mean(np.sum((given.points - middle) ** 2, axis=1))))
-    count = 7 if options.scale and fine else 6
-    converged, slopes, rms = False, np.zeros((1, count)), np.inf
-    for _ in range(iterations):
-        moved = size * given.points @ rotation.T + translation
-        closest, normals = goal.nearest(moved, fine)
-        away = moved - closest
-        facing = np.einsum("ij,ij->i", given.normals @ rotation.T, normals)
-        apart = np.einsum("ij,ij->i", away, normals)
-        distance = np.linalg.norm(away, axis=1)
-        sided = facing > 0 if np.mean(facing > 0) > FACING else np.ones(len(facing), dtype=bool)
-        kept = sided & (distance <= np.quantile(distance[sided], options.kept))
-        center = size * rotation @ middle + translation
-        lever = (moved - center)[kept]
-        normal = normals[kept]
-        slopes = np.concatenate(
-            [np.cross(lever, normal), normal, np.einsum("ij,ij->i", lever, normal)[:, None]], axis=1
-        )[:, :count]
-        rms = float(np.sqrt(np.mean(distance[kept] ** 2))) / size
-        columns = np.concatenate([np.full(3, 1.0 / radius), np.ones(3), [1.0 / radius]])[:count]
-        scaled = slopes * columns
-        gram = scaled.T @ scaled
-        step = -columns * np.linalg.solve(gram + 1e-6 * np.trace(gram) * np.eye(count), scaled.T @ apart[kept])
-        angle = float(np.linalg.norm(step[:3]))
-        turn = axis_rotation(step[:3] / angle, angle) if angle > 0 else np.eye(3)
-        growth = float(np.exp(np.clip(step[6], -0.1, 0.1))) if count == 7 else 1.0
-        rotation, size = turn @ rotation, size * growth
-        translation = center + step[3:6] - size * rotation @ middle
-        if angle * radius + np.linalg.norm(step[3:6]) + abs(growth - 1.0) * radius < (
-            SETTLED if fine else 10 * SETTLED
-        ):
-            converged = True
-            break
-    return _Found(Similarity(rotation, translation, size), rms, converged, slopes)
-
-
-def _from_starts(given: _Samples, goal: _Goal, options: SurfaceOptions) -> _Found:
+def _from_starts(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> _Found:
     """The best of many coarse fits, refined."""
-    every = max(1, len(given.points) // COARSE)
-    few = _Samples(given.points[::every], given.normals[::every], given.area)
-    found = [_iterated(few, goal, start, 15, options, fine=False) for start in _starts(given, goal, options.starts)]
+    coarse = _Fitting(given, goal, partial, options, COARSE, fine=False)
+    found = [coarse.iterated(start, 15) for start in _starts(given, goal, options.starts)]
     found.sort(key=lambda one: one.rms)
     distinct: list[_Found] = []
     for one in found:
@@ -260,14 +242,14 @@ def _from_starts(given: _Samples, goal: _Goal, options: SurfaceOptions) -> _Foun
             distinct.append(one)
         if len(distinct) == 4:
             break
-    finer = [_iterated(few, goal, one.similarity, 30, options, fine=True) for one in distinct]
-    best = min(finer, key=lambda one: one.rms)
-    return _iterated(given, goal, best.similarity, options.iterations, options, fine=True)
+    finer = _Fitting(given, goal, partial, options, COARSE)
+    best = min((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
+    return _Fitting(given, goal, partial, options, options.points).iterated(best.similarity, options.iterations)
 
 
-def _starts(given: _Samples, goal: _Goal, turns: int) -> list[Similarity]:
+def _starts(given: Shape, goal: Shape, turns: int) -> list[Similarity]:
     """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is cut off."""
-    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(one) for one in (given, goal.samples))
+    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(one.samples(2000)) for one in (given, goal))
     shift = max(0.0, 0.5 * (goal_long - long))
     shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
     starts = []
@@ -281,7 +263,7 @@ def _starts(given: _Samples, goal: _Goal, turns: int) -> list[Similarity]:
     return starts
 
 
-def _axes(samples: _Samples) -> tuple[Array, Array, float]:
+def _axes(samples: Samples) -> tuple[Array, Array, float]:
     """Middle (3,), principal axes (3, 3) as columns of a rotation, the long one first, and the length along it."""
     middle = samples.points.mean(axis=0)
     _, _, rows = np.linalg.svd(samples.points - middle, full_matrices=False)
@@ -290,16 +272,16 @@ def _axes(samples: _Samples) -> tuple[Array, Array, float]:
     return middle, axes, float(np.ptp(along))
 
 
-def _covariance(found: _Found, given: _Samples, options: SurfaceOptions) -> Array:
+def _covariance(found: _Found, area: float) -> Array:
     """Covariance (7, 7) of a step from the solution, zero for a scale that was not looked for."""
     rows, count = found.slopes.shape
-    independent = max(given.area * options.kept / PATCH, count + 1.0)
-    radius = np.sqrt(given.area) * found.similarity.scale
+    independent = max(area / PATCH, count + 1.0)
+    radius = np.sqrt(area) * found.similarity.scale
     units = np.concatenate([np.full(3, radius), np.ones(3), [radius]])[:count]
     information = (found.slopes / units).T @ (found.slopes / units) * (independent / rows)
     # A direction that the shape does not show at all keeps a large variance instead of none.
     information += 1e-9 * np.trace(information) * np.eye(count)
     result = np.zeros((7, 7))
-    found_variance = (found.rms * found.similarity.scale) ** 2 * np.linalg.inv(information)
-    result[:count, :count] = found_variance / np.outer(units, units)
+    variance = (found.rms * found.similarity.scale) ** 2 * np.linalg.inv(information)
+    result[:count, :count] = variance / np.outer(units, units)
     return result
