@@ -17,6 +17,7 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.series import PlateRecording
 from myomorph.model.spatial import Array, axis_rotation, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
+from myomorph.morph.clusters import surface_parts
 from myomorph.morph.procrustes import Similarity
 from myomorph.morph.registration import register_surface
 from myomorph.motion.filters import natural_spline
@@ -241,6 +242,31 @@ def measure_scans(folder: Path) -> Iterator[Row]:
                 "residual [mm]": 1e3 * float(np.mean(rms)),
                 "called mirrored": "yes" if named else "no",
             }
+
+
+def measure_persons(folder: Path) -> Iterator[Row]:
+    """Bones of two persons from MRI laid on those of a generic model, of the same side and of the other."""
+    for person in ("ICL_MRI", "MC22"):
+        for bone in ("femur", "tibia"):
+            path = folder / f"bones-mri-two-adults/{person}/{bone}_r.ply"
+            if not path.is_file():
+                continue
+            # The scanner's tibia comes with its fibula, the model's without.
+            whole = surface_parts(read_mesh(path))[0]
+            scan = Surface(0.001 * whole.vertices, whole.faces)
+            for side in ("r", "l"):
+                found = register_surface(
+                    scan, read_mesh(folder / f"bones-opensim-rajagopal/Geometry/{side}_{bone}.vtp")
+                )
+                yield {
+                    "scan (real)": f"{person} right {bone}",
+                    "model's bone": f"{'right' if side == 'r' else 'left'} {bone}",
+                    "residual, rms [mm]": 1e3 * found.rms,
+                    "half of it within [mm]": 1e3 * found.percentile(50),
+                    "95 % of it within [mm]": 1e3 * found.percentile(95),
+                    "model over scan": found.similarity.scale,
+                    "called mirrored": "yes" if any("mirrored" in line for line in found.notes) else "no",
+                }
 
 
 def _bones(folder: Path) -> Iterator[tuple[str, Path]]:

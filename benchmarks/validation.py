@@ -88,6 +88,7 @@ def run() -> list[Row]:
         "plates_standing": lambda: accuracy_calibrations.measure_standing(folder),
         "clocks": accuracy_calibrations.measure_clocks,
         "scans": lambda: accuracy_calibrations.measure_scans(folder),
+        "scans_persons": lambda: accuracy_calibrations.measure_persons(folder),
         "handle": lambda: accuracy_calibrations.measure_handle(folder),
         "tracking_noise": accuracy_tracking.measure_noise,
         "tracking_faults": accuracy_tracking.measure_faults,

@@ -18,6 +18,9 @@ from myomorph.morph.surface_points import Samples, Shape
 PATCH = 1e-4
 """Area over which errors of two surfaces go together, for standard deviations [m^2]."""
 
+OTHER_SIDE = 0.9
+"""Share of the residual that the mirrored source leaves, below which the side is doubted."""
+
 BEYOND = 3.0
 """Of a part, the target's points count up to so many times the furthest of the source's that count."""
 
@@ -28,7 +31,7 @@ FACING = 0.7
 COARSE = 200
 """Points with which the many starts are tried."""
 
-SETTLED = 1e-5, 1e-3
+SETTLED = 1e-5, 1e-2
 """A step that moves the surface less, in metres or as a share of the residual, ends the iteration."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -119,7 +122,7 @@ def register_surface(
         if options.mirror:
             mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
             other = _from_starts(mirrored, goal, partial, options)
-            if other.rms < 0.7 * found.rms:
+            if other.rms < OTHER_SIDE * found.rms:
                 notes.append(
                     f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * found.rms:.2f} mm): is "
                     "it a bone of the other side?"
