@@ -278,7 +278,7 @@ def _bones(folder: Path) -> Iterator[tuple[str, Path]]:
         import myo_sim
     except ImportError:
         return
-    for name in ("humerus", "radius"):
+    for name in ("humerus",):
         yield f"myo-sim {name}", Path(myo_sim.MODELS_DIR) / "meshes" / f"{name}.stl"
 
 
