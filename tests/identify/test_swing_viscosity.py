@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
-from made_swings import MUSCLES, Made, eleven, inertia_columns, skew, three_releases
+from made_swings import MUSCLES, Made, eleven, inertia_columns, skew, swing, three_releases
 from scipy.spatial.transform import Rotation
 
+from myomorph.identify import swing_prediction
 from myomorph.identify.condition_solution import solve_condition
 from myomorph.identify.joint_viscosity import joint_viscosity, torque_problem
 from myomorph.identify.limb_inertia import InertiaOptions, limb_inertia
@@ -168,16 +169,20 @@ def test_rank_is_that_of_a_symmetric_matrix_where_moment_arms_are_constant():
     )
 
 
-def test_instruments_keep_noise_of_the_acceleration_from_shrinking_the_limb(bare):
-    random = np.random.default_rng(3)
-    shaken = []
-    for one in bare:
-        noise = 2.0 * random.standard_normal((len(one), 3))
+def shaken(recordings, random: np.random.Generator, size: float) -> list[SwingRecording]:
+    """With noise [rad/s^2] in the accelerations of the rows, as of markers differentiated twice."""
+    made = []
+    for one in recordings:
+        noise = size * random.standard_normal((len(one), 3))
         rows = np.array(one.wrench_rows)
         rows[:, :3, 4:] += one.rotations @ inertia_columns(noise)
         rows[:, 3:, 1:4] += one.rotations @ skew(noise)
-        shaken.append(remade(one, wrench_rows=rows))
-    sums = swing_sums(shaken)
+        made.append(remade(one, wrench_rows=rows))
+    return made
+
+
+def test_instruments_keep_noise_of_the_acceleration_from_shrinking_the_limb(bare):
+    sums = swing_sums(shaken(bare, np.random.default_rng(3), 2.0))
     truth = np.linalg.norm(BARE.parameters[1:4])
     error, plain = (
         abs(np.linalg.norm(limb_inertia(sums, None, InertiaOptions(instruments=used)).parameters[1:4]) / truth - 1.0)
@@ -185,6 +190,29 @@ def test_instruments_keep_noise_of_the_acceleration_from_shrinking_the_limb(bare
     )
     assert error < 0.01
     assert plain > 5.0 * error
+
+
+@dataclass(frozen=True)
+class Straight(Made):
+    """A straight limb, which swings in one plane on a ball if it is let go so."""
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([2.0, 0.0, -0.84, 0.0, 0.46, 0.0016, 0.46, 0.0, 0.0, 0.0])
+
+
+def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
+    """Noise says that their inertia is small, and of a possible body no other is larger than the other two together."""
+    limb, random = Straight(), np.random.default_rng(0)
+    exact = swing(limb, np.outer([0.7, -0.9], [1.0, 0.0, 0.0]), np.zeros((2, 3)), 6.0)
+    plate = [remade(one, wrench=one.wrench + 0.03 * random.standard_normal(one.wrench.shape)) for one in exact]
+    swings = shaken(plate, random, 0.5)
+    errors = []
+    for share in (swing_prediction.STILL, 0.0):
+        monkeypatch.setattr(swing_prediction, "STILL", share)
+        errors.append(np.abs(limb_inertia(swing_sums(swings)).parameters[[2, 4]] / limb.parameters[[2, 4]] - 1.0).max())
+    assert errors[0] < 0.005
+    assert errors[1] > 2.0 * errors[0]
 
 
 def test_a_body_that_cannot_be_is_not_returned(bare):

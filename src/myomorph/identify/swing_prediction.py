@@ -10,11 +10,17 @@ on the rows themselves draws the parameters towards zero, because noise in a row
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.identify.swings import SwingRecording
 from myomorph.model.spatial import Array
+
+STILL, EXPLAINED = 0.1, 0.8
+"""A direction is still whose rate is below this share of the fastest's and whose acceleration the state explains less
+than this. Only noise is measured there; it would say that the inertia is small, and a possible body's other inertias
+with it. White noise below a cutoff explains 0.56 of its own second derivative."""
 
 
 def free_directions(recordings: Sequence[SwingRecording]) -> Array:
@@ -33,8 +39,21 @@ def moment_rows(one: SwingRecording) -> Array:
     return rows
 
 
-def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]) -> list[Array]:
-    """(frames, 6, 10) of each recording: `wrench_rows` with the acceleration that the state predicts.
+class PredictedRows(NamedTuple):
+    """The wrench rows of a recording and their instruments, (frames, 6, 10) each.
+
+    Attributes
+    ----------
+    rows : `wrench_rows` without the acceleration of directions in which the limb is still
+    instruments : the same rows with the acceleration that the state predicts
+    """
+
+    rows: Array
+    instruments: Array
+
+
+def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]) -> list[PredictedRows]:
+    """Rows of every recording with the measured and with the predicted acceleration.
 
     Parameters
     ----------
@@ -49,10 +68,24 @@ def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.nda
     size = np.sqrt(np.square(A).mean(axis=0))
     size = np.where(size > 0.0, size, 1.0)
     law = np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size[:, None]
-    return [
-        one.wrench_rows + _rows_of(one.rotations, (state @ law - seen) @ along)
-        for one, state, seen in zip(recordings, states, measured, strict=True)
-    ]
+    rates = np.concatenate([one.rates[use] for one, use in zip(recordings, frames, strict=True)])
+    still = _still(rates, b, A @ law)
+    turning = np.eye(len(still)) - still
+    found = []
+    for one, state, seen in zip(recordings, states, measured, strict=True):
+        rows = one.wrench_rows - _rows_of(one.rotations, seen @ still @ along)
+        change = (state @ law - seen) @ turning
+        found.append(PredictedRows(rows, rows + _rows_of(one.rotations, change @ along)))
+    return found
+
+
+def _still(rates: Array, measured: Array, predicted: Array) -> Array:
+    """(axes, axes) projection on the directions in which the limb is still."""
+    squares, directions = np.linalg.eigh(rates.T @ rates)
+    seen, left = (np.square(one @ directions).sum(axis=0) for one in (measured, measured - predicted))
+    still = directions[:, (squares < STILL**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)]
+    projection: Array = still @ still.T
+    return projection
 
 
 def _state(one: SwingRecording) -> Array:

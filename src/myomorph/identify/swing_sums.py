@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.identify.swing_prediction import free_directions, predicted_rows
+from myomorph.identify.swing_prediction import PredictedRows, free_directions, predicted_rows
 from myomorph.identify.swings import PARAMETERS, SwingRecording
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
@@ -170,9 +170,10 @@ def _of(parts: list[tuple[int, np.ndarray]], trial: int) -> np.ndarray:
     return np.concatenate(own) if own else np.zeros(0, np.int64)
 
 
-def _wrench_products(one: SwingRecording, predicted: Array, block: _Block) -> Array:
+def _wrench_products(one: SwingRecording, predicted: PredictedRows, block: _Block) -> Array:
     use = block.frames
-    columns = [one.wrench_rows[use], one.wrench[use, :, None], predicted[use], np.ones((len(use), 6, 1))]
+    rows, instruments = predicted.rows[use], predicted.instruments[use]
+    columns = [rows, one.wrench[use, :, None], instruments, np.ones((len(use), 6, 1))]
     return _products(np.concatenate(columns, axis=2), block.weight)
 
 
