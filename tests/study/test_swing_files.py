@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.identify.swung_specimen import arm_specimen, swing
 
-from c3d_files import write_c3d
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.identify.plate_wrench import wrench_about
+from myomorph.io.c3d_write import write_c3d
 from myomorph.io.osim_write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc

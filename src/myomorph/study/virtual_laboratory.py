@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import ezc3d
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
 from myomorph.identify.specimen import Specimen
+from myomorph.io.c3d_write import write_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Markers, PlateRecording, Wrenches
@@ -68,7 +68,7 @@ def write_swing_c3d(trial: VirtualTrial, plate: VirtualPlate, path: Path) -> Non
     samples = slice(first, first + every * int(both.sum()))
     force, moment = at_center(wrenches, plate.true.translation)
     seen = Markers(markers.time[both], markers.names, markers.values[both])
-    write_c3d(seen, plate.recording(force[samples], moment[samples]), path)
+    write_c3d(path, seen, plate.recording(force[samples], moment[samples]))
 
 
 def at_center(wrenches: Wrenches, center: Array) -> tuple[Array, Array]:
@@ -95,32 +95,7 @@ def write_rod(plate: VirtualPlate, noise: Noise, random: np.random.Generator, pa
     moment = moment + noise.force * noise.lever * random.standard_normal(moment.shape)
     seen = np.stack([tips + length * along for length in ROD.values()], axis=1)[::every]
     seen = seen + noise.marker * random.standard_normal(seen.shape)
-    write_c3d(Markers(time[::every], tuple(ROD), seen), plate.recording(force, moment), path)
-
-
-def write_c3d(markers: Markers, plate: PlateRecording, path: Path) -> None:
-    """Markers [mm] and a plate of type 2 [N, N mm], a whole number of samples a frame."""
-    file = ezc3d.c3d()
-    points = np.ones((4, len(markers.names), len(markers)))
-    points[:3] = 1e3 * markers.values.transpose(2, 1, 0)
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    file["parameters"]["POINT"]["RATE"]["value"] = [MARKER_RATE]
-    file["parameters"]["POINT"]["LABELS"]["value"] = list(markers.names)
-    file["data"]["points"] = points
-    file["parameters"]["ANALOG"]["RATE"]["value"] = [FORCE_RATE]
-    file["parameters"]["ANALOG"]["LABELS"]["value"] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
-    file["parameters"]["ANALOG"]["UNITS"]["value"] = ["N"] * 3 + ["Nmm"] * 3
-    file["data"]["analogs"] = (plate.channels * ([1.0] * 3 + [1e3] * 3)).T[None]
-    for name, value in (
-        ("USED", [1]),
-        ("TYPE", [2]),
-        ("ZERO", [1, 0]),
-        ("CORNERS", 1e3 * plate.corners.T[:, :, None]),
-        ("ORIGIN", 1e3 * plate.origin[:, None]),
-        ("CHANNEL", np.arange(1.0, 7.0)[:, None]),
-    ):
-        file.add_parameter("FORCE_PLATFORM", name, value)
-    file.write(str(path))
+    write_c3d(path, Markers(time[::every], tuple(ROD), seen), plate.recording(force, moment))
 
 
 def write_scans(specimen: Specimen, folder: Path, random: np.random.Generator) -> str:
