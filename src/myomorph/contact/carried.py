@@ -12,6 +12,7 @@ sensor's axes in the object, and lambda free in every frame.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,7 +199,15 @@ def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
 class _Held:
     """Residuals of a handle's force; parameters: rotation vector, share, point, offset and, if wanted, a constant."""
 
-    def __init__(self, time: Array, pull: Array, turning: Array, force, along: Array, constant: bool):  # type: ignore[no-untyped-def]
+    def __init__(
+        self,
+        time: Array,
+        pull: Array,
+        turning: Array,
+        force: Callable[[Array], Array],
+        along: Array,
+        constant: bool,
+    ):
         self.time, self.pull, self.turning, self.force = time, pull, turning, force
         self.along, self.across, self.constant = along, np.eye(3) - along, constant
 

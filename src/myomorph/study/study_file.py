@@ -46,7 +46,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+        beside = sorted(one.name for one in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+        hint = f"{path.parent} has {listing(path.name, beside)}" if beside else "give a study file in TOML"
+        raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
     except UnicodeDecodeError:
         raise BadFile(path, "is not text", "give a study file in TOML") from None
     except tomllib.TOMLDecodeError as error:

@@ -129,7 +129,6 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     share = TRACKING / sum(1 for entries in given.values() if entries)
     for name, entries in given.items():
         if not entries:
-            notes.append(f"no recordings {name} muscles: what needs them is lacking")
             continue
         try:
             conditions[name] = _tracked(specimen, files, name, place, options, lambda part: advance(share * part))
