@@ -1,0 +1,254 @@
+"""Where bodies touch the world or each other: sites, what holds them there, and the forces that pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, index_of
+from myomorph.model.series import Series, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """Which forces may act on a body at a site.
+
+    Attributes
+    ----------
+    direction : (3,) the middle of the cone, the way the body is pushed (made a unit vector), in the axes of
+        `frame`; None where force may act any way, as on a hand that grips
+    frame : the ground or a body, whose axes turn with it
+    friction : greatest force across `direction`, as a share of that along it; 0 for a force along it only (a
+        sleeve, a rope), inf for a half-space
+    torsion : greatest moment about `direction` at each point, as a share of the force along it [m]
+    grip : lever at which a moment costs what a force does; then the site passes moments about all axes [m]
+    edges : how many edges the linearised cone has, an even number from 4
+    most : greatest force along `direction` over the whole site (along each axis of ground without one) [N]
+    """
+
+    direction: Array | None = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
+    frame: str = GROUND
+    friction: float = 0.8
+    torsion: float = 0.0
+    grip: float = 0.0
+    edges: int = 6
+    most: float = np.inf
+
+    def __post_init__(self) -> None:
+        if self.direction is not None:
+            given = frozen_array(self.direction, (3,))
+            length = float(np.linalg.norm(given))
+            if not (np.isfinite(length) and length > 0.0):
+                raise BadData(f"direction {given.tolist()} of a contact: expected a vector with a length")
+            object.__setattr__(self, "direction", frozen_array(given / length))
+        for name in ("friction", "torsion", "grip"):
+            if not getattr(self, name) >= 0.0:
+                raise BadData(f"{name} of a contact is {getattr(self, name):g}: expected 0 or more")
+        if self.edges < 4 or self.edges % 2:
+            raise BadData(f"a linearised cone of {self.edges} edges: expected an even number from 4")
+        if not self.most > 0.0:
+            raise BadData(f"greatest force of a contact is {self.most:g} N: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """A place of a body that can touch something.
+
+    Attributes
+    ----------
+    points : (points, 3) in the body's frame: one for a point, the corners of a patch for a patch [m]
+    against : what is touched and takes the opposite force at the same place: the ground or another body
+    group : the contact that this site is a part of, as the sole of one foot; its own name where empty
+    """
+
+    name: str
+    body: str
+    points: Array
+    cone: Cone = field(default_factory=Cone)
+    against: str = GROUND
+    group: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen_array(self.points, (-1, 3)))
+        if not len(self.points) or not np.isfinite(self.points).all():
+            raise BadData(f"contact site '{self.name}' has no point, or one that is not finite")
+        if self.body == self.against:
+            raise BadData(f"contact site '{self.name}' lets body '{self.body}' touch itself")
+        if not self.group:
+            object.__setattr__(self, "group", self.name)
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One site that touches something for a while.
+
+    Attributes
+    ----------
+    start, stop : [s]
+    confidence : how sure that is, 0 to 1
+    source : what tells so: "plates", "kinematics", "camera", "sound", ...
+    """
+
+    site: str
+    start: float
+    stop: float
+    surface: str = GROUND
+    confidence: float = 1.0
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.start <= self.stop:
+            raise BadData(f"site '{self.site}' touches '{self.surface}' from {self.start:g} to {self.stop:g} s")
+        if not 0.0 <= self.confidence <= 1.0:
+            raise BadData(f"confidence {self.confidence:g} of a contact of '{self.site}': expected 0 to 1")
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Which site touches what, from when to when, and how sure: the same whatever tells it.
+
+    Attributes
+    ----------
+    sites : names of all sites that were looked at, those included that never touch
+    touches : in the order of their start
+    warnings : one line each
+    """
+
+    sites: tuple[str, ...]
+    touches: tuple[Touch, ...]
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "touches", tuple(sorted(self.touches, key=lambda one: (one.start, one.site))))
+        for one in self.touches:
+            if one.site not in self.sites:
+                raise UnknownName("contact site", one.site, self.sites, "the contacts")
+
+    def states(self, time: Array) -> Series:
+        """How sure it is that each site touches: (frames, sites), 0 where nothing says so."""
+        values = np.zeros((len(time), len(self.sites)))
+        for one in self.touches:
+            column = self.sites.index(one.site)
+            inside = (time >= one.start - 1e-9) & (time <= one.stop + 1e-9)
+            values[inside, column] = np.maximum(values[inside, column], one.confidence)
+        return Series(time, self.sites, values)
+
+    def of(self, site: str) -> tuple[Touch, ...]:
+        """When one site touches."""
+        return tuple(one for one in self.touches if one.site == site)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedWrench:
+    """A force that was measured, but for several sites together: what a plate or a load cell carries.
+
+    Attributes
+    ----------
+    sites : names of the sites that stand on it
+    forces, moments : (frames, 3) on the bodies, moments about the ground's origin [N], [N m]; NaN where unknown
+    force_sd, moment_sd : how well they are known, a standard deviation of each component [N], [N m]
+    """
+
+    name: str
+    sites: tuple[str, ...]
+    forces: Array
+    moments: Array
+    force_sd: float = 5.0
+    moment_sd: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("forces", "moments"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (-1, 3)))
+        if self.forces.shape != self.moments.shape:
+            raise BadData(f"'{self.name}' has {len(self.forces)} forces and {len(self.moments)} moments")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """Forces at contact sites over time, in ground.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    strengths : (frames, sites) how ready each site was to carry force, 0 for no contact
+    forces : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without contact [N]
+    points : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
+    torques : (frames, sites, 3) free torque about it [N m]
+    """
+
+    time: Array
+    sites: tuple[Site, ...]
+    strengths: Array
+    forces: Array
+    points: Array
+    torques: Array
+
+    def __post_init__(self) -> None:
+        frames, sites = len(self.time), len(self.sites)
+        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
+        object.__setattr__(self, "strengths", frozen_array(self.strengths, (frames, sites)))
+        for name in ("forces", "points", "torques"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (frames, sites, 3)))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sites."""
+        return tuple(one.name for one in self.sites)
+
+    def of(self, site: str) -> Array:
+        """Force at one site (frames, 3); raises `UnknownName`."""
+        found: Array = self.forces[:, index_of("contact site", site, self.names, "the contacts")]
+        return found
+
+    def wrenches(self, by: Literal["body", "group", "site"] = "body") -> Wrenches:
+        """Forces on the bodies as external loads, sites of one body or group taken together.
+
+        The point of application is the mean of the sites' points by their force along the cone, which on a floor is
+        the center of pressure; what moment is left about it is the free torque. A contact between two bodies gives two
+        loads, the second on `Site.against` with the opposite force.
+        """
+        parts: dict[tuple[str, str], list[tuple[int, float]]] = {}
+        for k, site in enumerate(self.sites):
+            label = {"body": site.body, "group": site.group, "site": site.name}[by]
+            parts.setdefault((label, site.body), []).append((k, 1.0))
+            if site.against != GROUND:
+                reaction = site.against if by == "body" else f"{label}_on_{site.against}"
+                parts.setdefault((reaction, site.against), []).append((k, -1.0))
+        frames = len(self.time)
+        values = np.zeros((3, frames, len(parts), 3))
+        for j, members in enumerate(parts.values()):
+            values[:, :, j] = self._together(members)
+        labels = [label for label, _ in parts]
+        bodies = tuple(body for _, body in parts)
+        names = tuple(
+            label if labels.count(label) == 1 else f"{label}_{body}" for label, body in zip(labels, bodies, strict=True)
+        )
+        return Wrenches(self.time, names, bodies, *values)
+
+    def _pressed(self, k: int) -> Array:
+        """Force along the cone of a site (frames,); the whole force where its direction is not fixed in ground."""
+        cone = self.sites[k].cone
+        if cone.direction is None or cone.frame != GROUND:
+            return np.linalg.norm(self.forces[:, k], axis=1)
+        pressed: Array = np.abs(self.forces[:, k] @ cone.direction)
+        return pressed
+
+    def _together(self, members: Sequence[tuple[int, float]]) -> tuple[Array, Array, Array]:
+        """Force, point and free torque (frames, 3) of some sites, each with the sign it acts with."""
+        chosen = [k for k, _ in members]
+        sign = np.array([one for _, one in members])[:, None]
+        forces, points = self.forces[:, chosen] * sign, self.points[:, chosen]
+        torques = self.torques[:, chosen] * sign
+        size = np.stack([self._pressed(k) for k in chosen], axis=1)
+        share = np.where(size.sum(axis=1, keepdims=True) > 0.0, size, 1.0)
+        point = np.einsum("fk,fki->fi", share / share.sum(axis=1, keepdims=True), points)
+        torque = (torques + np.cross(points - point[:, None], forces)).sum(axis=1)
+        return forces.sum(axis=1), point, torque
