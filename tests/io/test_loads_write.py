@@ -58,7 +58,7 @@ def test_points_of_idle_loads_are_numbers():
 
 def test_a_load_without_a_body_is_refused():
     wrenches = Wrenches(np.zeros(1), ("plate 1",), ("",), *np.zeros((3, 1, 1, 3)))
-    with pytest.raises(BadData, match="plate 1.*no body"):
+    with pytest.raises(BadData, match="acts on no body"):
         loads_table(wrenches)
 
 

@@ -1,0 +1,50 @@
+"""Contacts and their forces come back from result files as they were."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.study.contact_store import get_contact_forces, get_contacts, put_contact_forces, put_contacts
+from myomorph.study.results import new_result, read_result
+
+TIME = np.arange(4) / 100.0
+SITES = (
+    Site("heel_r", "calcn_r", [[0.0, -0.02, 0.01]], Cone(friction=np.inf, most=900.0), group="foot_r"),
+    Site("grip", "hand_r", [[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], Cone(None, grip=0.05), against="box"),
+    Site("sleeve", "hand_l", [[0.0, 0.0, 0.0]], Cone([0.0, 0.0, 2.0], "torso", friction=0.0)),
+)
+
+
+def test_forces_at_sites_survive(tmp_path):
+    draw = np.random.default_rng(2)
+    forces = ContactForces(TIME, SITES, draw.random((4, 3)), *draw.normal(size=(3, 4, 3, 3)))
+    with new_result(tmp_path / "x.nc") as writer:
+        put_contact_forces(writer, forces)
+    found = get_contact_forces(read_result(tmp_path / "x.nc"))
+    for name in ("time", "strengths", "forces", "points", "torques"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(forces, name))
+    for one, other in zip(found.sites, SITES, strict=True):
+        assert (one.name, one.body, one.against, one.group) == (other.name, other.body, other.against, other.group)
+        np.testing.assert_array_equal(one.points, other.points)
+        for name in ("frame", "friction", "torsion", "grip", "edges", "most"):
+            assert getattr(one.cone, name) == getattr(other.cone, name)
+        np.testing.assert_array_equal(one.cone.direction, other.cone.direction)
+
+
+@pytest.mark.parametrize("count", [0, 1, 900])
+def test_contacts_survive_however_many(tmp_path, count):
+    touches = tuple(Touch("heel_r", 0.1 * k, 0.1 * k + 0.05, confidence=0.5, source="camera") for k in range(count))
+    contacts = Contacts(("heel_r", "toe_r"), touches, ("a doubt",))
+    with new_result(tmp_path / "x.nc") as writer:
+        put_contacts(writer, contacts)
+    assert get_contacts(read_result(tmp_path / "x.nc")) == contacts
+
+
+def test_results_without_contacts_say_so(tmp_path):
+    with new_result(tmp_path / "x.nc") as writer:
+        writer.time(TIME)
+    found = read_result(tmp_path / "x.nc")
+    assert get_contact_forces(found) is None
+    assert get_contacts(found) is None
