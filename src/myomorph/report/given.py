@@ -9,6 +9,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from myomorph.model.contacts import ContactForces, Contacts
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
@@ -17,6 +19,7 @@ from myomorph.motion.ik import KinematicsFit
 from myomorph.report.identified import IdentificationInput
 
 NoteKind = Literal["real", "assumed", "simulated", "warning"]
+Situation = Literal["", "measured", "shared", "sound", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,47 @@ class Truth:
     motion: Series | None = None
     torques: Series | None = None
     activations: Series | None = None
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a motion: its name, its start and its end [s]."""
+
+    name: str
+    start: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        if not self.start < self.stop:
+            raise BadData(f"phase '{self.name}' lasts from {self.start:g} to {self.stop:g} s: expected a later end")
+
+
+@dataclass(frozen=True)
+class Uncarried:
+    """A frame whose contacts could not carry the motion: its time [s], and the smallest relaxation that does."""
+
+    time: float
+    relaxation: str = ""
+
+
+class ForceIntervals(Protocol):
+    """What physics leaves open of contact forces, as the report reads it."""
+
+    @property
+    def time(self) -> Array:
+        """(samples,) [s]."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Groups of sites, or sites."""
+
+    @property
+    def lower(self) -> Array:
+        """(samples, names, 3) least force in ground [N], NaN where unknown."""
+
+    @property
+    def upper(self) -> Array:
+        """(samples, names, 3) greatest force [N]."""
 
 
 class TensionResult(Protocol):
@@ -133,6 +177,16 @@ class ReportInput:
     emg_muscles : EMG channel to the muscles it was measured on; channels not named are shown apart
     events : known events; None lets the report find them in the forces
     truth : of a simulated capture
+    preset : name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
+    phases : parts of the motion, as the user cuts them; () for those that events or contacts tell
+    times : instants to picture, () for those of events [s]
+    contacts : which site touches what; None takes what the forces tell
+    contact_forces : as estimated, beside `wrenches` as measured
+    intervals : of the contact forces, as far as they are known
+    residuals : (frames, 6) force and moment that still hold the root once contacts carry [N], [N m]
+    uncarried : frames whose contacts could not carry the motion
+    situation : how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
+        "sound", or "unknown" and solved for; "" tells it by what is given
     identification : how the body's masses and lengths were found
     warnings : what the readers and steps had to say, one line each
     """
@@ -162,6 +216,15 @@ class ReportInput:
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     events: tuple[Event, ...] | None = None
     truth: Truth | None = None
+    preset: str = ""
+    phases: tuple[Phase, ...] = ()
+    times: tuple[float, ...] = ()
+    contacts: Contacts | None = None
+    contact_forces: ContactForces | None = None
+    intervals: ForceIntervals | None = None
+    residuals: Series | None = None
+    uncarried: tuple[Uncarried, ...] = ()
+    situation: Situation = ""
     identification: IdentificationInput | None = None
     warnings: tuple[str, ...] = ()
 
