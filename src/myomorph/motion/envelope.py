@@ -1,14 +1,16 @@
-"""Raw EMG to envelopes: band-pass, rectify, low-pass, scale to the largest value."""
+"""Raw EMG to envelopes: notch, band-pass, rectify, low-pass, scale to a largest value."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, iirnotch, sosfiltfilt, tf2sos
 
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
+from myomorph.model.spatial import Array
 
 
 @dataclass(frozen=True)
@@ -20,18 +22,58 @@ class EnvelopeOptions:
     band : pass band of the raw signal [Hz]; its upper end is lowered to 0.45 of the rate
     cutoff : low-pass of the rectified signal [Hz]
     order : of the Butterworth filters, each run forwards and backwards
+    notch : frequency of the mains, taken out with its harmonics [Hz]; None leaves them in
+    notch_width : width of each notch at half its power [Hz]
     """
 
     band: tuple[float, float] = (20.0, 450.0)
     cutoff: float = 6.0
     order: int = 4
+    notch: float | None = None
+    notch_width: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.band[0] < self.band[1] and self.cutoff > 0.0 and self.order >= 1):
+            raise BadData(
+                f"envelope with band {self.band[0]:g} to {self.band[1]:g} Hz, cutoff {self.cutoff:g} Hz, order "
+                f"{self.order}: expected a rising band, a cutoff above 0 and an order from 1"
+            )
+        if self.notch is not None and not (self.notch > self.notch_width > 0.0):
+            raise BadData(f"notch at {self.notch:g} Hz, {self.notch_width:g} Hz wide: expected a width below its place")
 
 
-def envelopes(raw: Series, options: EnvelopeOptions | None = None) -> Emg:
-    """Linear envelopes of raw EMG (samples, channels), each channel scaled to its largest value.
+def envelopes(raw: Series, options: EnvelopeOptions | None = None, maxima: Mapping[str, float] | None = None) -> Emg:
+    """Linear envelopes of raw EMG (samples, channels), each channel scaled to a largest value.
 
-    Zero-lag Butterworth band-pass, absolute value, zero-lag Butterworth low-pass (Merletti 1999,
-    standards for reporting EMG data). Unknown samples (NaN) count as silence.
+    Parameters
+    ----------
+    maxima : largest envelope of each channel in the units of `raw`, as `largest` finds it in reference
+        trials (a maximum voluntary contraction); None takes each channel's own
+
+    Raises
+    ------
+    BadData
+        where the recording is too short or too slow for the filters, or a maximum is not above 0
+    UnknownName
+        where `maxima` lacks a channel
+    """
+    found = linear_envelope(raw, options)
+    peak = found.values.max(axis=0)
+    if maxima is not None:
+        for name in raw.names:
+            if name not in maxima:
+                raise UnknownName("EMG channel", name, tuple(maxima), "the reference of maxima")
+            if not maxima[name] > 0.0:
+                raise BadData(f"EMG channel '{name}': its largest value in the reference is {maxima[name]:g}")
+        peak = np.array([maxima[name] for name in raw.names])
+    return Emg(raw.time, raw.names, found.values / np.where(peak > 0.0, peak, 1.0))
+
+
+def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Series:
+    """Envelopes (samples, channels) in the units of the raw EMG.
+
+    Zero-lag notches where asked for, zero-lag Butterworth band-pass, absolute value, zero-lag Butterworth
+    low-pass (Merletti 1999, standards for reporting EMG data). Unknown samples (NaN) count as silence.
 
     Raises
     ------
@@ -46,9 +88,30 @@ def envelopes(raw: Series, options: EnvelopeOptions | None = None) -> Emg:
             f"EMG of {len(raw)} samples at {rate:g} Hz: expected at least {30 * options.order + 1} samples and a rate "
             f"above {low / 0.45:g} Hz"
         )
-    signal = np.nan_to_num(raw.values, nan=0.0, posinf=0.0, neginf=0.0)
+    known = np.isfinite(raw.values)
+    # Silence is the channel's own level: a gap set to 0 would be a step of the amplifier's offset.
+    level = [np.median(column[use]) if use.any() else 0.0 for column, use in zip(raw.values.T, known.T, strict=True)]
+    signal = np.where(known, raw.values - level, 0.0)
+    for notch in _notches(options, rate, high):
+        signal = sosfiltfilt(notch, signal, axis=0)
     band = butter(options.order, (low, high), "bandpass", fs=rate, output="sos")
     smooth = butter(options.order, options.cutoff, "lowpass", fs=rate, output="sos")
-    found = np.clip(sosfiltfilt(smooth, np.abs(sosfiltfilt(band, signal, axis=0)), axis=0), 0.0, None)
-    peak = found.max(axis=0)
-    return Emg(raw.time, raw.names, found / np.where(peak > 0.0, peak, 1.0))
+    found = sosfiltfilt(smooth, np.abs(sosfiltfilt(band, signal, axis=0)), axis=0)
+    return Series(raw.time, raw.names, np.clip(found, 0.0, None))
+
+
+def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) -> dict[str, float]:
+    """Largest envelope of each channel over reference trials of raw EMG, in their units."""
+    found: dict[str, float] = {}
+    for trial in trials:
+        for name, peak in zip(trial.names, linear_envelope(trial, options).values.max(axis=0), strict=True):
+            found[name] = max(found.get(name, 0.0), float(peak))
+    return found
+
+
+def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:
+    """Second-order sections of the notches at the mains and at its harmonics within the band."""
+    if options.notch is None:
+        return []
+    places = np.arange(options.notch, high, options.notch)
+    return [tf2sos(*iirnotch(place, place / options.notch_width, fs=rate)) for place in places]

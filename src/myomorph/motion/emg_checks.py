@@ -1,0 +1,202 @@
+"""What is wrong with EMG: each fault named with its channel and its time, before it reaches a muscle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import welch
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Emg, Series
+from myomorph.model.spatial import Array
+
+DEAD = 0.05
+"""Time without any change after which a raw channel is dead [s]: muscle and amplifier are never that quiet."""
+
+DEAD_ENVELOPE = 0.5
+"""The same for an envelope [s]."""
+
+CLIPPED = 3
+"""Samples in a row at a channel's largest or smallest value that mean a saturated amplifier."""
+
+CLIPPED_SHARE = 0.001
+"""Part of the samples that must be so."""
+
+MEDIAN_FREQUENCY = (25.0, 350.0)
+"""Range of the median frequency of surface EMG at its true rate [Hz], wide: 50 to 150 in most muscles."""
+
+BEYOND_ONE = 1.5
+"""Envelopes beyond this are no share of a maximum."""
+
+
+@dataclass(frozen=True)
+class EmgFault:
+    """One thing that is wrong with one channel.
+
+    Attributes
+    ----------
+    kind : "dead", "clipped", "unknown", "negative", "large" or "rate"
+    start, stop : first and last time of it [s]
+    text : one line
+    """
+
+    channel: str
+    kind: str
+    start: float
+    stop: float
+    text: str
+
+
+def raw_faults(raw: Series) -> tuple[EmgFault, ...]:
+    """Faults of raw EMG (samples, channels): dead or clipped channels, unknown samples, a rate that is wrong."""
+    found: list[EmgFault] = []
+    for name, column in zip(raw.names, raw.values.T, strict=True):
+        found += _unknown(raw, name, column)
+        if not np.isfinite(column).any():
+            continue
+        dead = _dead(raw, name, column, DEAD)
+        found += dead
+        if not dead:
+            found += [*_clipped(raw, name, column), *_off_rate(raw, name, column)]
+    return tuple(found)
+
+
+def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
+    """Faults of envelopes (samples, channels): unknown or negative samples, values far over 1, dead stretches."""
+    found: list[EmgFault] = []
+    for name, column in zip(emg.names, emg.values.T, strict=True):
+        found += _unknown(emg, name, column)
+        known = np.isfinite(column)
+        if not known.any():
+            continue
+        negative = known & (column < 0.0)
+        if negative.any():
+            told = (
+                f"is negative in {negative.mean():.1%} of its samples, down to {column[negative].min():.3g}; taken as 0"
+            )
+            found.append(_fault(emg, name, "negative", negative, told))
+        large = known & (column > BEYOND_ONE)
+        if large.any():
+            told = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
+            found.append(_fault(emg, name, "large", large, told))
+        found += _dead(emg, name, column, DEAD_ENVELOPE)
+    return tuple(found)
+
+
+def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:
+    """Envelopes with NaN where a channel is dead or clipped, and 0 where it is negative."""
+    values = np.maximum(emg.values, 0.0)
+    for fault in faults:
+        if fault.kind in ("dead", "clipped"):
+            during = (emg.time >= fault.start - 1e-9) & (emg.time <= fault.stop + 1e-9)
+            values[during, emg.names.index(fault.channel)] = np.nan
+    return replace(emg, values=values)
+
+
+def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -> None:
+    """Refuse EMG that no step can use beside a motion.
+
+    Parameters
+    ----------
+    time : (frames,) of the motion [s]
+    channels : those that are used; None for all
+
+    Raises
+    ------
+    BadData
+        where EMG and motion have no time in common, or every used channel is unknown throughout
+    """
+    start, stop = float(time[0]), float(time[-1])
+    if not len(emg) or emg.time[-1] <= start or emg.time[0] >= stop:
+        has = f"runs from {emg.time[0]:g} to {emg.time[-1]:g} s" if len(emg) else "has no samples"
+        raise BadData(f"EMG {has}, the motion from {start:g} to {stop:g} s: they have no time in common")
+    used = tuple(channels) if channels is not None else emg.names
+    if used and not any(np.isfinite(emg[name]).any() for name in used):
+        raise BadData(f"no EMG channel has a known value: looked at {', '.join(repr(name) for name in used)}")
+
+
+def rate_against(emg: Series, time: Array) -> str:
+    """What a recording's length says of its rate beside the motion's, "" where nothing looks wrong.
+
+    A recording that is a whole number of times (2 ... 10) as long or as short as the motion, to 2 %, and
+    starts with it, was probably sampled at another rate than is declared.
+    """
+    length, other = float(emg.time[-1] - emg.time[0]), float(time[-1] - time[0])
+    if min(length, other) <= 0.0 or abs(emg.time[0] - time[0]) > 0.1 * other:
+        return ""
+    ratio = length / other
+    nearest = round(ratio) if ratio > 1.0 else 1.0 / round(1.0 / ratio)
+    if not (2.0 <= max(nearest, 1.0 / nearest) <= 10.0 and abs(ratio / nearest - 1.0) <= 0.02):
+        return ""
+    return (
+        f"EMG lasts {length:.3g} s at its {emg.rate:.4g} Hz, the motion {other:.3g} s: its rate is probably "
+        f"{emg.rate * ratio:.4g} Hz"
+    )
+
+
+def _unknown(series: Series, name: str, column: Array) -> list[EmgFault]:
+    unknown = ~np.isfinite(column)
+    if not unknown.any():
+        return []
+    told = "has no known value" if unknown.all() else f"is unknown in {unknown.mean():.1%} of its samples"
+    return [_fault(series, name, "unknown", unknown, told)]
+
+
+def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFault]:
+    """Stretches without any change, at least `least` seconds long."""
+    steps = np.diff(column)
+    still = np.concatenate([[False], np.isfinite(steps) & (np.abs(steps) <= 1e-12 * np.nanmax(np.abs(column)))])
+    found = []
+    for first, last in _runs(still):
+        start, stop = float(series.time[max(first - 1, 0)]), float(series.time[last])
+        if stop - start >= least:
+            whole = " throughout" if stop - start >= 0.99 * (series.time[-1] - series.time[0]) else ""
+            text = f"EMG channel '{name}' does not change from {start:.3f} to {stop:.3f} s{whole}: dead"
+            found.append(EmgFault(name, "dead", start, stop, text))
+    return found
+
+
+def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
+    at = np.zeros(len(column), dtype=bool)
+    for edge in (np.nanmax(column), np.nanmin(column)):
+        for first, last in _runs(column == edge):
+            if last - first + 1 >= CLIPPED:
+                at[first : last + 1] = True
+    if at.mean() < CLIPPED_SHARE:
+        return []
+    told = f"stands at its largest or smallest value in {at.mean():.1%} of its samples: the amplifier clips"
+    return [_fault(series, name, "clipped", at, told)]
+
+
+def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
+    """Median frequency outside what surface EMG has: the declared rate is wrong, or this is an envelope."""
+    if len(column) < 256:
+        return []
+    signal = np.nan_to_num(column - np.nanmean(column))
+    frequencies, power = welch(signal, series.rate, nperseg=min(len(signal), 1024))
+    # Below 10 Hz cables move; a slow rate or an envelope has nothing else.
+    heard = frequencies >= 10.0
+    share = power[heard].sum() / max(power.sum(), 1e-300)
+    summed = np.cumsum(np.where(heard, power, 0.0))
+    median = float(frequencies[np.searchsorted(summed, 0.5 * summed[-1])]) if share > 0.05 else 0.0
+    low, high = MEDIAN_FREQUENCY
+    if low <= median <= high:
+        return []
+    told = (
+        f"has a median frequency of {median:.0f} Hz at its {series.rate:.4g} Hz: the rate is wrong, or it is no raw EMG"
+    )
+    return [_fault(series, name, "rate", np.ones(len(column), dtype=bool), told)]
+
+
+def _fault(series: Series, name: str, kind: str, where: np.ndarray, told: str) -> EmgFault:
+    places = np.flatnonzero(where)
+    start, stop = float(series.time[places[0]]), float(series.time[places[-1]])
+    return EmgFault(name, kind, start, stop, f"EMG channel '{name}' {told} ({start:.3f} to {stop:.3f} s)")
+
+
+def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of the unbroken runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,161 @@
+"""Electromechanical delay: how long after its EMG a muscle pulls, found by cross-correlation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Emg, Series
+from myomorph.model.spatial import Array, frozen_array
+
+USUAL = 0.05
+"""Delay where none can be found [s]: 49 to 56 ms in Cavanagh and Komi (1979), table 1."""
+
+DOUBT = 1.92
+"""Drop of the log-likelihood at the ends of a 95 % interval: half the 95th percentile of chi^2 with one degree."""
+
+
+@dataclass(frozen=True)
+class DelayOptions:
+    """How the delay is looked for.
+
+    Attributes
+    ----------
+    least, most : bounds of the delay [s]
+    step : between the delays that are tried [s]
+    by : one delay for all channels of the subject, or one for each
+    correlation : least correlation that makes a delay believed; below it stands `USUAL`
+    """
+
+    least: float = 0.010
+    most: float = 0.150
+    step: float = 0.001
+    by: Literal["subject", "channel"] = "subject"
+    correlation: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.least < self.most and self.step > 0.0):
+            raise BadData(f"delays from {self.least:g} to {self.most:g} s by {self.step:g} s: expected a rising range")
+        if self.by not in ("subject", "channel"):
+            raise BadData(f"unknown delay by '{self.by}': there are 'subject', 'channel'")
+
+
+@dataclass(frozen=True, eq=False)
+class Delays:
+    """Delay of each channel, and how sure it is.
+
+    Attributes
+    ----------
+    channels : names
+    seconds : (channels,) [s]
+    interval : (channels, 2) 95 % interval [s]; the whole range where the delay was not found
+    correlation : (channels,) of the envelope with the prediction at that delay, NaN where one of them is flat
+    found : (channels,) whether the recording tells the delay: the best one lies inside the bounds, and its
+        correlation is believed; elsewhere `seconds` is `USUAL`
+    """
+
+    channels: tuple[str, ...]
+    seconds: Array
+    interval: Array
+    correlation: Array
+    found: np.ndarray
+
+    def __post_init__(self) -> None:
+        count = len(self.channels)
+        object.__setattr__(self, "seconds", frozen_array(self.seconds, (count,)))
+        object.__setattr__(self, "interval", frozen_array(self.interval, (count, 2)))
+        object.__setattr__(self, "correlation", frozen_array(self.correlation, (count,)))
+
+
+def shifted(emg: Emg, time: Array, delays: Array) -> Array:
+    """Envelopes (frames, channels) of `delays` (channels,) seconds before `time`, linearly; NaN outside."""
+    columns = [
+        np.interp(time - delay, emg.time, column, left=np.nan, right=np.nan)
+        for delay, column in zip(np.broadcast_to(delays, len(emg.names)), emg.values.T, strict=True)
+    ]
+    return np.array(columns).T.reshape(len(time), len(emg.names))
+
+
+def find_delays(emg: Emg, predicted: Series, options: DelayOptions | None = None) -> Delays:
+    """Delays at which envelopes correlate most with what the model predicts of the same muscles.
+
+    With correlation r_c(d) of channel c at delay d, the profile log-likelihood of a straight line with
+    unknown gain, offset and noise is  l(d) = -1/2 sum_c n_c log(1 - r_c(d)^2),  where n_c counts
+    independent samples (Bartlett 1946) and channels that correlate negatively tell nothing. The interval
+    holds the delays whose l is less than `DOUBT` below the best. It knows of noise, not of a prediction
+    that is wrong.
+
+    Parameters
+    ----------
+    predicted : (frames, channels) activation of each channel's muscles by a solution without EMG, at the
+        motion's times; names are channels of `emg`
+
+    Raises
+    ------
+    UnknownName
+        where `emg` lacks a channel of `predicted`
+    BadData
+        where the recordings share less than a second, or fewer than 20 frames
+    """
+    options = options or DelayOptions()
+    lags = np.arange(options.least, options.most + 0.5 * options.step, options.step)
+    envelopes = np.array([emg[name] for name in predicted.names])
+    inside = (predicted.time - options.most >= emg.time[0]) & (predicted.time - options.least <= emg.time[-1])
+    time, wanted = predicted.time[inside], predicted.values[inside]
+    if len(time) < 20 or time[-1] - time[0] < 1.0:
+        raise BadData(
+            f"EMG runs from {emg.time[0]:g} to {emg.time[-1]:g} s, the motion from {predicted.time[0]:g} to "
+            f"{predicted.time[-1]:g} s: a delay needs a second in common"
+        )
+    count = len(predicted.names)
+    table, sure = np.full((count, len(lags)), np.nan), np.zeros(count)
+    for c in range(count):
+        places = time[None] - lags[:, None]
+        moved = np.interp(places, emg.time, envelopes[c], left=np.nan, right=np.nan)
+        use = np.isfinite(wanted[:, c]) & np.isfinite(moved).all(axis=0)
+        if use.sum() >= 20:
+            table[c] = _correlations(moved[:, use], wanted[use, c])
+            sure[c] = independent_samples(moved[len(lags) // 2, use], wanted[use, c])
+    told = -0.5 * sure[:, None] * np.log1p(-(np.clip(np.nan_to_num(table), 0.0, 0.999999) ** 2))
+    groups = [np.arange(count)] if options.by == "subject" else [np.array([c]) for c in range(count)]
+    seconds, interval = np.full(count, USUAL), np.empty((count, 2))
+    interval[:] = options.least, options.most
+    found = np.zeros(count, dtype=bool)
+    for group in groups:
+        likely = told[group].sum(axis=0)
+        best = int(np.argmax(likely))
+        believed = np.nanmax(np.append(table[group, best], -1.0)) >= options.correlation
+        if believed and 0 < best < len(lags) - 1:
+            near = np.flatnonzero(likely >= likely[best] - DOUBT)
+            seconds[group], found[group] = lags[best], True
+            interval[group] = lags[near[0]], lags[near[-1]]
+    chosen = np.abs(lags[None] - seconds[:, None]).argmin(axis=1)
+    return Delays(tuple(predicted.names), seconds, interval, table[np.arange(count), chosen], found)
+
+
+def independent_samples(first: Array, second: Array) -> float:
+    """How many independent samples two series (frames,) are worth for their correlation (Bartlett 1946).
+
+    n / (1 + 2 sum_k r1_k r2_k) with the autocorrelations at lags k up to a quarter of the series.
+    """
+    frames = len(first)
+    both = []
+    for one in (first, second):
+        centered = one - one.mean()
+        spectrum = np.abs(np.fft.rfft(centered, 2 * frames)) ** 2
+        auto = np.fft.irfft(spectrum)[: max(frames // 4, 2)]
+        both.append(auto / auto[0] if auto[0] > 0.0 else np.zeros_like(auto))
+    spread = 1.0 + 2.0 * float(both[0][1:] @ both[1][1:])
+    return float(np.clip(frames / max(spread, 1.0), 3.0, frames))
+
+
+def _correlations(rows: Array, wanted: Array) -> Array:
+    """Pearson's correlation (rows,) of each row with `wanted`, NaN where one of them is flat."""
+    centered, other = rows - rows.mean(axis=1, keepdims=True), wanted - wanted.mean()
+    sizes, size = np.linalg.norm(centered, axis=1), float(np.linalg.norm(other))
+    flat = (sizes <= 1e-9 * np.linalg.norm(rows, axis=1)) | (size <= 1e-9 * np.linalg.norm(wanted))
+    told: Array = np.where(flat, np.nan, (centered @ other) / np.where(flat, 1.0, sizes * size))
+    return told
