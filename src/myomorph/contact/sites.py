@@ -1,0 +1,283 @@
+"""Where a body touches the world: sites under the feet, at the hands, on the seat and the back, found by what they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Body, Model
+from myomorph.model.segments import segments_of
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, Transform
+from myomorph.model.surface import Surface
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+OUTLINE = {
+    "heel_medial": (0.00, -0.14),
+    "heel_lateral": (0.00, 0.14),
+    "ball_medial": (1.10, -0.22),
+    "ball_lateral": (0.88, 0.32),
+    "toe_medial": (1.42, -0.16),
+    "toe_lateral": (1.30, 0.26),
+}
+"""Corners of a sole: along it from the heel, and outwards, over the distance from the heel to the toes' joint.
+
+Heads of the first and fifth metatarsal, tips of the great and of the fourth toe; after the bones that models draw."""
+
+BONE_DEPTH = 0.06
+"""How far the bones of a foot reach below its origin, over the same distance."""
+
+SEGMENT_SITES = ("hand", "seat", "back")
+"""What `body_sites` knows besides feet."""
+
+
+@dataclass(frozen=True)
+class FootOptions:
+    """How sites are laid under a foot.
+
+    Attributes
+    ----------
+    sole : from the lowest bone to the floor: the heel's pad, and a shoe's sole [m]
+    cone : which forces a site takes; its direction is the model's up
+    """
+
+    sole: float = 0.02
+    cone: Cone = field(default_factory=Cone)
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """One foot of a model in its default posture.
+
+    Attributes
+    ----------
+    name : of the group of its sites, as "foot_r"
+    heel, toes : bodies; the same one where the foot has no joint between
+    axes : (3, 3) columns forwards, up and outwards, in ground
+    origin : (3,) under which the heel stands, in ground [m]
+    length : from the heel to the toes' joint [m]
+    """
+
+    name: str
+    heel: str
+    toes: str
+    axes: Array
+    origin: Array
+    length: float
+
+
+def foot_sites(
+    model: Model, surfaces: Mapping[str, Surface] | None = None, options: FootOptions | None = None
+) -> tuple[Site, ...]:
+    """Heel, ball and toes of every foot: six points at the corners of its sole, in the group of the foot.
+
+    Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they lie comes
+    from the bones' meshes where they are given, else from the joint of the toes, in the model's default
+    posture. How thick a sole is no model tells: `rest_on_floor` fits that to a motion.
+
+    Parameters
+    ----------
+    surfaces : meshes by the name the model gives them, as `read_surfaces` finds them
+
+    Raises
+    ------
+    BadData : the model has no foot that can be told by its bodies' names
+    """
+    options = options or FootOptions()
+    cone = replace(options.cone, direction=up_of(model))
+    sites = []
+    for foot in feet_of(model):
+        side = foot.name[-2:]
+        for label, point in _corners(model, foot, surfaces or {}, options).items():
+            body = foot.toes if label.startswith("toe") else foot.heel
+            local = body_poses(model)[body].inverse().apply(point)
+            sites.append(Site(f"{label}{side}", body, local[None], cone, group=foot.name))
+    return tuple(sites)
+
+
+def up_of(model: Model) -> Array:
+    """Unit vector (3,) against gravity in ground, y where there is no gravity."""
+    size = float(np.linalg.norm(model.gravity))
+    up: Array = -model.gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
+    return up
+
+
+def body_poses(model: Model) -> dict[str, Transform]:
+    """Pose of every body in ground in the model's default posture."""
+    tree = compile_tree(model)
+    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
+    poses = forward_kinematics(tree, tree.coordinates_of(still))
+    return {
+        name: Transform(poses.rotations[0, k], poses.origins[0, k])
+        for name, k in tree.body_index.items()
+        if name != "ground"
+    }
+
+
+def feet_of(model: Model) -> tuple[Foot, ...]:
+    """The feet that the bodies' names tell, right before left; raises `BadData` where there is none.
+
+    A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis of the heel's
+    body, it is that axis, as models draw feet flat on the ground of their own frame.
+    """
+    segments = segments_of(model)
+    poses = body_poses(model)
+    found = []
+    for side, ending in (("right", "_r"), ("left", "_l")):
+        bodies = [one for one in model.bodies if segments[one.name].name == "foot" and segments[one.name].side == side]
+        heel = next((one for one in bodies if re.search(r"calc|heel", one.name, re.IGNORECASE)), None)
+        heel = heel or next((one for one in bodies if re.search(r"foot", one.name, re.IGNORECASE)), None)
+        if heel is None:
+            continue
+        toes = next((one for one in bodies if re.search(r"toe", one.name, re.IGNORECASE)), heel)
+        found.append(_foot(model, f"foot{ending}", heel, toes, poses, 1.0 if side == "right" else -1.0))
+    if not found:
+        raise BadData(
+            f"no foot of model '{model.name}' can be told by its bodies' names (calcn, heel, foot, toes, and a side): "
+            "name contact sites and their points yourself"
+        )
+    return tuple(found)
+
+
+def _foot(model: Model, name: str, heel: Body, toes: Body, poses: dict[str, Transform], outwards: float) -> Foot:
+    pose = poses[heel.name]
+    up = _snapped(pose.rotation, up_of(model))
+    ahead = poses[toes.name].translation if toes is not heel else pose.apply(heel.mass_center)
+    along = ahead - pose.translation
+    along = along - (along @ up) * up
+    length = float(np.linalg.norm(along))
+    if length <= 0.0:
+        raise BadData(f"body '{heel.name}' has no toes and no mass center ahead of its origin: name its sites yourself")
+    forward = _snapped(pose.rotation, along / length)
+    if toes is heel:
+        length *= 1.8
+    axes = np.stack([forward, up, outwards * np.cross(forward, up)], axis=1)
+    return Foot(name, heel.name, toes.name, axes, pose.translation, length)
+
+
+def _snapped(rotation: Array, direction: Array) -> Array:
+    """The axis of a body that lies within 20 degrees of a direction, or the direction itself."""
+    along = rotation.T @ direction
+    k = int(np.argmax(np.abs(along)))
+    near: Array = np.sign(along[k]) * rotation[:, k] if abs(along[k]) > np.cos(np.radians(20.0)) else direction
+    return near
+
+
+def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions) -> dict[str, Array]:
+    """Corners of a sole in ground, in the default posture [m]."""
+    outline = {label: np.array(one) * foot.length for label, one in OUTLINE.items()}
+    depth = BONE_DEPTH * foot.length
+    bones = {name: _vertices(model.body(name), surfaces, foot, body_poses(model)) for name in (foot.heel, foot.toes)}
+    known = [one for one in bones.values() if len(one)]
+    if len(known) == len(bones) and known:
+        outline = _outline_of(np.concatenate(known), foot.length)
+        depth = -float(min(one[:, 1].min() for one in known))
+    forward, up, out = foot.axes.T
+    low = foot.origin - (depth + options.sole) * up
+    return {label: low + x * forward + z * out for label, (x, z) in outline.items()}
+
+
+def _vertices(body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: dict[str, Transform]) -> Array:
+    """Vertices of a body's meshes along the foot's axes, from its origin (n, 3)."""
+    parts = [
+        mesh.pose.apply(surfaces[mesh.file].vertices * mesh.scale)
+        for mesh in body.meshes
+        if mesh.shape == "mesh" and mesh.file in surfaces
+    ]
+    if not parts:
+        return np.zeros((0, 3))
+    placed: Array = (poses[body.name].apply(np.concatenate(parts)) - foot.origin) @ foot.axes
+    return placed
+
+
+def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
+    """Corners (along, outwards) of the bones of a foot: of its rear, at the ball, and of the foremost part."""
+    x, z = vertices[:, 0], vertices[:, 2]
+    back, tip = float(x.min()), float(x.max())
+    heel = x < back + 0.2 * length
+    middle, half = 0.5 * (z[heel].min() + z[heel].max()), 0.35 * np.ptp(z[heel])
+    ball, toes = (x > 0.8 * length) & (x < 1.2 * length), x > length + 0.5 * (tip - length)
+    inner, outer = float(z[ball].min()), float(z[ball].max())
+    great = float(z[toes].min())
+    return {
+        "heel_medial": np.array([back, middle - half]),
+        "heel_lateral": np.array([back, middle + half]),
+        "ball_medial": np.array([OUTLINE["ball_medial"][0] * length, inner]),
+        "ball_lateral": np.array([OUTLINE["ball_lateral"][0] * length, outer]),
+        "toe_medial": np.array([tip, great]),
+        "toe_lateral": np.array([tip - 0.12 * length, outer]),
+    }
+
+
+def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
+    """Sites by name: `hand_r`, `hand_l` (a grip that takes force any way), `seat` and `back` (patches).
+
+    A hand's site is its body's mass center. The seat is four points about the ischial tuberosities, placed
+    from the hip joints; the back, four points behind the thorax' mass center. Both are pushed along the body's
+    own axes, up and forwards in the default posture.
+
+    Raises
+    ------
+    UnknownName : a name that is none of these
+    BadData : the model has no such part
+    """
+    sites = []
+    for name in names:
+        base = name.split("_")[0]
+        if base not in SEGMENT_SITES:
+            raise UnknownName("contact site", name, ("hand_r", "hand_l", "seat", "back"), "body_sites")
+        sites.append(_hand(model, name) if base == "hand" else _seat(model) if base == "seat" else _back(model))
+    return tuple(sites)
+
+
+def _hand(model: Model, name: str) -> Site:
+    side = {"r": "right", "l": "left"}.get(name[-1], "")
+    segments = segments_of(model)
+    bodies = [one for one in model.bodies if segments[one.name].name == "hand" and segments[one.name].side == side]
+    if not bodies:
+        raise BadData(f"model '{model.name}' has no {side} hand for site '{name}': name a body and a point yourself")
+    body = max(bodies, key=lambda one: one.mass)
+    return Site(name, body.name, body.mass_center[None], Cone(direction=None, grip=0.05))
+
+
+def _seat(model: Model) -> Site:
+    poses, up = body_poses(model), up_of(model)
+    segments = segments_of(model)
+    hips = {
+        segments[joint.child].side: (joint.parent, poses[joint.child].translation)
+        for joint in model.joints
+        if segments[joint.child].name == "thigh" and segments.get(joint.parent) and joint.parent in poses
+        and segments[joint.parent].name != "thigh"
+    }  # fmt: skip
+    if set(hips) != {"right", "left"}:
+        raise BadData(f"model '{model.name}' has no two hips to find its seat from: name a body and points yourself")
+    body, right = hips["right"]
+    left = hips["left"][1]
+    out = right - left
+    width = float(np.linalg.norm(out))
+    out = out / width
+    forward = np.cross(up, out)
+    middle = 0.5 * (right + left) - 0.45 * width * up - 0.1 * width * forward
+    points = np.array([middle + width * (0.35 * s * out + 0.15 * t * forward) for s in (1, -1) for t in (1, -1)])
+    pose = poses[body]
+    return Site("seat", body, pose.inverse().apply(points), Cone(direction=up))
+
+
+def _back(model: Model) -> Site:
+    segments, poses, up = segments_of(model), body_poses(model), up_of(model)
+    bodies = [one for one in model.bodies if segments[one.name].name == "upper_trunk"]
+    if not bodies:
+        raise BadData(f"model '{model.name}' has no thorax for site 'back': name a body and points yourself")
+    body, foot = max(bodies, key=lambda one: one.mass), feet_of(model)[0]
+    forward = foot.axes[:, 0] - (foot.axes[:, 0] @ up) * up
+    forward = forward / np.linalg.norm(forward)
+    out, pose = np.cross(forward, up), poses[body.name]
+    middle = pose.apply(body.mass_center) - 0.1 * forward
+    points = np.array([middle + 0.12 * s * out + 0.12 * t * up for s in (1, -1) for t in (1, -1)])
+    return Site("back", body.name, pose.inverse().apply(points), Cone(pose.rotation.T @ forward, body.name))
