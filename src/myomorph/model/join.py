@@ -1,0 +1,333 @@
+"""Several subjects and objects as one model on one ground, and the results of each taken out again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.model import GROUND, Actuator, Joint, Kept, Loop, Model
+from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+
+SIDES = ("r", "l", "right", "left")
+ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
+"""What stands before a part's name in names that the tension problem makes."""
+
+Tie = TypeVar("Tie", Loop, Bushing)
+Timed = TypeVar("Timed", Series, Wrenches)
+
+
+def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
+    """Models side by side on one ground, as one tree: what they share is the ground and nothing else.
+
+    Every name gains its part's name and a line: `femur_r` of the part `tori` becomes `tori_femur_r`. Coordinates keep
+    their meaning, so motions and torques of the parts are columns of those of the whole. Names of mesh files stay, to
+    be looked up beside every part's own file.
+
+    Parameters
+    ----------
+    parts : models by the names of their parts, each a word of letters, digits and lines
+    name : of the whole; the parts' names with lines between by default
+
+    Raises
+    ------
+    BadData
+        where a part's name is no such word, tells a side (`r`, `left`), or begins another part's names
+    BadModel
+        where the models do not agree on gravity
+    """
+    _check_parts(tuple(parts))
+    renamed = [_renamed(model, part) for part, model in parts.items()]
+    first = renamed[0]
+    for part, model in zip(parts, renamed, strict=True):
+        if not np.allclose(model.gravity, first.gravity, rtol=0.0, atol=1e-3):
+            raise BadModel(
+                f"gravity of '{part}' is {model.gravity.tolist()} m/s^2, that of '{next(iter(parts))}' "
+                f"{first.gravity.tolist()}: turn one of them into the other's ground"
+            )
+
+    return Model(
+        name=name or "_".join(parts),
+        bodies=tuple(one for model in renamed for one in model.bodies),
+        joints=tuple(one for model in renamed for one in model.joints),
+        coordinates=tuple(one for model in renamed for one in model.coordinates),
+        gravity=first.gravity,
+        markers=tuple(one for model in renamed for one in model.markers),
+        muscles=tuple(one for model in renamed for one in model.muscles),
+        wrap_objects=tuple(one for model in renamed for one in model.wrap_objects),
+        actuators=tuple(one for model in renamed for one in model.actuators),
+        couplers=tuple(one for model in renamed for one in model.couplers),
+        loops=tuple(one for model in renamed for one in model.loops),
+        frames=tuple(one for model in renamed for one in model.frames),
+        ground_meshes=first.ground_meshes,
+        kept=_kept(renamed),
+        source=first.source,
+        warnings=tuple(one for model in renamed for one in model.warnings),
+        passive_torques=tuple(one for model in renamed for one in model.passive_torques),
+        bushings=tuple(one for model in renamed for one in model.bushings),
+    )
+
+
+def join_motions(parts: Mapping[str, Motion]) -> Motion:
+    """Motions of the parts as one of the joined model; rates are kept where every part has them.
+
+    Raises
+    ------
+    BadData
+        where the parts' times differ, see `check_clocks`
+    """
+    check_clocks(parts)
+    motions = list(parts.values())
+    rates = [
+        None if any(one is None for one in given) else np.hstack([one for one in given if one is not None])
+        for given in ([one.velocities for one in motions], [one.accelerations for one in motions])
+    ]
+    values = np.hstack([one.values for one in motions])
+    return Motion(motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1])
+
+
+def join_markers(parts: Mapping[str, Markers]) -> Markers:
+    """Markers of the parts as those of the joined model; raises `BadData` where their times differ."""
+    check_clocks(parts)
+    series = list(parts.values())
+    return Markers(series[0].time, joined_names(parts), np.concatenate([one.values for one in series], axis=1))
+
+
+def join_series(parts: Mapping[str, Series]) -> Series:
+    """Columns of the parts (torques, activations) side by side; raises `BadData` where their times differ."""
+    check_clocks(parts)
+    series = list(parts.values())
+    return Series(series[0].time, joined_names(parts), np.concatenate([one.values for one in series], axis=1))
+
+
+def join_wrenches(parts: Mapping[str, Wrenches]) -> Wrenches:
+    """External forces on the parts as those on the joined model; raises `BadData` where their times differ."""
+    check_clocks(parts)
+    given = list(parts.values())
+    bodies = tuple(_prefixed(part, body) for part, one in parts.items() for body in one.bodies)
+    stacked = [
+        np.concatenate([getattr(one, what) for one in given], axis=1) for what in ("forces", "points", "torques")
+    ]
+    return Wrenches(given[0].time, joined_names(parts), bodies, *stacked)
+
+
+def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[str, ...]:
+    """Names of all columns, with their parts' names before them."""
+    return tuple(f"{part}_{one}" for part, series in parts.items() for one in series.names)
+
+
+def part_of(whole: Timed, part: str) -> Timed:
+    """Columns of one part by their own names: of a motion, torques, markers, forces or activations of a joined model.
+
+    Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that they name.
+
+    Raises
+    ------
+    UnknownName
+        where no column is that part's
+    """
+    own = [(k, short) for k, name in enumerate(whole.names) if (short := own_name(name, part)) is not None]
+    if not own:
+        begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
+        raise UnknownName("part", part, begins, "the columns' names begin with what it")
+    columns, names = [k for k, _ in own], tuple(name for _, name in own)
+    if isinstance(whole, Series):
+        changes: dict[str, Any] = {"names": names, "values": whole.values[:, columns]}
+        if isinstance(whole, Motion):
+            for rate in ("velocities", "accelerations"):
+                given = getattr(whole, rate)
+                changes[rate] = None if given is None else given[:, columns]
+        return replace(whole, **changes)
+    bodies = tuple(own_name(whole.bodies[k], part) or whole.bodies[k] for k in columns)
+    vectors = [getattr(whole, what)[:, columns] for what in ("forces", "points", "torques")]
+    return Wrenches(whole.time, names, bodies, *vectors)
+
+
+def own_name(name: str, part: str) -> str | None:
+    """A joined model's name as its part has it; None where it is another part's."""
+    for before in ("", *ADDED):
+        if name.startswith(f"{before}{part}_"):
+            return before + name[len(before) + len(part) + 1 :]
+    return None
+
+
+def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
+    """Raise `BadData`, naming the two parts, where times are not the same within a hundredth of a frame."""
+    _check_parts(tuple(parts))
+    difference = clock_difference(parts)
+    if difference:
+        raise BadData(f"{difference}; bring both to common times (`on_one_clock`)")
+
+
+def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> str:
+    """What is different in the times of the first two parts that do not agree; "" where all have the same times.
+
+    Raises
+    ------
+    BadData
+        where a part has no frames
+    """
+    for name, one in parts.items():
+        if not len(one):
+            raise BadData(f"'{name}' has no frames")
+    (first, one), *others = parts.items()
+    slack = 0.01 * float(np.median(np.diff(one.time))) if len(one) > 1 else 1e-6
+    for name, other in others:
+        if len(other) == len(one) and np.max(np.abs(other.time - one.time)) <= slack:
+            continue
+        if other.time[0] > one.time[-1] or one.time[0] > other.time[-1]:
+            what = "they have no time in common"
+        elif len(other) == len(one):
+            what = "their clocks differ"
+        else:
+            what = "they differ in rate or length"
+        return f"'{first}' has {_times(one.time)}, '{name}' {_times(other.time)}: {what}"
+    return ""
+
+
+def _times(time: Array) -> str:
+    return f"{len(time)} frames from {time[0]:g} to {time[-1]:g} s"
+
+
+def _check_parts(parts: tuple[str, ...]) -> None:
+    if not parts:
+        raise BadData("no parts to join")
+    for part in parts:
+        if not re.fullmatch(r"[^\W_](\w*[^\W_])?", part) or part.lower() in (*SIDES, GROUND):
+            raise BadData(
+                f"'{part}' cannot name a part: expected a word of letters, digits and '_' that is no side of the body"
+            )
+        longer = next((one for one in parts if one.startswith(f"{part}_")), "")
+        if longer:
+            raise BadData(f"the part '{longer}' begins as the names of '{part}' will: give one of them another name")
+
+
+def _prefixed(part: str, name: str) -> str:
+    return name if name in ("", GROUND) else f"{part}_{name}"
+
+
+def _renamed(model: Model, part: str) -> Model:
+    """The model with its part's name before every name."""
+
+    def own(name: str) -> str:
+        return _prefixed(part, name)
+
+    def owns(names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(own(one) for one in names)
+
+    return replace(
+        model,
+        bodies=tuple(replace(one, name=own(one.name)) for one in model.bodies),
+        joints=tuple(_joint(one, own) for one in model.joints),
+        coordinates=tuple(replace(one, name=own(one.name)) for one in model.coordinates),
+        markers=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.markers),
+        muscles=tuple(_muscle(one, own) for one in model.muscles),
+        wrap_objects=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.wrap_objects),
+        actuators=tuple(_actuator(one, own) for one in model.actuators),
+        couplers=tuple(
+            replace(one, name=own(one.name), dependent=own(one.dependent), independents=owns(one.independents))
+            for one in model.couplers
+        ),
+        loops=tuple(_tied(one, own) for one in model.loops),
+        bushings=tuple(_tied(one, own) for one in model.bushings),
+        frames=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.frames),
+        kept=tuple(_kept_part(one, model, own) for one in model.kept),
+        warnings=tuple(f"{part}: {one}" for one in model.warnings),
+        passive_torques=tuple(
+            replace(one, name=own(one.name), coordinate=own(one.coordinate)) for one in model.passive_torques
+        ),
+    )
+
+
+def _joint(joint: Joint, own: Callable[[str], str]) -> Joint:
+    return replace(
+        joint,
+        name=own(joint.name),
+        parent=own(joint.parent),
+        child=own(joint.child),
+        axes=tuple(replace(axis, coordinates=tuple(own(one) for one in axis.coordinates)) for axis in joint.axes),
+        coordinates=tuple(own(one) for one in joint.coordinates),
+        parent_frame_name=own(joint.parent_frame_name),
+        child_frame_name=own(joint.child_frame_name),
+    )
+
+
+def _muscle(muscle: Muscle, own: Callable[[str], str]) -> Muscle:
+    path = muscle.path
+    tendon = tuple(
+        replace(one, wrap_object=own(one.wrap_object), side_body=own(one.side_body))
+        for one in path.wraps
+        if isinstance(one, TendonWrap)
+    )
+    other = tuple(replace(one, wrap_object=own(one.wrap_object)) for one in path.wraps if isinstance(one, PathWrap))
+    renamed = Path(tuple(_point(one, own) for one in path.points), tendon or other, path.divisors)
+    return replace(muscle, name=own(muscle.name), path=renamed, groups=tuple(own(one) for one in muscle.groups))
+
+
+def _point(point: PathPoint | MovingPathPoint, own: Callable[[str], str]) -> PathPoint | MovingPathPoint:
+    if isinstance(point, PathPoint):
+        return replace(point, name=own(point.name), body=own(point.body), coordinate=own(point.coordinate))
+    x, y, z = (own(one) for one in point.coordinates)
+    return replace(point, name=own(point.name), body=own(point.body), coordinates=(x, y, z))
+
+
+def _actuator(actuator: Actuator, own: Callable[[str], str]) -> Actuator:
+    return replace(
+        actuator,
+        name=own(actuator.name),
+        coordinate=own(actuator.coordinate),
+        body=own(actuator.body),
+        other_body=own(actuator.other_body),
+    )
+
+
+def _tied(tie: Tie, own: Callable[[str], str]) -> Tie:
+    return replace(tie, name=own(tie.name), body_1=own(tie.body_1), body_2=own(tie.body_2))
+
+
+def _kept_part(part: Kept, model: Model, own: Callable[[str], str]) -> Kept:
+    """A part of a file with the names in it renamed: whole words of its texts, and the names of its elements."""
+    if part.room == "Model":
+        return part
+    known = _all_names(model)
+    words = re.compile(r"[^\s/<>\"'|]+")
+
+    def text(found: re.Match[str]) -> str:
+        return words.sub(lambda word: own(word[0]) if word[0] in known else word[0], found[0])
+
+    renamed = re.sub(r">[^<]+<", text, part.text)
+    if part.name:
+        renamed = renamed.replace(f'name="{part.name}"', f'name="{own(part.name)}"', 1)
+    root, _, body = part.room.rpartition("/")
+    room = f"{root}/{own(body)}" if root else part.room
+    return replace(part, name=own(part.name), text=renamed, room=room)
+
+
+def _all_names(model: Model) -> set[str]:
+    tables = (
+        "bodies", "joints", "coordinates", "markers", "muscles", "wrap_objects", "actuators", "couplers", "loops",
+        "frames", "kept", "passive_torques", "bushings",
+    )  # fmt: skip
+    names = {one.name for table in tables for one in getattr(model, table)}
+    ends = {name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)}
+    return names | ends - {"", GROUND}
+
+
+def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:
+    """What all parts keep; of what a file has once (credits, units) the first."""
+    found: list[Kept] = []
+    once: set[str] = set()
+    for one in (kept for model in models for kept in model.kept):
+        if one.room == "Model":
+            if one.kind in once:
+                continue
+            once.add(one.kind)
+        found.append(one)
+    return tuple(found)
