@@ -1,4 +1,4 @@
-"""Where a body touches the world: sites under the feet, at the hands, on the seat and the back, found by what they are."""
+"""Where a body touches the world: sites under the feet, at hands, seat and back, found by what the bodies are."""
 
 from __future__ import annotations
 
