@@ -23,7 +23,19 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
-from myomorph.muscles.path_arrays import ARMS, PathArrays, path_arrays
+from myomorph.muscles.path_arrays import (
+    ARMS,
+    BODIES,
+    BODY,
+    LOCAL,
+    OBJECT,
+    OBJECT_BODY,
+    OBJECT_LOCAL,
+    POINTS,
+    WRAPS,
+    PathArrays,
+    path_arrays,
+)
 from myomorph.muscles.path_kernels import coupler_slopes, path_frames
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
@@ -94,14 +106,61 @@ class Paths:
         frames = len(coordinates)
         lengths, velocities = np.empty((frames, len(self.muscles))), np.empty((frames, len(self.muscles)))
         arms = np.empty((frames, len(self.arm_coordinate)))
+        none = np.empty((frames, 0, 6))
         T, P = self.tree.arrays, self.arrays
 
         def part(start: int, stop: int) -> None:
             here = slice(start, stop)
-            path_frames(T, P, coordinates[here], speeds[here], lengths[here], velocities[here], arms[here])
+            path_frames(T, P, coordinates[here], speeds[here], lengths[here], velocities[here], arms[here], none[here])
 
         over_frames(part, frames, progress)
         return lengths, velocities, arms
+
+    @cached_property
+    def pull_muscle(self) -> Ints:
+        """(pairs,) the muscle of each pair of a muscle and a body that its path touches."""
+        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, BODIES]))
+
+    @cached_property
+    def pull_body(self) -> Ints:
+        """(pairs,) number in the tree of the body of each of those pairs."""
+        P, first = self.arrays, self.arrays.start[:, BODIES]
+        bodies = np.zeros(int(first[-1]), np.int64)
+        for column, local, numbers in (
+            (POINTS, P.point[:, LOCAL], P.point[:, BODY]),
+            (WRAPS, P.wrap[:, OBJECT_LOCAL], P.object[P.wrap[:, OBJECT], OBJECT_BODY]),
+        ):
+            muscle = np.repeat(np.arange(len(self.muscles)), np.diff(P.start[:, column]))
+            bodies[first[muscle] + local] = numbers
+        return bodies
+
+    def pulls(self, coordinates: Array, progress: Callable[[int], None] | None = None) -> Array:
+        """What unit tension of each muscle does to the bodies its path touches.
+
+        Forces act at the path's points and where it leaves surfaces, along its straight parts. What they do through
+        points that move in their bodies is not part of it: that acts on coordinates.
+
+        Parameters
+        ----------
+        coordinates, progress : as of `evaluate`
+
+        Returns
+        -------
+        (frames, pairs, 6) force and its moment about the ground's origin, in ground, in the order of `pull_muscle`
+        and `pull_body` [1, m]
+        """
+        c = np.array(coordinates, dtype=np.float64)
+        frames, muscles = len(c), len(self.muscles)
+        found = np.zeros((frames, len(self.pull_body), 6))
+        T, P = self.tree.arrays, self.arrays
+
+        def part(start: int, stop: int) -> None:
+            n = stop - start
+            room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
+            path_frames(T, P, c[start:stop], np.zeros_like(c[start:stop]), *room, found[start:stop])
+
+        over_frames(part, frames, progress)
+        return found
 
 
 @lru_cache(maxsize=8)

@@ -102,7 +102,7 @@ def path_scratch(P):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def path_frames(T, P, c, cdot, lengths, velocities, arms):
+def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
 
     Parameters
@@ -113,6 +113,8 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms):
     lengths, velocities : (frames, muscles) filled [m, m/s]
     arms : (frames, moment arms) filled in the order of the pattern; a coordinate that others follow has
         what reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
+    pulls : (frames, muscles' bodies, 6) filled with what unit tension does to each body of each muscle, a force and
+        its moment about the ground's origin [1, m]; with 0 bodies where not wanted
     """
     # Taken out of the bundles once: taking them out in a loop counts references each time, which cost
     # more than the arithmetic.
@@ -170,6 +172,10 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms):
                 for i in range(6):
                     pull[b, i] = 0.0
             _pulls(point, moving, moved, R, x, node, pull, count, begin, row)
+            if pulls.shape[1] > 0:
+                for b in range(start[m, BODIES], start[m + 1, BODIES]):
+                    for i in range(6):
+                        pulls[f, b, i] = pull[b - start[m, BODIES], i]
             _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
             for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
                 k, own = follow[q, 0], row[begin + follow[q, 1]]

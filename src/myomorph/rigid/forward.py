@@ -1,0 +1,123 @@
+"""Forward dynamics over frames: accelerations that given forces cause, and what holds closed loops."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from myomorph.model.spatial import Array
+from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.kinematics import couple_rates_frames, forward_kinematics, gather_dependents
+from myomorph.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates
+from myomorph.rigid.tree import Tree
+
+
+def gathered(tree: Tree, coordinates: Array, forces: Array) -> Array:
+    """Generalized forces (frames, coordinates) with the share of coordinates that follow handed on to what leads."""
+    found = np.array(forces, dtype=np.float64, order="C")
+    _gather(tree.arrays, np.array(coordinates, dtype=np.float64, order="C"), found)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _gather(T, c, rows):
+    if T.coupler_coordinate.shape[0] == 0:
+        return
+    for frame in range(c.shape[0]):
+        gather_dependents(T, c[frame], rows[frame : frame + 1])
+
+
+def forward_accelerations(
+    tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array
+) -> tuple[Array, Array]:
+    """Accelerations under given forces, couplers and closed loops kept.
+
+        [M  -G^T] [cddot ]   [generalized - h(c, cdot, applied)]
+        [G    0 ] [lambda] = [      - Gdot cdot                ]
+
+    on the coordinates that neither follow, nor are locked or prescribed.
+
+    Parameters
+    ----------
+    c, cdot : (frames, coordinates) consistent
+    cddot : (frames, coordinates) of which those of prescribed and locked coordinates are read
+    applied : (frames, bodies, 6) as of `joint_wrenches`
+    generalized : (frames, coordinates) other forces along coordinates, `gathered` [N m or N]
+
+    Returns
+    -------
+    accelerations : (frames, coordinates)
+    multipliers : (frames, rows of loops) forces that hold the loops closed, see `loop_wrenches`
+    """
+    free = free_coordinates(tree)
+    base = np.array(cddot, dtype=np.float64)
+    base[:, free] = 0.0
+    rest = _consistent(tree, c, cdot, base)
+    bias = _needed(tree, c, cdot, rest, applied)[:, free]
+    M = np.empty((len(c), len(free), len(free)))
+    for k, j in enumerate(free):
+        trial = base.copy()
+        trial[:, j] = 1.0
+        M[:, :, k] = _needed(tree, c, cdot, _consistent(tree, c, cdot, trial), applied)[:, free] - bias
+    right = generalized[:, free] - bias
+    x = np.linalg.solve(M, right[..., None])[..., 0]
+    multipliers = np.zeros((len(c), int(tree.loops.row[-1])))
+    if multipliers.size:
+        G = closure_jacobian(tree, c)[:, :, free]
+        wanted = -closure_rates(tree, c, cdot, rest)[1] - np.einsum("frj,fj->fr", G, x)
+        softness = np.linalg.solve(M, np.swapaxes(G, 1, 2))
+        multipliers = np.einsum("frs,fs->fr", np.linalg.pinv(G @ softness, rcond=RANK, hermitian=True), wanted)
+        x += np.einsum("fjr,fr->fj", softness, multipliers)
+    found = base.copy()
+    found[:, free] = x
+    return _consistent(tree, c, cdot, found), multipliers
+
+
+def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array) -> Array:
+    """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that explain its balance.
+
+    Parameters
+    ----------
+    c, cdot, cddot, applied, generalized : as of `forward_accelerations`
+    """
+    if not tree.model.loops:
+        return np.zeros((len(c), 0))
+    free = free_coordinates(tree)
+    missing = (_needed(tree, c, cdot, cddot, applied) - generalized)[:, free]
+    G = closure_jacobian(tree, c)[:, :, free]
+    found: Array = np.einsum("frj,fj->fr", np.linalg.pinv(np.swapaxes(G, 1, 2), rcond=RANK), missing)
+    return found
+
+
+def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
+    """What closed loops do to the bodies they tie, (frames, bodies, 6) as of `joint_wrenches`.
+
+    A multiplier is a force [N] or moment [N m] on the second body along the axes of the first tied frame.
+    """
+    poses, L = forward_kinematics(tree, c), tree.loops
+    found = np.zeros((len(c), len(tree.arrays.parent), 6))
+    for i in range(len(L.body_1)):
+        b1, b2 = L.body_1[i], L.body_2[i]
+        turn = poses.rotations[:, b1] @ L.turn_1[i]
+        point = poses.origins[:, b2] + poses.rotations[:, b2] @ L.point_2[i]
+        rows = multipliers[:, L.row[i] : L.row[i + 1]]
+        force = np.einsum("fij,fj->fi", turn, rows[:, -3:])
+        moment = np.cross(point, force)
+        if rows.shape[1] == 6:
+            moment += np.einsum("fij,fj->fi", turn, rows[:, :3])
+        wrench = np.concatenate([force, moment], axis=1)
+        found[:, b2] += wrench
+        found[:, b1] -= wrench
+    return found
+
+
+def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
+    """Accelerations with those of coordinates that follow set."""
+    values, rates, found = (np.array(one, dtype=np.float64, order="C") for one in (c, cdot, cddot))
+    couple_rates_frames(tree.arrays, values, rates, found)
+    return found
+
+
+def _needed(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array) -> Array:
+    """Generalized forces (frames, coordinates), gathered, that the accelerations need beside what is applied."""
+    return gathered(tree, c, joint_wrenches(tree, c, cdot, cddot, applied).torques)

@@ -1,0 +1,276 @@
+"""Joint reactions: the force and moment that a joint's mechanism carries, from tensions, motion and external forces.
+
+As OpenSim's JointReaction analysis defines them (Steele, DeMers, Schwartz and Delp 2012): with the bodies that hang
+on a joint taken as free,
+
+    reaction = sum over them of (rate of momentum - gravity - external - muscles - actuators on bodies - bushings)
+
+so that it holds all that the joint transmits, forces along its own coordinates (reserves, springs, residuals of
+coordinates) included. What acts on a coordinate is not a load on a body: it is a part of the reaction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
+from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.muscles.passive import joint_forces
+from myomorph.muscles.path import compile_paths
+from myomorph.rigid.closed_motion import refuse_open
+from myomorph.rigid.dynamics import external_arrays, motion_arrays
+from myomorph.rigid.forward import balancing_multipliers, forward_accelerations, gathered, loop_wrenches
+from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.tension.actuators import default_reserves
+from myomorph.tension.applied import no_wrenches, of_actuators, of_bushings, of_muscles, of_wrenches
+from myomorph.tension.solve import Tension
+
+On = Literal["child", "parent"]
+
+
+@dataclass(frozen=True, eq=False)
+class JointReactions:
+    """Loads of joints over time, each on one of its bodies, at the joint's point, in the axes of one frame.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    joints : names
+    bodies : the body that each load acts on
+    frames : the body, frame or "ground" in whose axes each is
+    forces, moments : (frames, joints, 3) [N], [N m]; NaN where tensions are
+    points : (frames, joints, 3) where they act, seen from the frame [m]: the joint's frame on that body
+    """
+
+    time: Array
+    joints: tuple[str, ...]
+    bodies: tuple[str, ...]
+    frames: tuple[str, ...]
+    forces: Array
+    moments: Array
+    points: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
+        for name in ("forces", "moments", "points"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(self.time), len(self.joints), 3)))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def of(self, joint: str) -> Array:
+        """Force in one joint (frames, 3) [N]; raises `UnknownName`."""
+        found: Array = self.forces[:, index_of("joint", joint, self.joints, "the reactions")]
+        return found
+
+    def table(self) -> Table:
+        """The loads as OpenSim's JointReaction writes them: `<joint>_on_<body>_in_<frame>_fx` ... `_pz`."""
+        parts = (self.forces, self.moments, self.points)
+        roots = [
+            f"{joint}_on_{body}_in_{frame}"
+            for joint, body, frame in zip(self.joints, self.bodies, self.frames, strict=True)
+        ]
+        names = tuple(f"{root}_{kind}{axis}" for root in roots for kind in "fmp" for axis in "xyz")
+        values = np.stack(parts, axis=2).reshape(len(self.time), -1)
+        return Table(self.time, names, values, facts=MappingProxyType({"name": "Joint Reaction Loads"}))
+
+
+def joint_reactions(
+    model: Model,
+    motion: Motion,
+    tension: Tension | Series | None,
+    wrenches: Wrenches | None = None,
+    joints: Sequence[str] | None = None,
+    on: On | Sequence[On] = "child",
+    frame: str | Sequence[str] = "child",
+    *,
+    actuators: Sequence[Actuator] | None = None,
+    accelerations: Literal["motion", "forces"] = "motion",
+) -> JointReactions:
+    """Force and moment that every joint transmits.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations, at the times of the tensions
+    tension : what `solve_tension` found, its contact forces included; or forces of muscles and actuators by name
+        [N or N m], of all muscles that are switched on; None where no muscle takes part
+    wrenches : external forces in ground at the motion's times
+    joints : names, a joint may come twice; all joints in tree order by default
+    on : the body that the load acts on, one for all or one a joint
+    frame : "child", "parent", "ground", a body or a named frame, in whose axes it is; one for all or one a joint
+    actuators : those beside the model's own that `tension` has forces of; by default reserves and residuals as
+        `solve_tension` adds them
+    accelerations : "motion": those of the motion, what forces leave unbalanced is taken as carried by the joints'
+        own coordinates; "forces": those that the forces cause, as OpenSim's analysis does it. Balanced forces give
+        the same either way
+
+    Raises
+    ------
+    BadData
+        where derivatives are missing, or times differ
+    UnknownName
+        where a joint, body, frame, muscle or actuator is not in the model or in the forces
+    """
+    tree = compile_tree(model)
+    c, cdot, cddot = motion_arrays(tree, motion)
+    refuse_open(tree, c)
+    chosen = [_joint(model, name) for name in (joints or [one.name for one in model.joints])]
+    sides, frames = _each(on, len(chosen), "on"), _each(frame, len(chosen), "frame")
+    poses = forward_kinematics(tree, c)
+    loads = _Loads(tree, motion, poses, c, cdot)
+    loads.add_external(wrenches, getattr(tension, "contacts", None))
+    loads.add_tension(tension, actuators)
+    if accelerations == "forces":
+        cddot, multipliers = forward_accelerations(tree, c, cdot, cddot, loads.others, loads.generalized())
+    elif accelerations == "motion":
+        multipliers = balancing_multipliers(tree, c, cdot, cddot, loads.others, loads.generalized())
+    else:
+        raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
+    applied = loads.others + loads.muscles + loop_wrenches(tree, c, multipliers)
+    carried = joint_wrenches(tree, c, cdot, cddot, applied)
+    seen = [
+        _seen(tree, poses, joint, side, name, carried.forces, carried.moments)
+        for joint, side, name in zip(chosen, sides, frames, strict=True)
+    ]
+    body, named, force, moment, point = zip(*seen, strict=True)
+    stacked = (np.stack(one, axis=1) for one in (force, moment, point))
+    return JointReactions(motion.time, tuple(one.name for one in chosen), body, named, *stacked)
+
+
+@dataclass(eq=False)
+class _Loads:
+    """What acts on bodies and along coordinates, added up.
+
+    Attributes
+    ----------
+    muscles, others : (frames, bodies, 6) wrenches of muscles, and of all else
+    along : (frames, coordinates) forces of actuators of coordinates
+    pulled : (frames, coordinates) generalized forces of muscles, what moves their points included, gathered
+    """
+
+    tree: Tree
+    motion: Motion
+    poses: Poses
+    c: Array
+    cdot: Array
+    muscles: Array = field(init=False)
+    others: Array = field(init=False)
+    along: Array = field(init=False)
+    pulled: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.muscles = no_wrenches(self.tree, len(self.c))
+        self.others = of_bushings(self.tree, self.poses, self.tree.model.bushings, self.cdot)
+        self.along, self.pulled = np.zeros_like(self.c), np.zeros_like(self.c)
+
+    def add_external(self, wrenches: Wrenches | None, contacts: object) -> None:
+        for one in (wrenches, contacts.wrenches("site") if hasattr(contacts, "wrenches") else None):
+            if one is not None:
+                external_arrays(self.tree, self.motion, one)
+                self.others += of_wrenches(self.tree, one)
+
+    def add_tension(self, tension: Tension | Series | None, actuators: Sequence[Actuator] | None) -> None:
+        if tension is None:
+            return
+        if len(tension) != len(self.motion) or np.max(np.abs(tension.time - self.motion.time), initial=0.0) > 1e-6:
+            raise BadData(
+                f"tensions have {len(tension)} frames from {tension.time[:1]} s, the motion {len(self.motion)} from "
+                f"{self.motion.time[:1]} s: both must have the same times"
+            )
+        helpers, forces, tensions = self._named(tension, actuators)
+        if self.tree.model.muscles:
+            paths = compile_paths(self.tree.model)
+            self.muscles = of_muscles(paths, paths.pulls(self.c), tensions)
+            _, _, arms = paths.evaluate(self.c)
+            for k in np.flatnonzero(paths.arm_free):
+                self.pulled[:, paths.arm_coordinate[k]] += arms[:, k] * tensions[:, paths.arm_muscle[k]]
+        self.others += of_actuators(self.tree, self.poses, helpers, forces)
+        for one, force in zip(helpers, forces.T, strict=True):
+            if one.kind == "coordinate":
+                self.along[:, index_of("coordinate", one.coordinate, self.tree.model.coordinate_names)] += force
+
+    def _named(
+        self, tension: Tension | Series, actuators: Sequence[Actuator] | None
+    ) -> tuple[list[Actuator], Array, Array]:
+        """Actuators with forces (frames, actuators), and tensions (frames, muscles)."""
+        model = self.tree.model
+        added = default_reserves(model, 1.0, 1.0) if actuators is None else actuators
+        known = {one.name: one for one in (*model.actuators, *added)}
+        if isinstance(tension, Tension):
+            names, values = tension.reserve_names, tension.reserves
+            order = [index_of("muscle", one, tension.muscles, "the table of forces") for one in model.muscle_names]
+            tensions = tension.forces[:, order]
+        else:
+            names = tuple(name for name in tension.names if name not in model.muscle_names)
+            values = np.stack([tension[name] for name in names], axis=1) if names else np.zeros((len(tension), 0))
+            tensions = np.zeros((len(tension), len(model.muscles)))
+            for m, muscle in enumerate(model.muscles):
+                if muscle.enabled:
+                    tensions[:, m] = tension.values[
+                        :, index_of("muscle", muscle.name, tension.names, "the table of forces")
+                    ]
+        for name in names:
+            if name not in known:
+                raise UnknownName("actuator", name, tuple(known), "the model with the actuators given")
+        return [known[name] for name in names], values, tensions
+
+    def generalized(self) -> Array:
+        """Forces along coordinates (frames, coordinates), gathered, that `others` does not hold."""
+        tree = self.tree
+        springs = joint_forces(tree, self.c, self.cdot, [one.name for one in tree.model.bushings])
+        return gathered(tree, self.c, self.along + springs) + self.pulled
+
+
+def _each(given: str | Sequence[str], count: int, what: str) -> list[str]:
+    if isinstance(given, str):
+        return [given] * count
+    if len(given) not in (1, count):
+        raise BadData(f"{what} names {len(given)} for {count} joints: expected one for all, or one a joint")
+    return list(given) * (count if len(given) == 1 else 1)
+
+
+def _joint(model: Model, name: str) -> Joint:
+    names = tuple(one.name for one in model.joints)
+    return model.joints[index_of("joint", name, names)]
+
+
+def _seen(
+    tree: Tree, poses: Poses, joint: Joint, side: str, frame: str, forces: Array, moments: Array
+) -> tuple[str, str, Array, Array, Array]:
+    """Body and frame by name, and force, moment and point (frames, 3) of one joint in the frame's axes."""
+    if side not in ("child", "parent"):
+        raise BadData(f"a reaction on the '{side}' of joint '{joint.name}': there are 'child', 'parent'")
+    b = tree.body_index[joint.child]
+    body, pose, sign = (
+        (joint.child, joint.child_frame, 1.0) if side == "child" else (joint.parent, joint.parent_frame, -1.0)
+    )
+    on = tree.body_index[body]
+    point = poses.origins[:, on] + poses.rotations[:, on] @ pose.translation
+    force = sign * forces[:, b]
+    moment = sign * moments[:, b] - np.cross(point, force)
+    name, R, p = _frame(tree, poses, {"child": joint.child, "parent": joint.parent}.get(frame.lower(), frame))
+    return (body, name, *(np.einsum("fji,fj->fi", R, one) for one in (force, moment, point - p)))
+
+
+def _frame(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Array]:
+    """Name, rotations (frames, 3, 3) and origins (frames, 3) in ground of a body, the ground, or a frame on one."""
+    plain = name.rsplit("/", 1)[-1]
+    if plain in tree.body_index:
+        b = tree.body_index[plain]
+        return plain, poses.rotations[:, b], poses.origins[:, b]
+    fixed = {one.name: one for one in tree.model.frames}
+    if plain not in fixed:
+        raise UnknownName("frame", name, (*tree.body_index, *fixed))
+    one = fixed[plain]
+    b = tree.body_index.get(one.body, tree.body_index[GROUND])
+    R = poses.rotations[:, b]
+    return plain, R @ one.pose.rotation, poses.origins[:, b] + R @ one.pose.translation
