@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -53,8 +54,8 @@ class Delays:
     seconds : (channels,) [s]
     interval : (channels, 2) 95 % interval [s]; the whole range where the delay was not found
     correlation : (channels,) of the envelope with the prediction at that delay, NaN where one of them is flat
-    found : (channels,) whether the recording tells the delay: the best one lies inside the bounds, and its
-        correlation is believed; elsewhere `seconds` is `USUAL`
+    found : (channels,) whether the recording tells the delay: its correlation is believed (else `seconds` is
+        `USUAL`), and it lies inside the bounds (else it is the bound)
     """
 
     channels: tuple[str, ...]
@@ -79,7 +80,7 @@ def shifted(emg: Emg, time: Array, delays: Array) -> Array:
     return np.array(columns).T.reshape(len(time), len(emg.names))
 
 
-def find_delays(emg: Emg, predicted: Series, options: DelayOptions | None = None) -> Delays:
+def find_delays(recordings: Sequence[tuple[Emg, Series]], options: DelayOptions | None = None) -> Delays:
     """Delays at which envelopes correlate most with what the model predicts of the same muscles.
 
     With correlation r_c(d) of channel c at delay d, the profile log-likelihood of a straight line with
@@ -90,20 +91,45 @@ def find_delays(emg: Emg, predicted: Series, options: DelayOptions | None = None
 
     Parameters
     ----------
-    predicted : (frames, channels) activation of each channel's muscles by a solution without EMG, at the
-        motion's times; names are channels of `emg`
+    recordings : envelopes, and the activation (frames, channels) of each channel's muscles by a solution
+        without EMG, at the motion's times; its names are channels of the envelopes, the same in all
 
     Raises
     ------
     UnknownName
-        where `emg` lacks a channel of `predicted`
+        where the envelopes lack a channel
     BadData
-        where the recordings share less than a second, or fewer than 20 frames
+        where a recording's two sides share less than a second, or fewer than 20 frames
     """
     options = options or DelayOptions()
     lags = np.arange(options.least, options.most + 0.5 * options.step, options.step)
+    names = recordings[0][1].names
+    tables = [_likelihood(emg, predicted, lags) for emg, predicted in recordings]
+    told = np.sum([likely for likely, _ in tables], axis=0)
+    # Of several recordings the mean correlation by independent samples, where it is known.
+    weights = np.array([np.where(np.isfinite(table), sure[:, None], 0.0) for table, sure in (t[1] for t in tables)])
+    summed = (weights * np.nan_to_num([t[1][0] for t in tables])).sum(axis=0)
+    mean = np.where(weights.sum(axis=0) > 0.0, summed / np.maximum(weights.sum(axis=0), 1e-300), np.nan)
+    count = len(names)
+    groups = [np.arange(count)] if options.by == "subject" else [np.array([c]) for c in range(count)]
+    seconds, interval = np.full(count, USUAL), np.empty((count, 2))
+    interval[:] = options.least, options.most
+    found = np.zeros(count, dtype=bool)
+    for group in groups:
+        likely = told[group].sum(axis=0)
+        best = int(np.argmax(likely))
+        if np.nanmax(np.append(mean[group, best], -1.0)) >= options.correlation:
+            near = np.flatnonzero(likely >= likely[best] - DOUBT)
+            seconds[group], interval[group] = lags[best], (lags[near[0]], lags[near[-1]])
+            found[group] = 0 < best < len(lags) - 1
+    chosen = np.abs(lags[None] - seconds[:, None]).argmin(axis=1)
+    return Delays(tuple(names), seconds, interval, mean[np.arange(count), chosen], found)
+
+
+def _likelihood(emg: Emg, predicted: Series, lags: Array) -> tuple[Array, tuple[Array, Array]]:
+    """Profile log-likelihood (channels, lags), correlations of that shape and independent samples (channels,)."""
     envelopes = np.array([emg[name] for name in predicted.names])
-    inside = (predicted.time - options.most >= emg.time[0]) & (predicted.time - options.least <= emg.time[-1])
+    inside = (predicted.time - lags[-1] >= emg.time[0]) & (predicted.time - lags[0] <= emg.time[-1])
     time, wanted = predicted.time[inside], predicted.values[inside]
     if len(time) < 20 or time[-1] - time[0] < 1.0:
         raise BadData(
@@ -113,27 +139,13 @@ def find_delays(emg: Emg, predicted: Series, options: DelayOptions | None = None
     count = len(predicted.names)
     table, sure = np.full((count, len(lags)), np.nan), np.zeros(count)
     for c in range(count):
-        places = time[None] - lags[:, None]
-        moved = np.interp(places, emg.time, envelopes[c], left=np.nan, right=np.nan)
+        moved = np.interp(time[None] - lags[:, None], emg.time, envelopes[c], left=np.nan, right=np.nan)
         use = np.isfinite(wanted[:, c]) & np.isfinite(moved).all(axis=0)
         if use.sum() >= 20:
             table[c] = _correlations(moved[:, use], wanted[use, c])
             sure[c] = independent_samples(moved[len(lags) // 2, use], wanted[use, c])
     told = -0.5 * sure[:, None] * np.log1p(-(np.clip(np.nan_to_num(table), 0.0, 0.999999) ** 2))
-    groups = [np.arange(count)] if options.by == "subject" else [np.array([c]) for c in range(count)]
-    seconds, interval = np.full(count, USUAL), np.empty((count, 2))
-    interval[:] = options.least, options.most
-    found = np.zeros(count, dtype=bool)
-    for group in groups:
-        likely = told[group].sum(axis=0)
-        best = int(np.argmax(likely))
-        believed = np.nanmax(np.append(table[group, best], -1.0)) >= options.correlation
-        if believed and 0 < best < len(lags) - 1:
-            near = np.flatnonzero(likely >= likely[best] - DOUBT)
-            seconds[group], found[group] = lags[best], True
-            interval[group] = lags[near[0]], lags[near[-1]]
-    chosen = np.abs(lags[None] - seconds[:, None]).argmin(axis=1)
-    return Delays(tuple(predicted.names), seconds, interval, table[np.arange(count), chosen], found)
+    return told, (table, sure)
 
 
 def independent_samples(first: Array, second: Array) -> float:

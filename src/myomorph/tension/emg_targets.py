@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -23,13 +23,17 @@ class EmgOptions:
 
     Attributes
     ----------
-    mode, weight, slack : as in `EmgTarget`
+    mode : "soft": a cost keeps activations near EMG; "equality": they may differ by the slack only
+    weight : of the soft cost, in units of the effort of one muscle
+    slack : of an equality [activation]
     delay : electromechanical delay [s]; None finds it where EMG is calibrated, else takes the usual one
     gains : "fitted": one gain a channel, so that envelopes fit activations and torques; "given": envelopes are
         activations already, as with maxima of maximum voluntary contractions
     offsets : whether a channel may have an activation at rest too
     search : how the delay is looked for
     """
+
+    SETTING_PREFIX: ClassVar[str] = "emg_"
 
     mode: Literal["soft", "equality"] = "soft"
     weight: float = 10.0
