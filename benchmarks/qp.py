@@ -24,7 +24,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.actuators import free_coordinates
-from myomorph.tension.dual import Separable, solve_separable
+from myomorph.tension.dual import Separable, no_links, no_wells, solve_separable
 from myomorph.tension.solve import TensionOptions, tension_problem
 
 
@@ -134,6 +134,8 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
             frames.values[part],
             frames.right[part],
             targets[part],
+            no_wells(n),
+            no_links(),
             np.zeros(rows),
             x[part],
             y[part],

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from myomorph.model.errors import BadData
-from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, Separable, pattern, solve_separable
+from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, Separable, no_links, no_wells, pattern, solve_separable
 from myomorph.tension.terms import balance, effort, nearness, program, solve_program
 
 
@@ -24,7 +24,7 @@ def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lo
     return directions, low, high, directions @ np.clip(active, low, high)
 
 
-def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=None):
+def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=None, wells=None):
     """Frames (torques (frames, rows)) through the kernel: x, status, imbalance, multipliers, iterations."""
     torques = np.atleast_2d(torques)
     rows, columns = np.nonzero(directions)
@@ -38,7 +38,9 @@ def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=No
     imbalance, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
     targets = np.zeros((frames, count)) if targets is None else targets
     right = np.ascontiguousarray(torques[:, shape.order])
-    solve_separable(fixed, values, right, targets, np.zeros(n), x, y, imbalance, iterations, status)
+    wells = no_wells(count) if wells is None else wells
+    warm = np.zeros(n)
+    solve_separable(fixed, values, right, targets, wells, no_links(), warm, x, y, imbalance, iterations, status)
     multipliers = np.empty_like(y)
     multipliers[:, shape.order] = y
     return x, status, imbalance, multipliers, iterations

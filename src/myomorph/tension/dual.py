@@ -1,9 +1,9 @@
 """The separable problem over frames: least effort in balance, by a semismooth Newton on its dual.
 
-    minimise  sum_i w_i |x_i - t_i|^p_i   subject to  A x = b,  lower <= x <= upper
+    minimise  sum_i w_i |x_i - t_i|^p_i + k_i dist(x_i, [l_i, h_i])^2   subject to  A x = b,  lower <= x <= upper
 
 For given multipliers y every x_i has a closed form, x_i = clip(t_i + sign(s_i) (|s_i| / (p_i w_i))^(1/(p_i - 1)))
-with s = A^T y, so stationarity and bounds hold exactly and only the balance b - A x is left to
+with s = A^T y where nothing pulls it into [l_i, h_i], so stationarity and bounds hold exactly and only the balance b - A x is left to
 solve for: it is the gradient of the concave dual. Its generalized Jacobian is A D A^T with a
 diagonal D = dx/ds, of the size of the coordinates and not of the muscles, and sparse where muscles
 cross few joints (Qi and Sun 1993; Hintermueller, Ito and Kunisch 2002 for the p = 2 case).
@@ -55,6 +55,39 @@ class Separable(NamedTuple):
     upper: Array
 
 
+class Links(NamedTuple):
+    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k - amount_(k-1))^2.
+
+    Attributes
+    ----------
+    first : variables first ... first + linked - 1 are linked
+    scale : (frames, linked) amount of one unit of the variable, 0 where it takes no part
+    amount : (frames, linked) room for the amounts as other frames see them
+    stiffness : (frames - 1,) between a frame and the next, in units of the variables' weights
+    over : factor of over-relaxation, 1 to 2
+    sweeps : most passes over the frames
+    tolerance : change of an amount at which passes end
+    """
+
+    first: int
+    scale: Array
+    amount: Array
+    stiffness: Array
+    over: float
+    sweeps: int
+    tolerance: float
+
+
+def no_links() -> Links:
+    """Frames that do not know of each other."""
+    return Links(0, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), 1.0, 0, 0.0)
+
+
+def no_wells(variables: int) -> Array:
+    """Nothing that pulls a variable anywhere, (1, 3, variables)."""
+    return np.zeros((1, 3, variables))
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope.
@@ -97,11 +130,34 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _response(S, i, target, s):
+def _pulled(w, p, target, near, pull, x, s):
+    """Zero of p w |v - target|^(p - 1) sign + 2 pull (v - near) - s, which lies between `near` and x."""
+    low, high = min(near, x), max(near, x)
+    v = 0.5 * (low + high)
+    for _ in range(60):
+        size = abs(v - target)
+        power = w * p * size ** (p - 1.0)
+        excess = (power if v > target else -power) + 2.0 * pull * (v - near) - s
+        if excess > 0.0:
+            high = v
+        else:
+            low = v
+        step = excess / (2.0 * pull + w * p * (p - 1.0) * max(size, 1e-9) ** (p - 2.0))
+        if abs(step) <= 1e-15:
+            break
+        v = v - step if low < v - step < high else 0.5 * (low + high)
+    return v
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _response(S, well, i, target, s):
     """x_i at the reduced multiplier s, and dx_i/ds there (0 on a bound)."""
-    w, p = S.weight[i], S.exponent[i]
+    w, p, pull = S.weight[i], S.exponent[i], well[2, i]
     if p == 2.0:
         x, slope = target + 0.5 * s / w, 0.5 / w
+        if pull > 0.0 and not well[0, i] <= x <= well[1, i]:
+            near = well[0, i] if x < well[0, i] else well[1, i]
+            x, slope = (w * target + pull * near + 0.5 * s) / (w + pull), 0.5 / (w + pull)
     else:
         size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
         x = target + (size if s > 0.0 else -size)
@@ -110,6 +166,9 @@ def _response(S, i, target, s):
         if p > 2.0 and size < 1e-3:
             slope *= p - 1.0
         slope = min(slope, 1e8 / w)
+        if pull > 0.0 and not well[0, i] <= x <= well[1, i]:
+            x = _pulled(w, p, target, well[0, i] if x < well[0, i] else well[1, i], pull, x, s)
+            slope = 1.0 / (1.0 / slope + 2.0 * pull)
     if x <= S.lower[i]:
         return S.lower[i], 0.0
     if x >= S.upper[i]:
@@ -168,22 +227,22 @@ def _assemble(S, values, slope, slack, M):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _ascent(S, targets, s, ds, t, constant, linear):
+def _ascent(S, targets, well, s, ds, t, constant, linear):
     """Slope of the dual along a direction at step t; it never grows with t."""
     total = constant - t * linear
     for i in range(s.shape[0]):
         if ds[i] != 0.0:
-            total -= _response(S, i, targets[i], s[i] + t * ds[i])[0] * ds[i]
+            total -= _response(S, well, i, targets[i], s[i] + t * ds[i])[0] * ds[i]
     return total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _step(S, targets, s, ds, constant, linear):
+def _step(S, targets, well, s, ds, constant, linear):
     """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
     t, low, high, enough = 0.0, 0.0, np.inf, 0.0
     # One call of `_ascent` in the code: it is inlined, and each copy takes time to compile.
     for trial in range(62):
-        now = _ascent(S, targets, s, ds, t, constant, linear)
+        now = _ascent(S, targets, well, s, ds, t, constant, linear)
         if trial == 0:
             enough = 0.1 * now
             t = 1.0
@@ -212,7 +271,7 @@ def _free_stiffness(S, values, slope, diagonal):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _newton(S, A, b, targets, relative, most, cold, x, y, by_variable, by_row, M):
+def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
 
     by_variable, by_row, M are room to work in: (3, variables), (5, rows), (rows, rows).
@@ -239,7 +298,7 @@ def _newton(S, A, b, targets, relative, most, cold, x, y, by_variable, by_row, M
         for j in range(n):
             residual[j] = b[j]
         for i in range(variables):
-            x[i], d = _response(S, i, targets[i], s[i])
+            x[i], d = _response(S, well, i, targets[i], s[i])
             # The very first step of a cold start is that of the problem without bounds.
             if iteration > 0 or not cold:
                 slope[i] = d
@@ -264,7 +323,7 @@ def _newton(S, A, b, targets, relative, most, cold, x, y, by_variable, by_row, M
             ds[i] = 0.0
             for a in range(S.start[i], S.start[i + 1]):
                 ds[i] += A[a] * z[S.row[a]]
-        t = _step(S, targets, s, ds, constant, linear)
+        t = _step(S, targets, well, s, ds, constant, linear)
         for j in range(n):
             y[j] += t * z[j]
         for i in range(variables):
@@ -272,83 +331,148 @@ def _newton(S, A, b, targets, relative, most, cold, x, y, by_variable, by_row, M
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve_separable(S, values, balance, targets, warm, x, y, imbalance, iterations, status):
-    """Solve frame after frame, each starting from the multipliers of the one before.
+def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M):
+    """One frame from the multipliers y: imbalance, iterations and status; x and y are filled.
 
     A frame that the plain iteration does not settle is solved again with a large slack that then
     shrinks; where no slack can be small, the frame is infeasible and x misses the balance least.
+    """
+    unknown, scale, cold = 0.0, 1.0, True
+    for k in range(A.shape[0]):
+        unknown += A[k] - A[k]
+    for i in range(x.shape[0]):
+        unknown += targets[i] - targets[i]
+        if well[2, i] > 0.0:
+            unknown += well[0, i] - well[0, i] + (well[1, i] - well[1, i])
+        else:
+            unknown += well[2, i] - well[2, i]
+    for j in range(b.shape[0]):
+        unknown += b[j] - b[j]
+        scale = max(scale, 1.0 + abs(b[j]))
+        cold = cold and y[j] == 0.0
+    if unknown != 0.0:
+        for i in range(x.shape[0]):
+            x[i] = np.nan
+        for j in range(b.shape[0]):
+            y[j] = np.nan
+        return np.nan, 0, MISSING
+    worst, before, steps, stuck, k = np.inf, np.inf, 0, False, 0
+    most = 40
+    while k < len(SLACKS):
+        worst, left, more = _newton(S, A, b, targets, well, SLACKS[k], most, cold, x, y, by_variable, by_row, M)
+        steps += more
+        if most == 0:
+            break
+        if k == 0 and left <= TOLERANCE * scale:
+            stuck = True
+            break
+        settled = left <= TOLERANCE * scale or left <= 1e-3 * worst
+        cold = k == 0
+        if k > 1 and not settled:
+            # The last slack that could be solved for is the answer: x again, without a step.
+            k, most = k - 1, 0
+            for j in range(b.shape[0]):
+                y[j] = by_row[4, j]
+            continue
+        for j in range(b.shape[0]):
+            by_row[4, j] = y[j]
+            if k == 0:
+                y[j] = 0.0
+        if k > 0:
+            # Less slack, but the same imbalance: nothing is left that could take it.
+            stuck = settled and worst > 0.5 * before
+            before = worst
+        k, most = k + 1, 150
+    if worst <= accepted * scale:
+        return worst, steps, OPTIMAL
+    return worst, steps, INFEASIBLE if stuck else STALLED
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drawn(S, links, frame, status, wells, well):
+    """Well of a frame: its own, and for linked variables the amounts that the frames beside it have."""
+    for i in range(well.shape[1]):
+        for k in range(3):
+            well[k, i] = wells[k, i]
+    for g in range(links.scale.shape[1]):
+        scale, pull, sum_ = links.scale[frame, g], 0.0, 0.0
+        for beside in (frame - 1, frame + 1):
+            if 0 <= beside < status.shape[0] and links.scale[beside, g] > 0.0 and status[beside] == OPTIMAL:
+                stiffness = links.stiffness[min(frame, beside)] * S.weight[links.first + g]
+                pull += stiffness
+                sum_ += stiffness * links.amount[beside, g]
+        if scale > 0.0 and pull > 0.0:
+            well[0, links.first + g] = well[1, links.first + g] = sum_ / (pull * scale)
+            well[2, links.first + g] = pull * scale * scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbalance, iterations, status):
+    """Solve frame after frame, each starting from the multipliers of the one before.
+
+    Where frames are linked, the solution of each alone is where passes over all of them begin, each frame given
+    those beside it: block successive over-relaxation (Young 1954) towards the joint optimum.
 
     Parameters
     ----------
-    S : `Separable`
+    S, links : `Separable`, `Links`
     values : (frames, entries) of A
     balance : (frames, rows) b, rows in the order of elimination
-    targets : (frames, variables) t
+    targets : (1 or frames, variables) t
+    wells : (1 or frames, 3, variables) l, h and k; a k of 0 leaves l and h unread
     warm : (rows,) multipliers to begin with, zero for none; afterwards those of the last frame
     x, y : (frames, variables), (frames, rows) filled with the solution and its multipliers
     imbalance, iterations, status : (frames,) filled; imbalance is max |b - A x|
     """
-    n, variables = balance.shape[1], x.shape[1]
+    frames, n, variables = balance.shape[0], balance.shape[1], x.shape[1]
     M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((5, n))
+    well = np.zeros((3, variables))
     steepest = 0.0
     for i in range(variables):
         steepest = max(steepest, S.exponent[i])
     # With p > 2 the multipliers of a variable near 0 fall under the rounding of the others.
     accepted = 10.0 * TOLERANCE if steepest <= 2.0 else 1e-6
-    for frame in range(balance.shape[0]):
-        A, b, result = values[frame], balance[frame], y[frame]
-        unknown, scale = 0.0, 1.0
-        for k in range(A.shape[0]):
-            unknown += A[k] - A[k]
-        for i in range(variables):
-            unknown += targets[frame, i] - targets[frame, i]
-        for j in range(n):
-            unknown += b[j] - b[j]
-            scale = max(scale, 1.0 + abs(b[j]))
-        if unknown != 0.0:
-            for i in range(variables):
-                x[frame, i] = np.nan
-            for j in range(n):
-                result[j] = np.nan
-            imbalance[frame], iterations[frame], status[frame] = np.nan, 0, MISSING
-            continue
-        cold = True
-        for j in range(n):
-            result[j] = warm[j]
-            cold = cold and warm[j] == 0.0
-        worst, before, steps, stuck, k = np.inf, np.inf, 0, False, 0
-        most = 40
-        while k < len(SLACKS):
-            worst, left, more = _newton(
-                S, A, b, targets[frame], SLACKS[k], most, cold, x[frame], result, by_variable, by_row, M
-            )
-            steps += more
-            if most == 0:
-                break
-            if k == 0 and left <= TOLERANCE * scale:
-                stuck = True
-                break
-            settled = left <= TOLERANCE * scale or left <= 1e-3 * worst
-            cold = k == 0
-            if k > 1 and not settled:
-                # The last slack that could be solved for is the answer: x again, without a step.
-                k, most = k - 1, 0
+    linked = links.scale.shape[1]
+    last, over = np.inf, links.over
+    for sweep in range(links.sweeps + 1 if linked else 1):
+        moved = 0.0
+        for frame in range(frames):
+            own = wells[min(frame, wells.shape[0] - 1)]
+            if sweep == 0:
+                iterations[frame] = 0
                 for j in range(n):
-                    result[j] = by_row[4, j]
+                    y[frame, j] = warm[j]
+            elif status[frame] == OPTIMAL:
+                _drawn(S, links, frame, status, own, well)
+                own = well
+            else:
                 continue
-            for j in range(n):
-                by_row[4, j] = result[j]
-                if k == 0:
-                    result[j] = 0.0
-            if k > 0:
-                # Less slack, but the same imbalance: nothing is left that could take it.
-                stuck = settled and worst > 0.5 * before
-                before = worst
-            k, most = k + 1, 150
-        imbalance[frame], iterations[frame] = worst, steps
-        if worst <= accepted * scale:
-            status[frame] = OPTIMAL
-        else:
-            status[frame] = INFEASIBLE if stuck else STALLED
-        for j in range(n):
-            warm[j] = result[j] if status[frame] == OPTIMAL else 0.0
+            imbalance[frame], more, status[frame] = _solve_frame(
+                S,
+                values[frame],
+                balance[frame],
+                targets[min(frame, targets.shape[0] - 1)],
+                own,
+                accepted,
+                x[frame],
+                y[frame],
+                by_variable,
+                by_row,
+                M,
+            )
+            iterations[frame] += more
+            if sweep == 0 and status[frame] != MISSING:
+                for j in range(n):
+                    warm[j] = y[frame, j] if status[frame] == OPTIMAL else 0.0
+            for g in range(linked):
+                found = links.scale[frame, g] * x[frame, links.first + g]
+                change = found - links.amount[frame, g]
+                moved = max(moved, abs(change))
+                links.amount[frame, g] += change if sweep == 0 else over * change
+        if sweep > 0 and moved <= links.tolerance:
+            break
+        # Over-relaxation that does not pay is given up: plain passes always approach the optimum.
+        if sweep > 1 and moved > last:
+            over = 1.0
+        if sweep > 0:
+            last = moved

@@ -22,7 +22,7 @@ from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import RESIDUAL, default_reserves, free_coordinates
 from myomorph.tension.assembly import actuator_entries, assemble, fold, take_off
-from myomorph.tension.dual import OPTIMAL, STATUS_NAMES, Separable, solve_separable
+from myomorph.tension.dual import OPTIMAL, STATUS_NAMES, Separable, no_links, no_wells, solve_separable
 
 
 @dataclass(frozen=True)
@@ -331,7 +331,9 @@ class TensionProblem:
             self.separable,
             values,
             right,
-            np.zeros_like(x),
+            np.zeros((1, x.shape[1])),
+            no_wells(x.shape[1]),
+            no_links(),
             np.zeros(right.shape[1]),
             x,
             y,

@@ -24,6 +24,8 @@ from myomorph.tension.dual import (
     STALLED,
     STATUS_NAMES,
     Separable,
+    no_links,
+    no_wells,
     pattern,
     solve_separable,
 )
@@ -155,7 +157,9 @@ def _separable(problem: Program) -> tuple[Array, Array, Array, int]:
     x, y, warm = np.empty((1, n)), np.empty((1, count)), np.zeros(count)
     imbalance, iterations, status = np.empty(1), np.empty(1, np.int64), np.empty(1, np.int8)
     target = -(problem.c / problem.H)[None]
-    solve_separable(fixed, values, problem.b[None, shape.order], target, warm, x, y, imbalance, iterations, status)
+    right = problem.b[None, shape.order]
+    wells, links = no_wells(n), no_links()
+    solve_separable(fixed, values, right, target, wells, links, warm, x, y, imbalance, iterations, status)
     multipliers = np.empty(count)
     multipliers[shape.order] = y[0]
     return x[0], multipliers, np.zeros(0), int(status[0])
