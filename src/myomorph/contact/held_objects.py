@@ -1,0 +1,139 @@
+"""Objects of known inertia that hands hold or push: when they are held, and what their motion asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.contacts import Contacts, Site, Touch
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.rigid.dynamics import external_arrays, motion_arrays, rates_of
+from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+
+@dataclass(frozen=True)
+class HoldOptions:
+    """When a hand holds an object.
+
+    Attributes
+    ----------
+    moving : the object moves where the held place is faster than that [m/s]
+    near, far : a hold begins where the site comes so near to the place at which it holds the moving object,
+        and ends where it leaves that far from it [m]
+    """
+
+    moving: float = 0.1
+    near: float = 0.03
+    far: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not (self.moving > 0.0 and 0.0 < self.near <= self.far):
+            raise BadData(
+                f"holding: moving {self.moving:g} m/s, near {self.near:g} m, far {self.far:g} m: expected above 0, "
+                "and far not below near"
+            )
+
+
+def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: HoldOptions | None = None) -> Contacts:
+    """When sites hold the objects that they are against.
+
+    An object that nothing else drives moves only while it is held, so the site's place on it then (the median) is
+    where it is held; it is held before and after for as long as the site stays there.
+
+    Parameters
+    ----------
+    model : of body and objects together (`join_models`)
+    motion : with velocities
+    sites : on the hands, each against the body of an object
+
+    Raises
+    ------
+    BadData
+        where a site is against the ground, or its object never moves
+    """
+    options = options or HoldOptions()
+    tree = compile_tree(model)
+    coordinates, rates = rates_of(tree, motion)
+    poses = forward_kinematics(tree, coordinates)
+    touches: list[Touch] = []
+    for site in sites:
+        if site.against == GROUND:
+            raise BadData(f"site '{site.name}' is against the ground: expected a body, the object that it holds")
+        hand, thing = tree.body_index[site.body], tree.body_index[site.against]
+        point = poses.points(np.array([hand]), site.points.mean(axis=0)[None])[:, 0]
+        place = np.einsum("fji,fj->fi", poses.rotations[:, thing], point - poses.origins[:, thing])
+        speed = [
+            np.linalg.norm(poses.jacobian(frame, thing, point[frame])[3:] @ rates[frame])
+            for frame in range(len(motion))
+        ]
+        moving = np.array(speed) > options.moving
+        if not moving.any():
+            raise BadData(
+                f"'{site.against}' is never faster than {options.moving:g} m/s: when '{site.name}' holds it cannot be "
+                "told from motion; name the times in a table of contacts"
+            )
+        apart = np.linalg.norm(place - np.median(place[moving], axis=0), axis=1)
+        touches += [
+            Touch(site.name, float(motion.time[first]), float(motion.time[last]), site.against, source="kinematics")
+            for first, last in _within(apart, options.near, options.far)
+        ]
+    return Contacts(tuple(site.name for site in sites), tuple(touches))
+
+
+def _within(distance: Array, near: float, far: float) -> list[tuple[int, int]]:
+    """First and last frames of the stretches that come within `near` and stay within `far`."""
+    inside = np.concatenate([[False], distance <= far, [False]])
+    edges = np.flatnonzero(np.diff(inside.astype(np.int8)))
+    found: list[tuple[int, int]] = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        close = np.flatnonzero(distance[first:stop] <= near)
+        if len(close):
+            # It begins when the site has arrived, but ends only when it is far again.
+            found.append((int(first + close[0]), int(stop - 1)))
+    return found
+
+
+def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | None = None) -> Wrenches:
+    """Force and moment that reach a body, and all that it carries, from its parent.
+
+    By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give it together;
+    for the trunk, what passes through its joint with the pelvis, muscles included.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations
+    known : other external forces, at the motion's times; those on bodies that it does not carry have no effect
+
+    Returns
+    -------
+    Wrenches with one force on `body`, at the center of its joint, with the moment about it as the torque
+
+    Raises
+    ------
+    UnknownName
+        where `body`, or one that a known force acts on, does not exist
+    BadData
+        where derivatives are missing, or the forces' clock is not the motion's
+    """
+    tree = compile_tree(model)
+    if body not in model.body_names:
+        raise UnknownName("body", body, model.body_names)
+    number = tree.body_index[body]
+    bodies, forces, points, torques = external_arrays(tree, motion, known)
+    applied = np.zeros((len(motion), len(tree.arrays.parent), 6))
+    for k, one in enumerate(bodies):
+        applied[:, one, :3] += forces[:, k]
+        applied[:, one, 3:] += torques[:, k] + np.cross(points[:, k], forces[:, k])
+    found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
+    center = model.joints[number - 1].child_frame.translation
+    at = found.rotations[:, number] @ center + found.origins[:, number]
+    force = found.forces[:, number]
+    torque = found.moments[:, number] - np.cross(at, force)
+    return Wrenches(motion.time, (body,), (body,), force[:, None], at[:, None], torque[:, None])

@@ -1,0 +1,122 @@
+"""What the motion of an object asks of the hands, and when they hold it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.contact.held_objects import HoldOptions, find_holds, needed_wrench
+from myomorph.model.contacts import Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.free_object import free_object
+from myomorph.model.join import join_models, join_motions
+from myomorph.model.series import Motion, Wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from trees import floating_tree, swinging
+
+STEP = 0.01
+
+
+def sliding(name, height, frames=200):
+    """A free object that only moves up and down, and its motion with exact rates."""
+    model = free_object(name, 2.0, (0.2, 0.2, 0.2))
+    time = STEP * np.arange(frames)
+    values = np.zeros((3, frames, 6))
+    values[0, :, 1] = height(time)
+    values[1, :, 1] = np.gradient(values[0, :, 1], STEP)
+    values[2, :, 1] = np.gradient(values[1, :, 1], STEP)
+    return model, Motion(time, model.coordinate_names, values[0], values[1], values[2])
+
+
+def test_a_box_that_is_lifted_needs_its_weight_and_its_acceleration():
+    model, motion = sliding("box", lambda t: 0.4 * t**2)
+    needed = needed_wrench(model, motion, "box")
+    assert needed.forces[50, 0] == pytest.approx([0.0, 2.0 * (9.80665 + 0.8), 0.0], abs=1e-6)
+    assert needed.points[:, 0, 1] == pytest.approx(motion.values[:, 1])
+    assert needed.torques == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_is_known_is_taken_off():
+    """A floor that carries the weight leaves nothing for the hands; one that carries it off the middle, a moment."""
+    model, motion = sliding("box", lambda t: 0.0 * t)
+    force, points = np.zeros((200, 1, 3)), np.zeros((200, 1, 3))
+    force[:, 0, 1], points[:, 0, 0] = 2.0 * 9.80665, 0.1
+    floor = Wrenches(motion.time, ("floor",), ("box",), force, points, np.zeros((200, 1, 3)))
+    left = needed_wrench(model, motion, "box", floor)
+    assert left.forces == pytest.approx(0.0, abs=1e-9)
+    assert left.torques[:, 0] == pytest.approx(np.tile([0.0, 0.0, -0.1 * 2.0 * 9.80665], (200, 1)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_whole_needs_what_its_momentum_does(seed):
+    """The root's wrench is the mass times the center's acceleration less gravity: second differences tell the same."""
+    model = floating_tree(seed)
+    motion = swinging(model, 400, 0.001, seed)
+    needed = needed_wrench(model, motion, "body0")
+    center = center_of_mass(compile_tree(model), forward_kinematics(compile_tree(model), motion.values))
+    acceleration = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / 0.001**2
+    expected = model.mass * (acceleration - model.gravity)
+    assert np.abs(needed.forces[1:-1, 0] - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_its_part_along_a_joint_is_the_joints_torque():
+    model = floating_tree(4)
+    motion = swinging(model, 30, 0.01, 4)
+    torques = inverse_dynamics(model, motion)
+    poses = forward_kinematics(compile_tree(model), motion.values)
+    for k, body in enumerate(model.body_names[1:], start=6):
+        needed, axis = needed_wrench(model, motion, body), poses.axis_directions[:, k]
+        turning = model.joints[k - 5].axes[0].kind == "rotation"
+        along = np.einsum("fi,fi->f", (needed.torques if turning else needed.forces)[:, 0], axis)
+        assert along == pytest.approx(torques[f"c{k - 5}"], rel=1e-9, abs=1e-9)
+
+
+def reaching(arrive=0.5, leave=1.5):
+    """A hand that comes to a box from above, lifts it between `arrive` + 0.2 and `leave` - 0.2 s, and goes away."""
+
+    def lifted(t):
+        phase = np.clip((t - arrive - 0.2) / (leave - arrive - 0.4), 0.0, 1.0)
+        return 0.3 * phase**2 * (3.0 - 2.0 * phase)
+
+    def hand(t):
+        return lifted(t) + np.maximum(0.0, arrive - t) + np.maximum(0.0, t - leave) + 0.1
+
+    box, box_motion = sliding("box", lifted)
+    palm, palm_motion = sliding("palm", hand)
+    parts = {"arm": palm, "thing": box}
+    return join_models(parts), join_motions({"arm": palm_motion, "thing": box_motion})
+
+
+def test_a_hold_lasts_from_arriving_to_leaving():
+    model, motion = reaching()
+    site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
+    options = HoldOptions(moving=0.1, near=0.03, far=0.05)
+    (touch,) = find_holds(model, motion, (site,), options).touches
+    assert touch.surface == "thing_box"
+    assert touch.start == pytest.approx(0.5 - options.near, abs=1.5 * STEP)
+    assert touch.stop == pytest.approx(1.5 + options.far, abs=1.5 * STEP)
+
+
+def test_a_second_hand_that_passes_by_does_not_hold():
+    model, motion = reaching()
+    aside = Site("aside", "arm_palm", np.array([[0.0, 0.5, 0.0]]), against="thing_box")
+    values = np.array(motion.values)
+    values[::2, 0] += 0.3
+    shaking = replace(motion, values=values)
+    held = find_holds(model, shaking, (aside,)).touches
+    assert all(touch.stop - touch.start <= STEP for touch in held)
+
+
+def test_an_object_that_rests_tells_no_hold():
+    model, motion = reaching(leave=1.5)
+    site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
+    with pytest.raises(BadData, match="never faster"):
+        find_holds(model, motion, (site,), HoldOptions(moving=9.0))
+    with pytest.raises(BadData, match="against the ground"):
+        find_holds(model, motion, (replace(site, against="ground"),))
+    with pytest.raises(UnknownName, match="thing_box"):
+        needed_wrench(model, motion, "box")
+    with pytest.raises(BadData, match="far not below near"):
+        HoldOptions(near=0.1, far=0.05)
