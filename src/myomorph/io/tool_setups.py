@@ -111,6 +111,7 @@ class Analysis:
     kind : its class, "StaticOptimization"
     step : every so many frames
     options : its other properties as texts
+    forces : the file of forces that a JointReaction takes, None for none
     """
 
     kind: str
@@ -118,6 +119,7 @@ class Analysis:
     step: int
     static_optimization: StaticOptimizationSettings | None = None
     options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    forces: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,8 @@ def _analysis(node: Node) -> Analysis:
             node.flag("use_model_force_set", True),
         )
     options = {str(one.tag): (one.text or "").strip() for one in node.element if not len(one)}
-    return Analysis(node.kind, node.name or node.kind, int(step), static, MappingProxyType(options))
+    forces = path_of(node, "forces_file")
+    return Analysis(node.kind, node.name or node.kind, int(step), static, MappingProxyType(options), forces)
 
 
 def _range(node: Node) -> tuple[float, float]:

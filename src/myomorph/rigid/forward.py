@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from myomorph.model.spatial import Array
+from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import couple_rates_frames, forward_kinematics, gather_dependents
 from myomorph.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates
@@ -54,11 +55,7 @@ def forward_accelerations(
     base[:, free] = 0.0
     rest = _consistent(tree, c, cdot, base)
     bias = _needed(tree, c, cdot, rest, applied)[:, free]
-    M = np.empty((len(c), len(free), len(free)))
-    for k, j in enumerate(free):
-        trial = base.copy()
-        trial[:, j] = 1.0
-        M[:, :, k] = _needed(tree, c, cdot, _consistent(tree, c, cdot, trial), applied)[:, free] - bias
+    M = _mass_matrix(tree, c, free)
     right = generalized[:, free] - bias
     x = np.linalg.solve(M, right[..., None])[..., 0]
     multipliers = np.zeros((len(c), int(tree.loops.row[-1])))
@@ -71,6 +68,18 @@ def forward_accelerations(
     found = base.copy()
     found[:, free] = x
     return _consistent(tree, c, cdot, found), multipliers
+
+
+def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
+    """M (frames, free, free), column by column from what unit accelerations need at rest."""
+    still, nothing = np.zeros_like(c), np.zeros((len(c), len(tree.arrays.parent), 6))
+    weight = _needed(tree, c, still, still, nothing)[:, free]
+    M = np.empty((len(c), len(free), len(free)))
+    for k, j in enumerate(free):
+        unit = still.copy()
+        unit[:, j] = 1.0
+        M[:, :, k] = _needed(tree, c, still, _consistent(tree, c, still, unit), nothing)[:, free] - weight
+    return M
 
 
 def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array) -> Array:

@@ -1,4 +1,4 @@
-"""OpenSim's AnalyzeTool: muscle lengths and moment arms, and muscle forces by static optimization."""
+"""OpenSim's AnalyzeTool: muscle lengths and moment arms, muscle forces by static optimization, loads of joints."""
 
 from __future__ import annotations
 
@@ -21,11 +21,15 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.study import inputs
 from myomorph.study.progress import progress
 from myomorph.study.tool_outputs import ToolResult, check_outputs, write_outputs
+from myomorph.study.tool_reactions import joint_reaction, with_speeds
 from myomorph.study.tools import indexed_frames, loads_at, needed, picked
 
-KINDS = ("StaticOptimization", "MuscleAnalysis")
+KINDS = ("StaticOptimization", "MuscleAnalysis", "JointReaction")
 MOST_ENTRIES = 20_000_000
 """Moment arms (frames x muscles x coordinates) that are in memory at a time."""
+
+TWIN = 1e-6
+"""A frame that follows within this share of the usual step stands at the time of the one before."""
 
 Tables = dict[str, Table]
 
@@ -49,7 +53,8 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
 
     model = inputs.open_model(model_path)
     warnings += [f"{model_path.name}: {text}" for text in model.warnings]
-    recorded = inputs.open_motion(motion_path, model)
+    recorded, twice = without_twins(inputs.open_motion(motion_path, model))
+    warnings += twice
     # As OpenSim's tool, which assembles the model in every frame; its InverseDynamicsTool does not.
     whole, notes = closed_motion(model, differentiate(recorded, setup.cutoff))
     warnings += notes
@@ -65,12 +70,16 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
             actuators = _actuators(setup, model)
             of_muscles = replace(model, muscles=(), actuators=()) if setup.replace_forces else model
             found, text = static_optimization(of_muscles, part, torques, analysis.static_optimization, actuators, name)
+        elif analysis.kind == "JointReaction":
+            found, text, notes = _reactions(setup, model, recorded, part, analysis)
+            warnings += notes
         else:
             found, text = muscle_analysis(model, part, analysis)
             warnings.append("MuscleAnalysis writes Length and MomentArm: fibers and forces are left out")
         told.append(text)
         tables |= {setup.results / f"{name}_{analysis.name}_{one}.sto": table for one, table in found.items()}
-    check_outputs(tables, (source, model_path, motion_path, setup.loads, *setup.actuators))
+    read = (source, model_path, motion_path, setup.loads, *setup.actuators, *(one.forces for one in built))
+    check_outputs(tables, read)
     writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
     return ToolResult("AnalyzeTool", tuple(told), write_outputs(writers), tuple(dict.fromkeys(warnings)))
 
@@ -79,6 +88,15 @@ def stepped(first: int, count: int, step: int) -> np.ndarray:
     """The frames that OpenSim analyses of `count` from the file's frame `first` on: the ends, and every `step`-th."""
     frames = np.arange(count)
     return frames[(frames == 0) | (frames == count - 1) | ((frames + first) % step == 0)]
+
+
+def without_twins(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
+    """A motion without frames at the time of the one before, which integrators log and no spline bears, and a note."""
+    steps = np.diff(motion.time)
+    keep = np.concatenate([[True], steps > TWIN * np.median(steps)]) if len(steps) else np.array([True])
+    found = picked(motion, np.arange(len(motion))[keep])
+    gone = len(motion) - len(found)
+    return found, (f"{gone} frames were left out: their time is that of the frame before",) if gone else ()
 
 
 def static_optimization(
@@ -145,6 +163,18 @@ def muscle_analysis(model: Model, motion: Motion, analysis: Analysis) -> tuple[T
 def _listed(words: str, names: tuple[str, ...]) -> tuple[str, ...]:
     asked = words.split()
     return names if not asked or "all" in asked else tuple(one for one in names if one in asked)
+
+
+def _reactions(
+    setup: AnalyzeSetup, model: Model, recorded: Motion, motion: Motion, analysis: Analysis
+) -> tuple[Tables, str, tuple[str, ...]]:
+    inputs.has_mass(model, "joint reactions")
+    wrenches = loads_at(setup.loads, model, recorded, motion)
+    if setup.coordinates is None and setup.states is not None:
+        motion = with_speeds(setup.states, model, motion)
+    whole = replace(model, muscles=(), actuators=()) if setup.replace_forces else model
+    table, text, notes = joint_reaction(whole, motion, wrenches, analysis, _actuators(setup, model))
+    return {"ReactionLoads": table}, text, notes
 
 
 def _torques(setup: AnalyzeSetup, model: Model, recorded: Motion, motion: Motion) -> Series:

@@ -19,9 +19,9 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
+from myomorph.model.model import Actuator, Joint, Model, index_of
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.spatial import Array, Transform, frozen_array
 from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import refuse_open
@@ -262,15 +262,25 @@ def _seen(
 
 
 def _frame(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Array]:
-    """Name, rotations (frames, 3, 3) and origins (frames, 3) in ground of a body, the ground, or a frame on one."""
+    """Name, rotations (frames, 3, 3) and origins (frames, 3) in ground of a body, the ground, or a frame on one.
+
+    A joint's own frames go by their name, or as "<joint>/<frame>" where several joints have one of that name.
+    """
     plain = name.rsplit("/", 1)[-1]
-    if plain in tree.body_index:
-        b = tree.body_index[plain]
-        return plain, poses.rotations[:, b], poses.origins[:, b]
-    fixed = {one.name: one for one in tree.model.frames}
-    if plain not in fixed:
-        raise UnknownName("frame", name, (*tree.body_index, *fixed))
-    one = fixed[plain]
-    b = tree.body_index.get(one.body, tree.body_index[GROUND])
+    fixed = {one: (one, Transform.identity()) for one in tree.body_index}
+    for joint in reversed(tree.model.joints):
+        for end, body, pose in (
+            (joint.parent_frame_name, joint.parent, joint.parent_frame),
+            (joint.child_frame_name, joint.child, joint.child_frame),
+        ):
+            if end and end not in tree.body_index:
+                fixed[end] = fixed[f"{joint.name}/{end}"] = (body, pose)
+    fixed |= {one.name: (one.body, one.pose) for one in tree.model.frames}
+    ends = name.strip("/").split("/")
+    key = "/".join(ends[-2:]) if "/".join(ends[-2:]) in fixed else plain
+    if key not in fixed:
+        raise UnknownName("frame", name, tuple(fixed))
+    body, pose = fixed[key]
+    b = tree.body_index[body]
     R = poses.rotations[:, b]
-    return plain, R @ one.pose.rotation, poses.origins[:, b] + R @ one.pose.translation
+    return plain, R @ pose.rotation, poses.origins[:, b] + R @ pose.translation
