@@ -106,12 +106,13 @@ class Paths:
         frames = len(coordinates)
         lengths, velocities = np.empty((frames, len(self.muscles))), np.empty((frames, len(self.muscles)))
         arms = np.empty((frames, len(self.arm_coordinate)))
-        none = np.empty((frames, 0, 6))
+        none = np.empty((frames, 0, 6)), np.empty((frames, 0, 0, 4))
         T, P = self.tree.arrays, self.arrays
 
         def part(start: int, stop: int) -> None:
             here = slice(start, stop)
-            path_frames(T, P, coordinates[here], speeds[here], lengths[here], velocities[here], arms[here], none[here])
+            results = lengths[here], velocities[here], arms[here], none[0][here], none[1][here]
+            path_frames(T, P, coordinates[here], speeds[here], *results)
 
         over_frames(part, frames, progress)
         return lengths, velocities, arms
@@ -151,15 +152,41 @@ class Paths:
         """
         c = np.array(coordinates, dtype=np.float64)
         frames, muscles = len(c), len(self.muscles)
-        found = np.zeros((frames, len(self.pull_body), 6))
+        found, none = np.zeros((frames, len(self.pull_body), 6)), np.empty((frames, 0, 0, 4))
         T, P = self.tree.arrays, self.arrays
 
         def part(start: int, stop: int) -> None:
             n = stop - start
             room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
-            path_frames(T, P, c[start:stop], np.zeros_like(c[start:stop]), *room, found[start:stop])
+            path_frames(T, P, c[start:stop], np.zeros_like(c[start:stop]), *room, found[start:stop], none[start:stop])
 
         over_frames(part, frames, progress)
+        return found
+
+    def nodes(self, coordinates: Array) -> Array:
+        """The points that each path runs through, those where it meets and leaves surfaces included.
+
+        Parameters
+        ----------
+        coordinates : as of `evaluate`
+
+        Returns
+        -------
+        (frames, muscles, nodes, 4) places in ground and the length of the arc that ends there, 0 after a straight
+        part; NaN beyond the path's last point [m]
+        """
+        c = np.array(coordinates, dtype=np.float64)
+        frames, muscles = len(c), len(self.muscles)
+        found = np.full((frames, muscles, int(self.arrays.sizes[0]) + 2, 4), np.nan)
+        none = np.empty((frames, 0, 6))
+        T, P = self.tree.arrays, self.arrays
+
+        def part(start: int, stop: int) -> None:
+            n = stop - start
+            room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
+            path_frames(T, P, c[start:stop], np.zeros_like(c[start:stop]), *room, none[start:stop], found[start:stop])
+
+        over_frames(part, frames)
         return found
 
 

@@ -102,7 +102,7 @@ def path_scratch(P):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls):
+def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
 
     Parameters
@@ -115,6 +115,9 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls):
         what reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
     pulls : (frames, muscles' bodies, 6) filled with what unit tension does to each body of each muscle, a force and
         its moment about the ground's origin [1, m]; with 0 bodies where not wanted
+    nodes : (frames, muscles, nodes, 4) filled with the places of each path's points and of both ends of its arcs in
+        ground, and the length of the arc that ends there, 0 for a straight part [m]; what is beyond the path's last
+        point is left; with 0 muscles where not wanted
     """
     # Taken out of the bundles once: taking them out in a loop counts references each time, which cost
     # more than the arithmetic.
@@ -165,6 +168,12 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls):
                 else:
                     count = wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
             lengths[f, m] = chain_length(x, node, count)
+            if nodes.shape[1] > 0:
+                for n in range(count):
+                    for i in range(3):
+                        nodes[f, m, n, i] = x[n, i]
+                    arc = n > 0 and node[n, NODE_OBJECT] >= 0 and node[n, NODE_OBJECT] == node[n - 1, NODE_OBJECT]
+                    nodes[f, m, n, 3] = x[n, NODE_ARC] if arc else 0.0
             begin, end = start[m, ARMS], start[m + 1, ARMS]
             for k in range(begin, end):
                 row[k] = 0.0

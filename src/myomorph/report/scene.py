@@ -198,7 +198,7 @@ def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:
 def _forces(wrenches: Wrenches | None, time: Array) -> tuple[Array, Array]:
     if wrenches is None or not len(wrenches) or not len(wrenches.names):
         return np.full((len(time), 0, 3), np.nan), np.full((len(time), 0, 3), np.nan)
-    nearest = _nearest(wrenches.time, time)
+    nearest = nearest_samples(wrenches.time, time)
     points, forces = np.array(wrenches.points[nearest]), np.array(wrenches.forces[nearest])
     idle = np.linalg.norm(forces, axis=2) < 0.05 * max(float(np.nanmax(np.abs(wrenches.forces), initial=0.0)), 1e-12)
     points[idle], forces[idle] = np.nan, np.nan
@@ -206,7 +206,8 @@ def _forces(wrenches: Wrenches | None, time: Array) -> tuple[Array, Array]:
     return points, forces
 
 
-def _nearest(clock: Array, time: Array) -> np.ndarray:
+def nearest_samples(clock: Array, time: Array) -> np.ndarray:
+    """(frames,) index of the sample of a clock that is nearest to each time."""
     after = np.clip(np.searchsorted(clock, time), 1, max(len(clock) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(clock) - 1)
@@ -218,7 +219,7 @@ def _muscles(
 ) -> tuple[MusclePath, ...]:
     strongest = max((muscle.max_isometric_force for muscle in model.muscles), default=1.0) or 1.0
     columns = {} if activations is None else {name: i for i, name in enumerate(activations.names)}
-    nearest = np.zeros(0, np.int64) if activations is None else _nearest(activations.time, time)
+    nearest = np.zeros(0, np.int64) if activations is None else nearest_samples(activations.time, time)
     outside = np.zeros(len(time), dtype=bool)
     if activations is not None and len(activations) > 1:
         # Between samples the nearest one counts; before and after the solution nothing is known.

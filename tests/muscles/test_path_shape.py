@@ -1,0 +1,103 @@
+"""Paths to be drawn are as long as the paths, and run where they run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from myomorph.io.osim import read_osim
+from myomorph.model.model import Model
+from myomorph.muscles.path import compile_paths
+from myomorph.muscles.path_shape import ARC_PARTS, drawn_paths
+from myomorph.rigid.tree import compile_tree
+
+MODELS = {
+    "OpenSim's wraps": ("rajagopal-walk-emg/subject_walk_scaled.osim", read_osim),
+    "moving points": ("opensim-gait-subject01/ref_id/subject01.osim", read_osim),
+}
+
+
+def poses(model: Model, frames: int = 12) -> np.ndarray:
+    random = np.random.default_rng(3)
+    low = np.array([max(one.range[0], -0.5) for one in model.coordinates])
+    high = np.array([min(one.range[1], 0.5) for one in model.coordinates])
+    values = low + (high - low) * random.random((frames, len(low)))
+    tree = compile_tree(model)
+    return tree.coordinates_of(_motion(model, values))
+
+
+def _motion(model: Model, values: np.ndarray):
+    from myomorph.model.series import Motion
+
+    return Motion(np.arange(len(values)) * 0.01, model.coordinate_names, values)
+
+
+WRAPPED = ("OpenSim's wraps", "MuJoCo's tendons")
+
+
+@pytest.fixture(scope="module")
+def model(request: pytest.FixtureRequest, data: Callable[[str], Path]) -> Model:
+    if request.param in MODELS:
+        name, read = MODELS[request.param]
+        return read(data(name))
+    from myomorph.study.jump_model import leg_model
+
+    return leg_model()
+
+
+@pytest.mark.parametrize("model", WRAPPED, indirect=True)
+def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
+    """Chords are shorter than arcs, and OpenSim measures to where it first saw a point: 3 % at most."""
+    paths = compile_paths(model)
+    coordinates = poses(model)
+    lengths, _, _ = paths.evaluate(coordinates)
+    nodes, drawn = paths.nodes(coordinates), drawn_paths(paths, coordinates)
+    wrapped = straight = 0
+    for m in range(len(paths.muscles)):
+        own = drawn.places[:, drawn.muscle == m]
+        found = np.nansum(np.linalg.norm(np.diff(own, axis=1), axis=2), axis=1)
+        arcs = (nodes[:, m, :, 3] > 0.0).any(axis=1)
+        assert found[~arcs] == pytest.approx(lengths[~arcs, m], rel=1e-9), paths.muscles[m]
+        assert found[arcs] == pytest.approx(lengths[arcs, m], rel=0.03), paths.muscles[m]
+        wrapped, straight = wrapped + arcs.sum(), straight + (~arcs).sum()
+    assert wrapped > 0
+    assert straight > 0
+
+
+@pytest.mark.parametrize("model", [*WRAPPED, "moving points"], indirect=True)
+def test_nodes_are_the_points_where_nothing_is_wrapped(model: Model) -> None:
+    from myomorph.report.scene import path_points
+    from myomorph.rigid.kinematics import forward_kinematics
+
+    paths = compile_paths(model)
+    coordinates = poses(model)
+    placed = forward_kinematics(compile_tree(model), coordinates)
+    nodes = paths.nodes(coordinates)
+    plain = [m for m, one in enumerate(model.muscles) if not one.path.wraps]
+    assert plain
+    for m in plain[:10]:
+        expected = path_points(model, model.muscles[m], placed, coordinates)
+        for f in range(len(coordinates)):
+            used = expected[f][np.isfinite(expected[f, :, 0])]
+            assert nodes[f, m, : len(used), :3] == pytest.approx(used, abs=1e-12)
+            assert np.isnan(nodes[f, m, len(used) :]).all()
+            assert not nodes[f, m, : len(used), 3].any()
+
+
+@pytest.mark.parametrize("model", WRAPPED, indirect=True)
+def test_an_arc_leaves_along_the_straight_parts(model: Model) -> None:
+    """The drawn curve turns by no more than its parts allow: no corner where it meets the surface."""
+    paths = compile_paths(model)
+    coordinates = poses(model)
+    nodes, drawn = paths.nodes(coordinates), drawn_paths(paths, coordinates)
+    f, m, n = (one[0] for one in np.nonzero(nodes[..., 3] > 0.01))
+    own = drawn.places[f, drawn.muscle == m]
+    at = int(np.flatnonzero(np.abs(own - nodes[f, m, n, :3]).max(axis=1) < 1e-12)[0])
+    arc = np.diff(own[at - ARC_PARTS : at + 1], axis=0)
+    turns = [np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b)) for a, b in pairwise(arc)]
+    whole = np.arccos(arc[0] @ arc[-1] / np.linalg.norm(arc[0]) / np.linalg.norm(arc[-1]))
+    assert max(turns) <= whole + 1e-9
