@@ -209,9 +209,8 @@ def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Act
         coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...
         "residual_MZ", along the ground's axes [N], [N m]
     """
-    free = set(free_coordinates(model))
     found: list[Actuator] = []
-    floating = [joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free)]
+    floating = floating_joints(model)
     held = {name for joint in floating for name in joint.coordinates}
     for joint in floating:
         ending = "" if len(floating) == 1 else f"_{joint.child}"
@@ -232,6 +231,12 @@ def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Act
         if name not in held:
             found.append(Actuator(f"{RESERVE}{name}", "coordinate", reserve, coordinate=name))
     return tuple(found)
+
+
+def floating_joints(model: Model) -> tuple[Joint, ...]:
+    """Joints to the ground with six free coordinates: each holds a subject or an object that floats."""
+    free = set(free_coordinates(model))
+    return tuple(joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free))
 
 
 def _floats(joint: Joint, free: set[str]) -> bool:

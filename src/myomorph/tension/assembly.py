@@ -10,7 +10,7 @@ prescribed coordinates are left out, for whatever holds them there takes any loa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from myomorph.rigid.coordinates import evaluate
 from myomorph.rigid.loops import LoopBasis
 from myomorph.rigid.tree import Tree
 from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
+from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.dual import Pattern, pattern
 
 
@@ -60,10 +61,13 @@ class Assembly:
     ----------
     rows : names of the coordinates that are free and follow no other, one per row
     links : from entries to A; entries are moment arms, then those of actuators on bodies, then one for
-        each actuator on a coordinate
+        each actuator on a coordinate, then those of the edges of contacts
     bodies : the actuators on bodies
     coordinate_actuators : how many act on a coordinate
     optimal_forces : (actuators,) [N or N m]
+    extra_place : (extra entries,) where in A the entries of the rows behind those of the coordinates lie, first those
+        of contacts' edges, then one for each row's own variable
+    extra_row : (extra rows,) the rows of b that they are
     """
 
     tree: Tree
@@ -73,15 +77,31 @@ class Assembly:
     bodies: BodyActuators
     coordinate_actuators: int
     optimal_forces: Array
+    extra_place: NDArray[np.int64]
+    extra_row: NDArray[np.int64]
+
+    @property
+    def coordinate_row(self) -> NDArray[np.int64]:
+        """(rows,) place of every coordinate of `rows` in the order of elimination."""
+        names = self.tree.model.coordinate_names
+        return self.links.row[[names.index(one) for one in self.rows]]
 
 
-def assemble(paths: Paths, actuators: Sequence[Actuator], basis: LoopBasis | None = None) -> Assembly:
+def assemble(
+    paths: Paths,
+    actuators: Sequence[Actuator],
+    basis: LoopBasis | None = None,
+    contacts: ContactTerms | None = None,
+    only: Collection[str] | None = None,
+) -> Assembly:
     """The pattern of A from that of the moment arms.
 
     Parameters
     ----------
     actuators : whose controls follow the activations among the variables
     basis : which coordinates follow which, of a model that closes loops
+    contacts : whose amplitudes follow the controls, and whose rows' own variables those
+    only : the coordinates whose equations are kept, where not all are
 
     Raises
     ------
@@ -94,7 +114,9 @@ def assemble(paths: Paths, actuators: Sequence[Actuator], basis: LoopBasis | Non
     model = tree.model
     names = model.coordinate_names
     by_loops = np.zeros(0, np.int64) if basis is None else basis.dependent
-    rows = tuple(one for one in free_coordinates(model) if names.index(one) not in by_loops)
+    rows = tuple(
+        one for one in free_coordinates(model) if names.index(one) not in by_loops and (only is None or one in only)
+    )
     if not rows:
         raise BadModel(f"model '{model.name}' has no free coordinate: all are locked, prescribed or driven")
     row_of = np.full(len(names), -1, np.int64)
@@ -115,21 +137,43 @@ def assemble(paths: Paths, actuators: Sequence[Actuator], basis: LoopBasis | Non
         for j in bodies.coordinate[bodies.start[k] : bodies.start[k + 1]]
     ]
     touched += [(muscles + i, index_of("coordinate", actuators[i].coordinate, names)) for i in on_coordinates]
+    variables, extra = muscles + len(actuators), np.zeros((2, 0), np.int64)
+    extra_rows = 0
+    if contacts is not None:
+        edge_of = np.repeat(np.arange(len(contacts.columns)), np.diff(contacts.columns.arrays.first))
+        columns_ = zip(edge_of, contacts.columns.arrays.coordinate, strict=True)
+        touched += [(variables + int(g), int(j)) for g, j in columns_]
+        extra_rows = len(contacts.extra)
+        own = np.arange(extra_rows)
+        last = variables + len(contacts.columns)
+        extra = np.hstack(
+            [
+                [len(rows) + contacts.extra.row, variables + contacts.extra.edge],
+                [len(rows) + own, last + own],
+            ]
+        )
+        variables = last + extra_rows
     sources += [(variable, j, reach[j]) for variable, j in touched]
     table, places = _linked(sources, row_of)
-    shape = pattern(places[0], places[1], (len(rows), muscles + len(actuators)))
+    filled = len(places[0])
+    places = np.hstack([places, extra])
+    shape = pattern(places[0], places[1], (len(rows) + extra_rows, variables))
     table[:, 4] = shape.place[table[:, 4]]
-    rank = np.append(np.argsort(shape.order), -1)
+    rank = np.argsort(shape.order)
     driven = np.concatenate([tree.arrays.coupler_coordinate, by_loops])
     columns = np.ascontiguousarray(table.T)
     return Assembly(
         tree=tree,
         rows=rows,
-        links=Links(columns[0], columns[1], columns[2], columns[3], columns[4], rank[row_of], driven),
+        links=Links(
+            columns[0], columns[1], columns[2], columns[3], columns[4], np.where(row_of >= 0, rank[row_of], -1), driven
+        ),
         pattern=shape,
         bodies=bodies,
         coordinate_actuators=len(on_coordinates),
         optimal_forces=np.array([one.optimal_force for one in actuators], dtype=np.float64),
+        extra_place=shape.place[filled:],
+        extra_row=rank[len(rows) :],
     )
 
 

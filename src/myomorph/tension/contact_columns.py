@@ -102,9 +102,7 @@ class ContactColumns:
         entries = np.empty((frames, len(arrays.coordinate)))
         places = np.empty((frames, len(arrays.body), 3))
         pushes, turns = np.empty((frames, len(self), 3)), np.empty((frames, len(self), 3))
-        contact_columns(
-            self.tree.arrays, arrays, np.array(coordinates, order="C"), entries, places, pushes, turns
-        )
+        contact_columns(self.tree.arrays, arrays, np.array(coordinates, order="C"), entries, places, pushes, turns)
         return entries, places, pushes, turns
 
 

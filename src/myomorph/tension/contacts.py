@@ -21,15 +21,15 @@ class ContactOptions:
     compliance : cost of a contact force of one body weight at a site of full strength, in units of the
         effort a^2 of one muscle; at a site of strength s it is compliance / s^2
     smoothness : weight of (f_k - f_(k-1))^2 between frames, in units of `compliance`, for frames 10 ms apart
-    window : frames that are solved together when forces are smoothed
-    sweeps : passes over a window, each frame given those beside it
+    window : frames that are solved together when forces are smoothed (more where smoothness reaches further)
+    sweeps : most passes over a window, each frame given those beside it; they end earlier when nothing changes
     """
 
     formulation: Literal["simultaneous", "sequential"] = "simultaneous"
     compliance: float = 0.1
     smoothness: float = 1.0
     window: int = 64
-    sweeps: int = 8
+    sweeps: int = 200
 
     def __post_init__(self) -> None:
         if self.formulation not in ("simultaneous", "sequential"):

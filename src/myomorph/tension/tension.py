@@ -1,0 +1,140 @@
+"""The tension problem's settings and its result: tensions, contact forces, reserves, and how sure they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.contacts import ContactForces
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.muscles.hill import Convention
+from myomorph.tension.actuators import RESIDUAL
+from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
+
+
+@dataclass(frozen=True)
+class TensionOptions:
+    """Settings of `solve_tension`.
+
+    Attributes
+    ----------
+    exponent : p, 1.2 to 5, in sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u
+    weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
+    passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
+        (passive torques and bushings of the model's joints always take part, as there)
+    viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that have none. It
+        does in OpenSim, where it is a force of its own beside the muscle's
+    curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
+        for the maximum isometric force at any length and velocity, or "auto": "rigid-tendon" with
+        passive forces and "opensim" without
+    reserve : optimal force of the reserves that are added where no actuators are given [N m or N]
+    residual : optimal force of what then holds a floating body [N], [N m]
+    """
+
+    exponent: float = 2.0
+    weights: Literal["equal", "volume"] = "equal"
+    passive: bool = True
+    viscous: bool = True
+    curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
+    reserve: float = 1.0
+    residual: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not 1.2 <= self.exponent <= 5.0:
+            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 5")
+        for name in ("reserve", "residual"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"the optimal force of a {name} is {getattr(self, name):g}: expected above 0")
+        if self.weights not in ("equal", "volume"):
+            raise BadData(f"unknown weights '{self.weights}': there are 'equal', 'volume'")
+        if self.curves not in ("auto", "rigid-tendon", "opensim", "constant"):
+            raise BadData(f"unknown curves '{self.curves}': there are 'auto', 'rigid-tendon', 'opensim', 'constant'")
+
+    @property
+    def convention(self) -> Convention:
+        """The curves' convention once "auto" is resolved; "constant" has none of its own."""
+        if self.curves == "auto":
+            return "rigid-tendon" if self.passive else "opensim"
+        return "opensim" if self.curves == "opensim" else "rigid-tendon"
+
+
+@dataclass(frozen=True, eq=False)
+class Tension:
+    """Muscle tensions over time, what they could not do, and whether each frame is an optimum.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    muscles : names
+    activations : (frames, muscles) NaN where the frame was not solved
+    forces : (frames, muscles) along the tendons, with passive and viscous force where they took part [N]
+    reserve_names : names of reserves, residuals and the model's other actuators
+    reserves : (frames, reserves) their forces [N] and torques [N m]
+    coordinates : the free coordinates that were balanced
+    torques : (frames, coordinates) what muscles and reserves had to give together: inverse dynamics,
+        dependent coordinates handed on, passive torques of joints taken off [N m or N]
+    imbalance : (frames,) greatest torque or force left unbalanced [N m or N]
+    status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input
+    iterations : (frames,)
+    lower, upper : (muscles,) bounds of the activations
+    overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
+        it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
+    viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where none took part
+    contacts : forces found at contact sites, NaN where the frame was not solved; None where none were looked for
+    """
+
+    time: Array
+    muscles: tuple[str, ...]
+    activations: Array
+    forces: Array
+    reserve_names: tuple[str, ...]
+    reserves: Array
+    coordinates: tuple[str, ...]
+    torques: Array
+    imbalance: Array
+    status: np.ndarray
+    iterations: np.ndarray
+    lower: Array
+    upper: Array
+    overstretched: tuple[str, ...]
+    options: TensionOptions
+    viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    contacts: ContactForces | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
+        for name in ("time", "activations", "forces", "reserves", "torques", "imbalance", "lower", "upper"):
+            getattr(self, name).setflags(write=False)
+        for name in ("status", "iterations"):
+            getattr(self, name).setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def optimal(self) -> np.ndarray:
+        """(frames,) whether the activations are the least effort in balance."""
+        return self.status == OPTIMAL
+
+    @property
+    def saturated(self) -> np.ndarray:
+        """(frames, muscles) whether a muscle works at its upper bound."""
+        return self.activations >= self.upper - 1e-6
+
+    @property
+    def pushing(self) -> tuple[str, ...]:
+        """Muscles whose force is below zero in some frame: shortening against their viscosity faster than they pull."""
+        slack = np.nanmin(np.where(np.isnan(self.forces), 0.0, self.forces), axis=0, initial=0.0) < 0.0
+        return tuple(name for name, one in zip(self.muscles, slack, strict=True) if one)
+
+    @property
+    def residual_names(self) -> tuple[str, ...]:
+        """Those of `reserve_names` that hold a floating body, added by default."""
+        return tuple(name for name in self.reserve_names if name.startswith(RESIDUAL))
+
+    def summary(self) -> dict[str, int]:
+        """Number of frames by status."""
+        return {name: int(np.sum(self.status == k)) for k, name in enumerate(STATUS_NAMES)}
