@@ -135,11 +135,11 @@ class Paths:
             bodies[first[muscle] + local] = numbers
         return bodies
 
-    def pulls(self, coordinates: Array, progress: Callable[[int], None] | None = None) -> Array:
+    def pulls(self, coordinates: Array, progress: Callable[[int], None] | None = None) -> tuple[Array, Array]:
         """What unit tension of each muscle does to the bodies its path touches.
 
         Forces act at the path's points and where it leaves surfaces, along its straight parts. What they do through
-        points that move in their bodies is not part of it: that acts on coordinates.
+        points that move in their bodies acts on no body, but on the coordinates that move the points.
 
         Parameters
         ----------
@@ -147,21 +147,22 @@ class Paths:
 
         Returns
         -------
-        (frames, pairs, 6) force and its moment about the ground's origin, in ground, in the order of `pull_muscle`
-        and `pull_body` [1, m]
+        pulls : (frames, pairs, 6) force and its moment about the ground's origin, in ground, in the order of
+            `pull_muscle` and `pull_body` [1, m]
+        work : (frames, moment arms) the part of the moment arms that moving points have [m/rad or m/m]
         """
         c = np.array(coordinates, dtype=np.float64)
         frames, muscles = len(c), len(self.muscles)
         found, none = np.zeros((frames, len(self.pull_body), 6)), np.empty((frames, 0, 0, 4))
+        work = np.empty((frames, len(self.arm_coordinate)))
         T, P = self.tree.arrays, self.arrays
 
         def part(start: int, stop: int) -> None:
-            n = stop - start
-            room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
-            path_frames(T, P, c[start:stop], np.zeros_like(c[start:stop]), *room, found[start:stop], none[start:stop])
+            here, room = slice(start, stop), np.empty((2, stop - start, muscles))
+            path_frames(T, P, c[here], np.zeros_like(c[here]), room[0], room[1], work[here], found[here], none[here])
 
         over_frames(part, frames, progress)
-        return found
+        return found, work
 
     def nodes(self, coordinates: Array) -> Array:
         """The points that each path runs through, those where it meets and leaves surfaces included.

@@ -114,7 +114,8 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
     arms : (frames, moment arms) filled in the order of the pattern; a coordinate that others follow has
         what reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
     pulls : (frames, muscles' bodies, 6) filled with what unit tension does to each body of each muscle, a force and
-        its moment about the ground's origin [1, m]; with 0 bodies where not wanted
+        its moment about the ground's origin [1, m], and `arms` then holds only the work of points that move in their
+        bodies; with 0 bodies where not wanted
     nodes : (frames, muscles, nodes, 4) filled with the places of each path's points and of both ends of its arcs in
         ground, and the length of the arc that ends there, 0 for a straight part [m]; what is beyond the path's last
         point is left; with 0 muscles where not wanted
@@ -185,7 +186,8 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
                 for b in range(start[m, BODIES], start[m + 1, BODIES]):
                     for i in range(6):
                         pulls[f, b, i] = pull[b - start[m, BODIES], i]
-            _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
+            else:
+                _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
             for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
                 k, own = follow[q, 0], row[begin + follow[q, 1]]
                 for i in range(2):

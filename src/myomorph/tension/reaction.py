@@ -31,7 +31,7 @@ from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import default_reserves
-from myomorph.tension.applied import no_wrenches, of_actuators, of_bushings, of_muscles, of_wrenches
+from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches
 from myomorph.tension.solve import Tension
 
 On = Literal["child", "parent"]
@@ -130,12 +130,12 @@ def joint_reactions(
     loads.add_external(wrenches, getattr(tension, "contacts", None))
     loads.add_tension(tension, actuators)
     if accelerations == "forces":
-        cddot, multipliers = forward_accelerations(tree, c, cdot, cddot, loads.others, loads.generalized())
+        cddot, multipliers = forward_accelerations(tree, c, cdot, cddot, loads.bodies, loads.generalized())
     elif accelerations == "motion":
-        multipliers = balancing_multipliers(tree, c, cdot, cddot, loads.others, loads.generalized())
+        multipliers = balancing_multipliers(tree, c, cdot, cddot, loads.bodies, loads.generalized())
     else:
         raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
-    applied = loads.others + loads.muscles + loop_wrenches(tree, c, multipliers)
+    applied = loads.bodies + loop_wrenches(tree, c, multipliers)
     carried = joint_wrenches(tree, c, cdot, cddot, applied)
     seen = [
         _seen(tree, poses, joint, side, name, carried.forces, carried.moments)
@@ -152,9 +152,9 @@ class _Loads:
 
     Attributes
     ----------
-    muscles, others : (frames, bodies, 6) wrenches of muscles, and of all else
+    bodies : (frames, bodies, 6) wrenches
     along : (frames, coordinates) forces of actuators of coordinates
-    pulled : (frames, coordinates) generalized forces of muscles, what moves their points included, gathered
+    moved : (frames, coordinates) what muscles do through points that move in their bodies, gathered
     """
 
     tree: Tree
@@ -162,21 +162,19 @@ class _Loads:
     poses: Poses
     c: Array
     cdot: Array
-    muscles: Array = field(init=False)
-    others: Array = field(init=False)
+    bodies: Array = field(init=False)
     along: Array = field(init=False)
-    pulled: Array = field(init=False)
+    moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.muscles = no_wrenches(self.tree, len(self.c))
-        self.others = of_bushings(self.tree, self.poses, self.tree.model.bushings, self.cdot)
-        self.along, self.pulled = np.zeros_like(self.c), np.zeros_like(self.c)
+        self.bodies = of_bushings(self.tree, self.poses, self.tree.model.bushings, self.cdot)
+        self.along, self.moved = np.zeros_like(self.c), np.zeros_like(self.c)
 
     def add_external(self, wrenches: Wrenches | None, contacts: object) -> None:
         for one in (wrenches, contacts.wrenches("site") if hasattr(contacts, "wrenches") else None):
             if one is not None:
                 external_arrays(self.tree, self.motion, one)
-                self.others += of_wrenches(self.tree, one)
+                self.bodies += of_wrenches(self.tree, one)
 
     def add_tension(self, tension: Tension | Series | None, actuators: Sequence[Actuator] | None) -> None:
         if tension is None:
@@ -189,11 +187,11 @@ class _Loads:
         helpers, forces, tensions = self._named(tension, actuators)
         if self.tree.model.muscles:
             paths = compile_paths(self.tree.model)
-            self.muscles = of_muscles(paths, paths.pulls(self.c), tensions)
-            _, _, arms = paths.evaluate(self.c)
-            for k in np.flatnonzero(paths.arm_free):
-                self.pulled[:, paths.arm_coordinate[k]] += arms[:, k] * tensions[:, paths.arm_muscle[k]]
-        self.others += of_actuators(self.tree, self.poses, helpers, forces)
+            pulls, work = paths.pulls(self.c)
+            self.bodies += of_muscles(paths, pulls, tensions)
+            for k in np.flatnonzero(paths.arm_free & work.any(axis=0)):
+                self.moved[:, paths.arm_coordinate[k]] += work[:, k] * tensions[:, paths.arm_muscle[k]]
+        self.bodies += of_actuators(self.tree, self.poses, helpers, forces)
         for one, force in zip(helpers, forces.T, strict=True):
             if one.kind == "coordinate":
                 self.along[:, index_of("coordinate", one.coordinate, self.tree.model.coordinate_names)] += force
@@ -224,10 +222,10 @@ class _Loads:
         return [known[name] for name in names], values, tensions
 
     def generalized(self) -> Array:
-        """Forces along coordinates (frames, coordinates), gathered, that `others` does not hold."""
+        """Forces along coordinates (frames, coordinates), gathered, that act on no body."""
         tree = self.tree
         springs = joint_forces(tree, self.c, self.cdot, [one.name for one in tree.model.bushings])
-        return gathered(tree, self.c, self.along + springs) + self.pulled
+        return gathered(tree, self.c, self.along + springs) + self.moved
 
 
 def _each(given: str | Sequence[str], count: int, what: str) -> list[str]:
