@@ -1,0 +1,166 @@
+"""Contacts that somebody marked, as on high-speed video: a CSV table of spans, or of touch and leave events."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.contacts import Contacts, Touch
+from myomorph.model.errors import BadFile
+from myomorph.model.model import GROUND
+
+CAMERA = "camera"
+"""Source of touches that were marked on video."""
+
+TOUCH = ("touch", "on", "down", "start", "contact")
+LEAVE = ("leave", "off", "up", "stop", "release")
+COLUMNS = ("site", "start", "stop", "time", "frame", "event", "surface", "confidence", "first_frame", "last_frame")
+SHAPES = "columns site,start,stop or site,first_frame,last_frame or time,site,event or frame,site,event"
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """One event of a table: a site touches, or leaves."""
+
+    row: int
+    time: float
+    site: str
+    touches: bool
+    surface: str
+    confidence: float
+
+
+def read_events(path: str | os.PathLike[str], rate: float | None = None, start: float = 0.0) -> Contacts:
+    """Touches in a CSV table, each row a span or an event.
+
+    A span has the columns `site,start,stop` [s] or `site,first_frame,last_frame`; an event `time` [s] or `frame`,
+    `site` and `event` ("touch" or "leave"). Columns `surface` and `confidence` (0 to 1) may be added; lines that
+    begin with # are remarks. A site that still touches at the end does so until the last event of the table.
+
+    Parameters
+    ----------
+    rate : frames per second of the camera, needed where the table counts frames [Hz]
+    start : time of the camera's zero on the motion's clock [s]
+
+    Raises
+    ------
+    BadFile : a row that cannot be understood, by its number, or frames without a rate
+    """
+    path = Path(path)
+    header, rows = _table(path)
+    if {"frame", "first_frame"} & set(header) and not (rate is not None and rate > 0.0):
+        raise BadFile(path, "counts frames, but the camera's rate is not known", "give the frames per second")
+    if "event" in header:
+        marks = [_mark(path, number, row, rate, start) for number, row in rows]
+        touches, warnings = _paired(path, marks)
+        sites = [one.site for one in marks]
+    else:
+        touches = [_span(path, number, row, rate, start) for number, row in rows]
+        warnings, sites = _overlaps(path, touches), [one.site for one in touches]
+    return Contacts(tuple(dict.fromkeys(sites)), tuple(touches), tuple(warnings))
+
+
+def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
+    """Names of the columns, and rows by their line numbers."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadFile(path, f"cannot be read as text: {error}") from None
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    if not lines:
+        raise BadFile(path, "holds no table of contacts", f"expected {SHAPES}")
+    header = tuple(name.strip().lower() for name in next(csv.reader([lines[0][1]], delimiter=_delimiter(lines[0][1]))))
+    wanted = {"site", "event"} if "event" in header else {"site"}
+    times = [{"start", "stop"}, {"first_frame", "last_frame"}] if "event" not in header else [{"time"}, {"frame"}]
+    unknown = [name for name in header if name not in COLUMNS]
+    if unknown or not wanted <= set(header) or sum(one <= set(header) for one in times) != 1:
+        raise BadFile(path, f"has the columns {', '.join(header)}", f"expected {SHAPES}, and surface, confidence")
+    rows = []
+    for number, line in lines[1:]:
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=_delimiter(lines[0][1])))]
+        if len(cells) != len(header):
+            raise BadFile(path, f"line {number} has {len(cells)} cells, the first line {len(header)}")
+        rows.append((number, dict(zip(header, cells, strict=True))))
+    return header, rows
+
+
+def _delimiter(line: str) -> str:
+    return max(",;\t", key=line.count)
+
+
+def _number(path: Path, row: int, name: str, cells: Mapping[str, str]) -> float:
+    try:
+        value = float(cells[name].replace(",", "."))
+    except ValueError:
+        raise BadFile(path, f"line {row}: '{cells[name]}' is no number for {name}") from None
+    if not np.isfinite(value):
+        raise BadFile(path, f"line {row}: {name} is {cells[name]}")
+    return value
+
+
+def _site(path: Path, row: int, cells: Mapping[str, str]) -> tuple[str, str, float]:
+    """Name of the site, its surface and its confidence."""
+    if not cells["site"]:
+        raise BadFile(path, f"line {row} names no site")
+    confidence = _number(path, row, "confidence", cells) if cells.get("confidence") else 1.0
+    if not 0.0 <= confidence <= 1.0:
+        raise BadFile(path, f"line {row}: confidence {confidence:g}", "expected 0 to 1")
+    return cells["site"], cells.get("surface") or GROUND, confidence
+
+
+def _span(path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float) -> Touch:
+    site, surface, confidence = _site(path, row, cells)
+    names, scale = (("start", "stop"), 1.0) if "start" in cells else (("first_frame", "last_frame"), rate or 1.0)
+    begin, end = (start + _number(path, row, name, cells) / scale for name in names)
+    if begin > end:
+        raise BadFile(path, f"line {row}: site '{site}' touches from {begin:g} to {end:g} s", "swap the two")
+    return Touch(site, begin, end, surface, confidence, CAMERA)
+
+
+def _mark(path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float) -> _Mark:
+    site, surface, confidence = _site(path, row, cells)
+    word = cells["event"].lower()
+    if word not in (*TOUCH, *LEAVE):
+        raise BadFile(path, f"line {row}: event '{cells['event']}'", "expected touch or leave")
+    name, scale = ("time", 1.0) if "time" in cells else ("frame", rate or 1.0)
+    return _Mark(row, start + _number(path, row, name, cells) / scale, site, word in TOUCH, surface, confidence)
+
+
+def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]:
+    """Each touch with the leave that follows it at the same site."""
+    touches, warnings = [], []
+    last = max((one.time for one in marks), default=0.0)
+    for site in dict.fromkeys(one.site for one in marks):
+        begun: _Mark | None = None
+        for mark in sorted((one for one in marks if one.site == site), key=lambda one: (one.time, one.touches)):
+            if mark.touches and begun is not None:
+                raise BadFile(path, f"line {mark.row}: '{site}' touches again, but never left since line {begun.row}")
+            if not mark.touches and begun is None:
+                raise BadFile(path, f"line {mark.row}: '{site}' leaves, but did not touch before")
+            if begun is not None:
+                touches.append(_touch(begun, mark.time))
+            begun = mark if mark.touches else None
+        if begun is not None:
+            touches.append(_touch(begun, last))
+            warnings.append(
+                f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken until {last:g} s"
+            )
+    return touches, warnings
+
+
+def _touch(begun: _Mark, stop: float) -> Touch:
+    return Touch(begun.site, begun.time, stop, begun.surface, begun.confidence, CAMERA)
+
+
+def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:
+    ordered = sorted(touches, key=lambda one: (one.site, one.start))
+    return [
+        f"{path.name}: '{one.site}' touches from {one.start:g} to {one.stop:g} s and again from {other.start:g} s"
+        for one, other in zip(ordered, ordered[1:], strict=False)
+        if one.site == other.site and other.start < one.stop
+    ]
