@@ -20,11 +20,13 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
-from myomorph.study.settings import Differentiation
-from myomorph.tension.solve import TensionOptions
+from myomorph.study.settings import Differentiation, EmgUse, Measured
+from myomorph.tension.contacts import ContactOptions
+from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.solve import Tension, TensionOptions
 
 MusclesOptions = options_class(Differentiation)
-TensionSettings = options_class(Differentiation, TensionOptions)
+TensionSettings = options_class(Differentiation, TensionOptions, ContactOptions, EmgOptions, EmgUse)
 
 
 def muscles_command(
@@ -56,7 +58,24 @@ def tension_command(
     motion: MotionFile,
     out: OutFolder,
     loads: LoadsFile = None,
-    emg: Annotated[Path | None, Parameter(help="EMG envelopes (.sto), shown over the activations in a report.")] = None,
+    emg: Annotated[
+        Path | None,
+        Parameter(help="EMG envelopes (.sto). A channel named as a muscle is a target of its activation."),
+    ] = None,
+    contacts: Annotated[
+        str,
+        Parameter(
+            help="Estimate contact forces that no plate measured: auto (sites under the model's feet), a table of "
+            "touches (.csv: site, start, stop), or a contact file (.toml)."
+        ),
+    ] = "",
+    measured: Annotated[
+        Measured | None,
+        Parameter(
+            help="What the forces of --loads are used for where contacts are estimated: exact (default; contacts only "
+            "where nothing was measured), shared (each is known for all sites on it together) or hidden."
+        ),
+    ] = None,
     actuators: Annotated[
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,
@@ -64,24 +83,42 @@ def tension_command(
     options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
-    """Muscle tensions that make the joint torques with the least effort."""
+    """Muscle tensions that make the joint torques with the least effort, and contact forces with them."""
     from myomorph.study.steps import Found, run_step
     from myomorph.study.takes import FileTake, open_motion_take
 
     use_threads(threads)
-    files = FileTake(model=model, motion=motion, loads=loads, emg=emg, actuators=actuators, time=time)
+    files = FileTake(
+        model=model,
+        motion=motion,
+        loads=loads,
+        emg=emg,
+        actuators=actuators,
+        contacts=contacts,
+        measured=measured,
+        time=time,
+    )
     take, recorded = open_motion_take(files, {"tension": given(options)})
     with folder_with(out, "tension") as (folder, writer):
         found = run_step("tension", take, Found(recorded=recorded), writer, folder)
     tension = found.tension
     assert tension is not None
     warn((*take.warnings, *found.notes))
+    said(f"{told_tension(tension)}; wrote {out}")
+    return 0
+
+
+def told_tension(tension: Tension) -> str:
+    """What was found, in a line."""
     text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {int(tension.optimal.sum())} frames optimal"
     if tension.reserves.size:
         worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
         text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
+    if getattr(tension, "contacts", None) is not None:
+        peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
+        groups = len({one.group for one in tension.contacts.sites})
+        text += f"; {groups} contacts carry up to {peak:.4g} N together"
     if tension.pushing:
         some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
         text += f"; {len(tension.pushing)} muscles push somewhere, shortening against their viscosity ({some})"
-    said(f"{text}; wrote {out}")
-    return 0
+    return text

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.model.series import Series
 from myomorph.study.results import ResultWriter, Stored
+from myomorph.study.settings import Measured
 
 SITES, LOOKED_AT, DOUBTS = "contact_sites", "contact_sites_looked_at", "contact_doubts"
+SITUATION = "contact_measured"
 
 TOUCH_NUMBERS = (
     ("start", "s", "when a site begins to touch"),
@@ -43,8 +46,9 @@ def get_contact_forces(stored: Stored) -> ContactForces | None:
     return ContactForces(stored.time, sites, *parts)
 
 
-def put_contacts(writer: ResultWriter, contacts: Contacts) -> None:
-    """Which site touches what, and when."""
+def put_contacts(writer: ResultWriter, contacts: Contacts, measured: Measured = "exact") -> None:
+    """Which site touches what, and when, and what measured forces were used for."""
+    writer.fact(SITUATION, measured)
     writer.fact(LOOKED_AT, json.dumps(contacts.sites))
     writer.fact(DOUBTS, json.dumps(contacts.warnings))
     writer.sizes("touch", len(contacts.touches))
@@ -64,6 +68,25 @@ def get_contacts(stored: Stored) -> Contacts | None:
     names = (*(name for name, _, _ in TOUCH_NUMBERS), *TOUCH_TEXTS)
     touches = tuple(Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True))
     return Contacts(tuple(json.loads(stored.facts[LOOKED_AT])), touches, tuple(json.loads(stored.facts[DOUBTS])))
+
+
+def put_carried(writer: ResultWriter, torques: Series) -> None:
+    """Generalized forces under all external forces, those of estimated contacts included."""
+    writer.names("coordinate", torques.names)
+    meaning = "generalized force of inverse dynamics with estimated contacts"
+    writer.put("carried_force", ("time", "coordinate"), torques.values, "N m or N", meaning)
+
+
+def get_carried(stored: Stored) -> Series | None:
+    """What `put_carried` wrote, or None."""
+    found = stored.values.get("carried_force")
+    return None if found is None else Series(stored.time, stored.names["coordinate"], found)
+
+
+def get_situation(stored: Stored) -> Literal["", "shared", "unknown"]:
+    """How the forces of contacts came to be known; "" where none were estimated."""
+    told = stored.facts.get(SITUATION, "")
+    return "shared" if told == "shared" else "unknown" if told else ""
 
 
 def _plain_site(site: Site) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from pydantic import Field, create_model
 
 from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
-from myomorph.study.settings import Differentiation, Setting, TorqueTable, settings_of
+from myomorph.study.contact_file import AUTO
+from myomorph.study.settings import Differentiation, EmgUse, Measured, Setting, TorqueTable, settings_of
 from myomorph.study.study_file import (
     Strict,
     StudyTable,
@@ -26,6 +27,7 @@ from myomorph.study.study_file import (
 )
 from myomorph.study.subjects import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.takes import FileTake
+from myomorph.study.together import Together, TogetherTable, together_of
 
 STEPS = ("calibrate", "ik", "identify", "id", "muscles", "tension", "report")
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
@@ -39,9 +41,12 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
     from myomorph.identify.subject import IdentificationOptions
     from myomorph.motion.calibrate import CalibrationOptions
     from myomorph.motion.ik import InverseKinematicsOptions
+    from myomorph.tension.contacts import ContactOptions
+    from myomorph.tension.emg_targets import EmgOptions
     from myomorph.tension.solve import TensionOptions
 
     identification = (RecordingOptions, IdentificationOptions, BodyOptions)
+    tension = (TensionOptions, ContactOptions, EmgOptions, EmgUse)
     kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
     filters = settings_of(Differentiation)
     return {
@@ -50,7 +55,7 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
         "ik": kinematics,
         "id": (*filters, *settings_of(TorqueTable)),
         "muscles": filters,
-        "tension": (*filters, *settings_of(TensionOptions)),
+        "tension": (*filters, *(one for options in tension for one in settings_of(options))),
     }
 
 
@@ -63,6 +68,8 @@ class _Trial(Strict):
     bodies: dict[str, str] = Field(default_factory=dict)
     plates: list[str] = Field(default_factory=list)
     emg: str | None = None
+    contacts: str = ""
+    measured: Measured | None = None
     time: tuple[float, float] | None = None
 
 
@@ -82,6 +89,8 @@ class _Subject(Strict):
     emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
     tasks: str | None = None
     actuators: str | None = None
+    contacts: str = ""
+    measured: Measured | None = None
     time: tuple[float, float] | None = None
 
 
@@ -94,6 +103,7 @@ class Plan:
     settings : by step, only what the study file says
     steps : of each take, in the order in which they run
     subjects : by name, what the steps on subjects need
+    together : trials of several subjects that are solved as one after their own steps
     remarks : which files were found by the rule of names
     """
 
@@ -104,6 +114,7 @@ class Plan:
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
     remarks: tuple[str, ...] = ()
     subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
+    together: tuple[Together, ...] = ()
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -122,6 +133,7 @@ def read_plan(path: str | Path) -> Plan:
         __base__=Strict,
         study=(StudyTable, ...),
         subject=(list[_Subject], Field(min_length=1)),
+        together=(list[TogetherTable], Field(default_factory=list)),
         options=(options, Field(default_factory=options)),
     )
     raw = read_toml(path)
@@ -132,6 +144,7 @@ def read_plan(path: str | Path) -> Plan:
     steps: list[tuple[str, ...]] = []
     remarks: list[str] = []
     subjects: dict[str, SubjectFiles] = {}
+    together: list[Together] = []
     if found is not None:
         for subject in found.subject:
             own = list(_takes(subject, path.parent, problems, remarks))
@@ -141,11 +154,21 @@ def read_plan(path: str | Path) -> Plan:
                 problems.append(f"subject '{subject.name}' is there twice: put its trials into one table")
             subjects[subject.name] = _subject(subject, own, path.parent, problems)
         _distinct(takes, problems)
+        for one in found.together:
+            contacts = _contacts(one.contacts, path.parent, f"together '{one.name}'", problems)
+            together.append(together_of(one, takes, path.parent, contacts, problems))
     refuse(path, problems)
     assert found is not None
     settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
     return Plan(
-        found.study.name, path, tuple(takes), tuple(steps), MappingProxyType(settings), tuple(remarks), subjects
+        found.study.name,
+        path,
+        tuple(takes),
+        tuple(steps),
+        MappingProxyType(settings),
+        tuple(remarks),
+        subjects,
+        tuple(together),
     )
 
 
@@ -208,6 +231,8 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
                 emg_muscles={channel: tuple(names) for channel, names in subject.emg_muscles.items()},
                 tasks=shared["tasks"],
                 actuators=shared["actuators"],
+                contacts=_contacts(trial.contacts or subject.contacts, folder, where, problems),
+                measured=trial.measured or subject.measured,
                 mass=subject.mass,
                 time=trial.time or subject.time,
             )
@@ -230,6 +255,14 @@ def _companion(
     if found is not None:
         remarks.append(f"{markers.name}: {kind} from {found.name}")
     return found
+
+
+def _contacts(given: str, folder: Path, where: str, problems: list[str]) -> str:
+    """What tells of contacts: "auto", or a file as a path that can be opened."""
+    if given in ("", AUTO):
+        return given
+    found = existing(folder, given, f"{where}: contacts", problems)
+    return "" if found is None else str(found)
 
 
 def plain_stem(markers: Path) -> str:

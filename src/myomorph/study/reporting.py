@@ -13,17 +13,20 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.model.errors import BadData, BadFile
+from myomorph.model.join import join_models
 from myomorph.model.model import Model
-from myomorph.model.provenance import Provenance
+from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Series
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
 from myomorph.report.page import report_page
+from myomorph.study import contact_store
 from myomorph.study import stored as store
 from myomorph.study.inputs import open_model
 from myomorph.study.results import STORED, Stored, file_name, file_source, read_result
 from myomorph.study.steps import CHAIN, Take
+from myomorph.study.together import object_model
 from myomorph.study.viscosity_store import STORE, remake_report
 from myomorph.tension.solve import Tension, TensionOptions
 
@@ -120,10 +123,23 @@ def model_of(found: Stored) -> Model:
     BadFile
         where the file is gone or has changed since
     """
-    sources = [one for made in found.provenance.values() for one in made.sources if one.role == "model"]
+    sources = list(
+        dict.fromkeys(one for made in found.provenance.values() for one in made.sources if one.role == "model")
+    )
     if not sources:
         raise BadFile(found.path, "does not tell which model it was made with", "run the steps again")
-    source = sources[0]
+    parts = json.loads(found.facts.get("parts", "{}"))
+    if not parts:
+        return _source_model(sources[0], found)
+    by_name = {one.name: one for one in sources}
+    models = {
+        name: object_model(told) if isinstance(told, dict) else _source_model(by_name[told], found)
+        for name, told in parts.items()
+    }
+    return join_models(models, found.facts["trial"])
+
+
+def _source_model(source: Source, found: Stored) -> Model:
     if source.name.startswith("demo:"):
         from myomorph.study.demo import demo_take
 
@@ -161,7 +177,11 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         motion=store.get_derivatives(found) if fit is None else None,
         wrenches=store.get_wrenches(found),
         plates=store.get_plates(found),
-        torques=store.get_torques(found),
+        torques=contact_store.get_carried(found) or store.get_torques(found),
+        contacts=contact_store.get_contacts(found),
+        contact_forces=contact_store.get_contact_forces(found),
+        residuals=_residuals(tension),
+        situation=contact_store.get_situation(found),
         root_note=facts.get("root_note", ""),
         lengths=_lengths(found),
         driven=tuple(dict.fromkeys(arms)),
@@ -173,6 +193,14 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
         warnings=tuple(warnings),
     )
+
+
+def _residuals(tension: Tension | None) -> Series | None:
+    """Forces and torques that hold a floating root, as far as they are not the contacts' (frames, residuals)."""
+    if tension is None or tension.contacts is None or not tension.residual_names:
+        return None
+    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
+    return Series(tension.time, tension.residual_names, tension.reserves[:, columns])
 
 
 def shown_tension(tension: Tension, found: Stored) -> ShownTension:

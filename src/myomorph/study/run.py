@@ -7,14 +7,15 @@ import io
 import os
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.errors import MyomorphError
+from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import Model
+from myomorph.motion.sync import cut
 from myomorph.study.ahead import compile_ahead
 from myomorph.study.inputs import open_model
 from myomorph.study.plan import Plan
@@ -22,6 +23,7 @@ from myomorph.study.results import STORED, file_name, new_result, read_result, s
 from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
 from myomorph.study.subjects import SUBJECT_STEPS, Prepared, prepare_subject
 from myomorph.study.takes import FileTake, open_take
+from myomorph.study.together import TOGETHER_STEPS, Part, Together, join_takes, object_part
 
 PARTS = ".steps"
 PART = f"step{STORED}"
@@ -69,6 +71,7 @@ def run_study(
     models: dict[Path, Model] = {}
     prepared: dict[str, Outcome | Prepared] = {}
     outcomes = []
+    opened: dict[tuple[str, str], FileTake] = {}
 
     def ended(outcome: Outcome, started: float) -> None:
         outcomes.append(replace(outcome, seconds=time.monotonic() - started))
@@ -90,7 +93,11 @@ def run_study(
                 continue
             files = replace(files, model=ready.path)
             models[ready.path] = ready.model
+        opened[files.subject, files.name] = files
         ended(_trial(files, steps, plan, home / file_name(files.name), resume, models), started)
+    for one in plan.together:
+        started = time.monotonic()
+        ended(_together(one, opened, plan, out, resume, models), started)
     return outcomes
 
 
@@ -127,10 +134,50 @@ def _trial(
         return replace(outcome, error=f"{type(error).__name__}: {' '.join(str(error).split())}", fault=True)
 
 
-def run_take(take: Take, steps: Sequence[str], folder: Path, resume: bool = False) -> Outcome:
+def _together(
+    together: Together,
+    opened: Mapping[tuple[str, str], FileTake],
+    plan: Plan,
+    out: Path,
+    resume: bool,
+    models: dict[Path, Model],
+) -> Outcome:
+    """Several trials as one, from the coordinates that their own steps found."""
+    folder = out / file_name(together.name)
+    names = (*together.trials, *(table.name for table, _ in together.objects))
+    outcome = Outcome(together.name, " and ".join(names), folder)
+    try:
+        parts: dict[str, Part] = {}
+        for subject, trial in together.trials.items():
+            if (subject, trial) not in opened:
+                raise BadData(f"subject '{subject}' has no coordinates of '{trial}': its own steps failed")
+            files = opened[subject, trial]
+            stored = out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"
+            take = open_take(files, plan.settings, models[files.model])
+            found = read_step("ik", take, Found(), read_result(stored, leave_out=("moment_arm",)))
+            if found.recorded is None:
+                raise BadData(f"{stored}: holds no coordinates: run the step 'ik' of subject '{subject}' first")
+            recorded = found.recorded if take.time is None else cut(found.recorded, *take.time)
+            parts[subject] = Part(take, recorded, str(files.model))
+        parts |= {table.name: object_part(table, path) for table, path in together.objects}
+        take, found = join_takes(together, parts, plan.settings)
+        return replace(run_take(take, TOGETHER_STEPS, folder, resume, found), subject=outcome.subject)
+    except (MyomorphError, OSError) as error:
+        return replace(outcome, error=" ".join(str(error).split()))
+    except Exception as error:
+        return replace(outcome, error=f"{type(error).__name__}: {' '.join(str(error).split())}", fault=True)
+
+
+def run_take(
+    take: Take, steps: Sequence[str], folder: Path, resume: bool = False, found: Found | None = None
+) -> Outcome:
     """Run the steps of one recording into a folder: tables, `<trial>.nc` and `report.html`.
 
     Where a step fails, what the steps before it found is kept.
+
+    Parameters
+    ----------
+    found : what is known before the first of the steps
     """
     folder.mkdir(parents=True, exist_ok=True)
     outcome = Outcome(take.subject, take.name, folder)
@@ -138,7 +185,7 @@ def run_take(take: Take, steps: Sequence[str], folder: Path, resume: bool = Fals
     if not resume:
         shutil.rmtree(parts, ignore_errors=True)
     known = {step: made.key for step, made in stored_provenance(earlier).items()} if resume else {}
-    found = Found()
+    found = found or Found()
     wanted = [one for one in CHAIN if one in steps]
     ahead = compile_ahead(wanted)
     try:

@@ -8,9 +8,12 @@ import re
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 Options = TypeVar("Options")
+
+Measured: TypeAlias = Literal["exact", "shared", "hidden"]
+"""What measured forces are used for where contacts are estimated."""
 
 SIMPLE = (bool, int, float, str)
 
@@ -59,17 +62,36 @@ class TorqueTable:
     folded: bool = False
 
 
+@dataclass(frozen=True)
+class EmgUse:
+    """Whether measured excitations take part in muscle tensions.
+
+    Attributes
+    ----------
+    emg_shown_only : EMG does not take part; it is shown beside the activations
+    """
+
+    emg_shown_only: bool = False
+
+
 def settings_of(options: type) -> tuple[Setting, ...]:
     """Settings of an option dataclass: every field that a number, a text or a switch can give.
 
-    Fields of other types (mappings, motions) are not settings: they come from files.
+    Fields of other types (mappings, motions) are not settings: they come from files. Where a dataclass has a
+    `SETTING_PREFIX`, names begin with it, so that they are told from those of other steps.
     """
     hints, told = get_type_hints(options), attribute_help(options)
     return tuple(
-        Setting(field.name, hints[field.name], field.default, told.get(field.name, ""))
+        Setting(prefix_of(options) + field.name, hints[field.name], field.default, told.get(field.name, ""))
         for field in dataclasses.fields(options)
         if _is_simple(hints[field.name]) and field.default is not dataclasses.MISSING
     )
+
+
+def prefix_of(options: type) -> str:
+    """What the names of an option dataclass's settings begin with."""
+    prefix: str = getattr(options, "SETTING_PREFIX", "")
+    return prefix
 
 
 def attribute_help(owner: type) -> dict[str, str]:
@@ -91,13 +113,16 @@ def attribute_help(owner: type) -> dict[str, str]:
 def with_settings(options: Options, given: Mapping[str, Any]) -> Options:
     """The options with the settings among `given` that are theirs; None leaves a default as it is."""
     names = {setting.name for setting in settings_of(type(options))}
-    changes = {name: value for name, value in given.items() if name in names and value is not None}
+    prefix = prefix_of(type(options))
+    changes = {name.removeprefix(prefix): value for name, value in given.items() if name in names and value is not None}
     return dataclasses.replace(options, **changes)  # type: ignore[type-var]
 
 
 def plain_settings(options: object) -> dict[str, object]:
     """The settings of an option value as plain values, for provenance and reports."""
-    return {setting.name: getattr(options, setting.name) for setting in settings_of(type(options))}
+    prefix = prefix_of(type(options))
+    names = [setting.name for setting in settings_of(type(options))]
+    return {name: getattr(options, name.removeprefix(prefix)) for name in names}
 
 
 def _is_simple(kind: Any) -> bool:

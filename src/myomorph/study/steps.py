@@ -23,9 +23,13 @@ from myomorph.study import stored as store
 from myomorph.study.inputs import about, has_mass
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, Stored, provenance_of
-from myomorph.study.settings import Differentiation, TorqueTable, plain_settings
+from myomorph.study.settings import Differentiation, EmgUse, TorqueTable, plain_settings
 
 if TYPE_CHECKING:
+    from myomorph.model.contacts import Contacts
+    from myomorph.study.contact_file import ContactPlan
+    from myomorph.tension.contacts import ContactOptions
+    from myomorph.tension.emg_targets import EmgOptions
     from myomorph.tension.solve import Tension, TensionOptions
 
 CHAIN = ("ik", "id", "muscles", "tension")
@@ -41,7 +45,8 @@ class Take:
     loads : external forces of a motion, or None where there are none
     mass : of the subject [kg], None where only the model tells
     time : start and end of what is used [s], None for all
-    kinematics, derivatives, torque_table, tension : what the steps are told
+    kinematics, derivatives, torque_table, tension, contact_options, emg_options : what the steps are told
+    contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
     plates : outlines of the force plates, for pictures
     emg_muscles : EMG channel to the muscles it was measured on
@@ -49,6 +54,8 @@ class Take:
     real, assumed, simulated : sentences for the first lines of the report
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
     sources : inputs by their hashes
+    parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
+        model or what makes the model of an object
     """
 
     name: str
@@ -64,6 +71,10 @@ class Take:
     derivatives: Differentiation = field(default_factory=Differentiation)
     torque_table: TorqueTable = field(default_factory=TorqueTable)
     tension: TensionOptions | None = None
+    contacts: ContactPlan | None = None
+    contact_options: ContactOptions | None = None
+    emg_options: EmgOptions | None = None
+    emg_use: EmgUse = field(default_factory=EmgUse)
     actuators: tuple[Actuator, ...] | None = None
     plates: tuple[ForcePlate, ...] = ()
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
@@ -74,6 +85,7 @@ class Take:
     truth: Mapping[str, Series] = field(default_factory=lambda: MappingProxyType({}))
     sources: tuple[Source, ...] = ()
     warnings: tuple[str, ...] = ()
+    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +97,10 @@ class Found:
     fit : of inverse kinematics
     recorded : coordinates as inverse kinematics or a file gave them
     motion : coordinates that forces belong to (filtered where asked for), with derivatives
-    wrenches : external forces at the motion's times
+    wrenches : external forces at the motion's times, as measured
+    loads : every external force, those of estimated contacts included
+    carried : generalized forces of the motion under all of them
+    contacts : which site touches what
     notes : what was done about doubtful input, one line each
     """
 
@@ -95,6 +110,9 @@ class Found:
     wrenches: Wrenches | None = None
     torques: Series | None = None
     tension: Tension | None = None
+    loads: Wrenches | None = None
+    carried: Series | None = None
+    contacts: Contacts | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -179,6 +197,7 @@ def _put_take(writer: ResultWriter, take: Take) -> None:
         "root_note": take.root_note,
         "notes": json.dumps({"real": take.real, "assumed": take.assumed, "simulated": take.simulated}),
         "warnings": json.dumps(take.warnings),
+        "parts": json.dumps(dict(take.parts)),
         "emg_muscles": json.dumps({channel: list(names) for channel, names in take.emg_muscles.items()}),
     }
     for name, text in facts.items():
@@ -200,8 +219,9 @@ def step_provenance(step: str, take: Take) -> Provenance:
 def _options(step: str, take: Take) -> dict[str, object]:
     if step == "ik":
         return plain_settings(take.kinematics)
-    if step == "tension" and take.tension is not None:
-        return plain_settings(take.tension)
+    if step == "tension":
+        told = [one for one in (take.tension, take.contact_options, take.emg_options) if one is not None]
+        return {name: value for one in (*told, take.emg_use) for name, value in plain_settings(one).items()}
     if step == "id":
         return plain_settings(take.derivatives) | plain_settings(take.torque_table)
     return plain_settings(take.derivatives)
@@ -240,40 +260,9 @@ def _run_muscles(take: Take, found: Found, writer: ResultWriter, folder: Path) -
 
 
 def _run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
-    from myomorph.tension.solve import TensionOptions, solve_tension
+    from myomorph.study.tension_step import run_tension
 
-    if found.torques is None:
-        found = solve_dynamics(take, found)
-        assert found.motion is not None
-        assert found.torques is not None
-        store.put_derivatives(writer, found.motion, take.model)
-        store.put_torques(writer, found.torques, found.wrenches)
-    assert found.motion is not None
-    assert found.torques is not None
-    options = take.tension or TensionOptions()
-    added = added_actuators(take, options)
-    with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
-        tension = solve_tension(take.model, found.motion, found.torques, options, added, advance)
-    by_name = {one.name: one.coordinate for one in (*take.model.actuators, *added)}
-    store.put_tension(writer, tension, tuple(by_name.get(name, "") for name in tension.reserve_names))
-    tables = (
-        ("activations", tension.muscles, tension.activations),
-        ("forces", tension.muscles, tension.forces),
-        ("reserves", tension.reserve_names, tension.reserves),
-    )
-    for name, columns, values in tables:
-        facts = MappingProxyType({"name": f"Muscle tensions: {name}"})
-        write_sto(Table(tension.time, columns, values, facts=facts), folder / f"{name}.sto")
-    return replace(found, tension=tension)
-
-
-def added_actuators(take: Take, options: TensionOptions) -> tuple[Actuator, ...]:
-    """Actuators beside the model's own: those of a file, or a weak reserve for every free coordinate."""
-    from myomorph.tension.actuators import default_reserves
-
-    if take.actuators is not None:
-        return take.actuators
-    return default_reserves(take.model, options.reserve, options.residual)
+    return run_tension(take, found, writer, folder)
 
 
 RUNNERS: dict[str, Callable[[Take, Found, ResultWriter, Path], Found]] = {

@@ -15,7 +15,7 @@ from myomorph.model.series import Emg, Motion, Trial
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
 from myomorph.study.results import file_source, value_source
-from myomorph.study.settings import Differentiation, TorqueTable, with_settings
+from myomorph.study.settings import Differentiation, EmgUse, Measured, TorqueTable, with_settings
 from myomorph.study.steps import Take
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ class FileTake:
     bodies : prefix of the columns of each force in a table, and the body it acts on
     plates : bodies that stand on the plates of a C3D file, in the plates' order
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
+    contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
+    measured : what measured forces are used for where contacts are estimated; None as the file says
     mass : of the subject [kg]
     time : start and end [s]
     """
@@ -53,6 +55,8 @@ class FileTake:
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     tasks: Path | None = None
     actuators: Path | None = None
+    contacts: str = ""
+    measured: Measured | None = None
     mass: float | None = None
     time: tuple[float, float] | None = None
 
@@ -114,6 +118,8 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
         sources += load_tables(files.loads)
+    if files.contacts:
+        sources += contact_sources(files)
     if files.bodies or files.plates:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
@@ -130,10 +136,22 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         derivatives=derivative_options(settings),
         torque_table=with_settings(TorqueTable(), settings.get("id", {})),
         tension=tension_options(settings),
+        **contact_parts(files, settings, model),
+        emg_use=with_settings(EmgUse(), settings.get("tension", {})),
         actuators=_actuators(files, model),
         sources=tuple(sources),
         warnings=tuple(f"{files.model.name}: {text}" for text in model.warnings),
     )
+
+
+def contact_sources(files: FileTake) -> list[Source]:
+    """What tells of contacts, as inputs by their hashes."""
+    from myomorph.study.contact_file import AUTO, contact_files
+
+    told = value_source("contacts", files.contacts, files.contacts, files.measured)
+    if files.contacts == AUTO:
+        return [told]
+    return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
 
 
 def _emg_muscles(emg: Emg, files: FileTake, model: Model) -> Mapping[str, tuple[str, ...]]:
@@ -240,6 +258,23 @@ def tension_options(settings: Settings) -> Any:
     from myomorph.tension.solve import TensionOptions
 
     return with_settings(TensionOptions(), settings["tension"])
+
+
+def contact_parts(files: FileTake, settings: Settings, model: Model) -> dict[str, Any]:
+    """Contacts and what the step of tensions is told of them and of EMG, as far as a recording has them."""
+    given = settings.get("tension", {})
+    parts: dict[str, Any] = {}
+    if files.contacts:
+        from myomorph.study.contact_file import read_contacts
+        from myomorph.tension.contacts import ContactOptions
+
+        parts["contacts"] = read_contacts(files.contacts, model, files.measured)
+        parts["contact_options"] = with_settings(ContactOptions(), given)
+    if files.emg is not None:
+        from myomorph.tension.emg_targets import EmgOptions
+
+        parts["emg_options"] = with_settings(EmgOptions(), given)
+    return parts
 
 
 def _actuators(files: FileTake, model: Model) -> tuple[Actuator, ...] | None:

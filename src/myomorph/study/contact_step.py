@@ -1,0 +1,123 @@
+"""Contacts that nobody measured, in the step of muscle tensions: where, when, how ready, and what is known of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.contact.shared import shared_wrenches
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import find_contacts
+from myomorph.contact.strengths import strengths
+from myomorph.model.contacts import ContactForces, Contacts, Site
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.study.contact_file import ContactPlan
+from myomorph.tension.contacts import ContactOptions, ContactTask
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSetting:
+    """Contacts of a recording, ready for the tension problem.
+
+    Attributes
+    ----------
+    exact : measured forces that act as they were measured, None where there are none
+    """
+
+    task: ContactTask
+    contacts: Contacts
+    exact: Wrenches | None
+    notes: tuple[str, ...] = ()
+
+
+def set_contacts(
+    plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None, options: ContactOptions
+) -> ContactSetting:
+    """Sites, touches and strengths of a motion, and what measured forces tell of them.
+
+    Parameters
+    ----------
+    measured : forces of plates on bodies, at the motion's times
+
+    Raises
+    ------
+    BadData
+        where there is no site, or touches are told of a site that does not exist
+    """
+    sites = (*(foot_sites(model) if plan.feet else ()), *plan.sites)
+    if not sites:
+        raise BadData(
+            f"model '{model.name}' has no contact site: none of its bodies is called a foot; name sites in a contact "
+            "file (--contacts FILE.toml)"
+        )
+    seen = None if plan.measured == "hidden" else measured
+    contacts = _all_contacts(plan, model, motion, sites, seen)
+    ready = strengths(model, motion, sites, contacts)
+    if plan.measured == "exact" and measured is not None:
+        ready = _unmeasured(ready, sites, measured)
+    shared = ()
+    if plan.measured == "shared" and measured is not None:
+        shared = shared_wrenches(model, motion, sites, contacts, measured)
+    exact = measured if plan.measured == "exact" else None
+    return ContactSetting(ContactTask(sites, ready, shared, options), contacts, exact, contacts.warnings)
+
+
+def _all_contacts(
+    plan: ContactPlan, model: Model, motion: Motion, sites: tuple[Site, ...], measured: Wrenches | None
+) -> Contacts:
+    """Touches that a file tells; those of every other site from plates and motion."""
+    names = tuple(one.name for one in sites)
+    told = plan.told
+    if told is not None:
+        unknown = [one for one in told.sites if one not in names]
+        if unknown:
+            raise BadData(f"touches are told of '{unknown[0]}', but the contact sites are {', '.join(names)}")
+    by_motion = tuple(
+        one
+        for one in sites
+        if plan.when.get(one.name, "motion") == "motion" and (told is None or one.name not in told.sites)
+    )
+    found = find_contacts(model, motion, by_motion, plates=measured) if by_motion else None
+    parts = [one for one in (told, found) if one is not None]
+    touches = tuple(touch for one in parts for touch in one.touches)
+    return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
+
+
+def _unmeasured(ready: Series, sites: tuple[Site, ...], measured: Wrenches) -> Series:
+    """The strengths without the frames in which a plate carries the site's group."""
+    values = np.array(ready.values)
+    bodies = {one.group: {site.body for site in sites if site.group == one.group} for one in sites}
+    loaded = (measured.forces != 0.0).any(axis=2)
+    for k, site in enumerate(sites):
+        columns = [i for i, body in enumerate(measured.bodies) if body in bodies[site.group]]
+        values[loaded[:, columns].any(axis=1), k] = 0.0
+    return replace(ready, values=values)
+
+
+def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
+    """Every force that acted on the bodies, one load a body: measured ones and those of contacts."""
+    found = estimated.wrenches("body")
+    if exact is None:
+        return found
+    bodies = tuple(dict.fromkeys((*exact.bodies, *found.bodies)))
+    shape = (len(found), len(bodies), 3)
+    forces, points, torques = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    for j, body in enumerate(bodies):
+        parts = [(one, i) for one in (exact, found) for i, other in enumerate(one.bodies) if other == body]
+        forces[:, j], points[:, j], torques[:, j] = _summed(parts)
+    return Wrenches(found.time, bodies, bodies, forces, points, torques)
+
+
+def _summed(parts: list[tuple[Wrenches, int]]) -> tuple[Array, Array, Array]:
+    """Force, point of application and free torque (frames, 3) of several loads together."""
+    force = np.stack([one.forces[:, i] for one, i in parts])
+    point = np.nan_to_num(np.stack([one.points[:, i] for one, i in parts]))
+    torque = np.stack([one.torques[:, i] for one, i in parts])
+    size = np.linalg.norm(force, axis=2, keepdims=True)
+    share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
+    middle = (share * point).sum(axis=0)
+    return force.sum(axis=0), middle, (torque + np.cross(point - middle, force)).sum(axis=0)

@@ -1,0 +1,126 @@
+"""The step of muscle tensions: alone, with contacts that nobody measured, and with EMG."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from myomorph.io.loads_write import write_external_loads
+from myomorph.io.sto import write_sto
+from myomorph.model.model import Actuator
+from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.study import contact_store
+from myomorph.study import stored as store
+from myomorph.study.progress import progress
+from myomorph.study.results import ResultWriter
+from myomorph.study.steps import Found, Take, solve_dynamics, torque_table
+from myomorph.tension.actuators import default_reserves
+from myomorph.tension.contacts import ContactOptions
+from myomorph.tension.emg_targets import emg_targets
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+
+if TYPE_CHECKING:
+    from myomorph.study.contact_step import ContactSetting
+    from myomorph.tension.emg import EmgTarget
+
+CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
+
+
+def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
+    """Solve for muscle tensions, and for contact forces where they are asked for; write what was found."""
+    if found.torques is None:
+        found = solve_dynamics(take, found)
+        assert found.motion is not None
+        assert found.torques is not None
+        store.put_derivatives(writer, found.motion, take.model)
+        store.put_torques(writer, found.torques, found.wrenches)
+    assert found.motion is not None
+    assert found.torques is not None
+    options = take.tension or TensionOptions()
+    added = added_actuators(take, options)
+    setting = None if take.contacts is None else _setting(take, found)
+    torques = found.torques
+    more: dict[str, Any] = {}
+    if setting is not None:
+        more["contacts"] = setting.task
+        if setting.exact is not found.wrenches:
+            torques = inverse_dynamics(take.model, found.motion, setting.exact)
+    target, notes = _target(take, found.motion)
+    if target is not None:
+        more["emg"] = target
+    with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
+        tension = solve_tension(take.model, found.motion, torques, options, added, advance, **more)
+    _write_tension(take, tension, added, writer, folder)
+    found = replace(found, tension=tension, notes=(*found.notes, *notes))
+    if setting is None:
+        return found
+    loads, carried = _write_contacts(take, found, setting, writer, folder)
+    notes = (*found.notes, *setting.notes)
+    return replace(found, contacts=setting.contacts, loads=loads, carried=carried, notes=notes)
+
+
+def _setting(take: Take, found: Found) -> ContactSetting:
+    from myomorph.study.contact_step import set_contacts
+
+    assert take.contacts is not None
+    assert found.motion is not None
+    options = take.contact_options or ContactOptions()
+    return set_contacts(take.contacts, take.model, found.motion, found.wrenches, options)
+
+
+def _target(take: Take, motion: Motion) -> tuple[EmgTarget | None, tuple[str, ...]]:
+    """What EMG tells of activations, where it is to take part, and what is doubtful about it."""
+    if take.emg is None or take.emg_options is None or take.emg_use.emg_shown_only:
+        return None, ()
+    if not take.emg_muscles:
+        names = ", ".join(take.emg.names)
+        return None, (f"EMG takes no part: no channel tells a muscle of the model; name them in emg_muscles ({names})",)
+    return emg_targets(take.emg, take.emg_muscles, take.model, motion.time, take.emg_options), ()
+
+
+def _write_tension(
+    take: Take, tension: Tension, added: tuple[Actuator, ...], writer: ResultWriter, folder: Path
+) -> None:
+    by_name = {one.name: one.coordinate for one in (*take.model.actuators, *added)}
+    store.put_tension(writer, tension, tuple(by_name.get(name, "") for name in tension.reserve_names))
+    tables = (
+        ("activations", tension.muscles, tension.activations),
+        ("forces", tension.muscles, tension.forces),
+        ("reserves", tension.reserve_names, tension.reserves),
+    )
+    for name, columns, values in tables:
+        facts = MappingProxyType({"name": f"Muscle tensions: {name}"})
+        write_sto(Table(tension.time, columns, values, facts=facts), folder / f"{name}.sto")
+
+
+def _write_contacts(
+    take: Take, found: Found, setting: ContactSetting, writer: ResultWriter, folder: Path
+) -> tuple[Wrenches, Series]:
+    """Contact forces as external loads, touches as a table; returns all loads, and the torques that they leave."""
+    from myomorph.io.contact_events import write_events
+    from myomorph.study.contact_step import all_loads
+
+    assert found.tension is not None
+    assert found.motion is not None
+    assert take.contacts is not None
+    forces = found.tension.contacts
+    assert forces is not None
+    loads = all_loads(setting.exact, forces)
+    torques = inverse_dynamics(take.model, found.motion, loads)
+    contact_store.put_contact_forces(writer, forces)
+    contact_store.put_contacts(writer, setting.contacts, take.contacts.measured)
+    contact_store.put_carried(writer, torques)
+    write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
+    write_sto(torque_table(torques, take.model), folder / ALL_TORQUES)
+    write_events(setting.contacts, folder / CONTACTS)
+    return loads, torques
+
+
+def added_actuators(take: Take, options: TensionOptions) -> tuple[Actuator, ...]:
+    """Actuators beside the model's own: those of a file, or a weak reserve for every free coordinate."""
+    if take.actuators is not None:
+        return take.actuators
+    return default_reserves(take.model, options.reserve, options.residual)
