@@ -6,6 +6,7 @@ import csv
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,6 @@ def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:
     ordered = sorted(touches, key=lambda one: (one.site, one.start))
     return [
         f"{path.name}: '{one.site}' touches from {one.start:g} to {one.stop:g} s and again from {other.start:g} s"
-        for one, other in zip(ordered, ordered[1:], strict=False)
+        for one, other in pairwise(ordered)
         if one.site == other.site and other.start < one.stop
     ]

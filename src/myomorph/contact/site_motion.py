@@ -1,0 +1,179 @@
+"""How sites move over the floor: places, speeds against a floor that may be a belt, and where the floor is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.contacts import Site
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+GRAVITY = 9.80665
+"""Where a model has no gravity [m/s^2]."""
+
+STILL = 0.1
+"""A site at rest moves slower than this, over the speed sqrt(g height)."""
+
+BELT = 0.15
+"""Soles that all glide along faster than this, over the same speed, stand on a belt."""
+
+CLUSTER = 0.25
+"""Share of samples that the narrowest interval about the floor holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class SiteMotion:
+    """Sites over a motion, in ground.
+
+    Attributes
+    ----------
+    up : (3,) against gravity
+    places : (frames, sites, 3) mean of each site's points [m]
+    lowest : (frames, sites) height of each site's lowest point along `up` [m]
+    velocities : (frames, sites, 3) of `places` [m/s]
+    height : of the center of mass over the lowest site, median of all frames: the length that thresholds are
+        relative to, so that a mouse and a man are judged alike [m]
+    carried : (frames,) vertical force that the center of mass needs, over the weight of the model
+    """
+
+    time: Array
+    up: Array
+    places: Array
+    lowest: Array
+    velocities: Array
+    height: float
+    carried: Array
+
+    @property
+    def pace(self) -> float:
+        """Speed that thresholds are relative to: sqrt(g height), whose Froude number is 1 [m/s]."""
+        return float(np.sqrt(GRAVITY * self.height))
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """What the sites walk on.
+
+    Attributes
+    ----------
+    height : along up [m]
+    velocity : (3,) of a treadmill's belt, zero of the ground [m/s]
+    """
+
+    height: float
+    velocity: Array
+
+
+def up_of(model: Model) -> Array:
+    """Unit vector (3,) against gravity in ground, y where there is no gravity."""
+    size = float(np.linalg.norm(model.gravity))
+    up: Array = -model.gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
+    return up
+
+
+def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
+    """Places and speeds of sites; frames in which the motion is NaN are NaN."""
+    tree, up = compile_tree(model), up_of(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    owner = np.repeat(np.arange(len(sites)), [len(one.points) for one in sites])
+    bodies = np.array([tree.body_index[sites[int(k)].body] for k in owner], np.int64)
+    points = poses.points(bodies, np.concatenate([one.points for one in sites]))
+    places = np.stack([points[:, owner == k].mean(axis=1) for k in range(len(sites))], axis=1)
+    lowest = np.stack([(points[:, owner == k] @ up).min(axis=1) for k in range(len(sites))], axis=1)
+    center = center_of_mass(tree, poses) @ up
+    rises = _slope(motion.time, _slope(motion.time, center))
+    gravity = float(np.linalg.norm(model.gravity)) or GRAVITY
+    height = float(np.nanmedian(center - np.min(lowest, axis=1)))
+    return SiteMotion(motion.time, up, places, lowest, _slope(motion.time, places), height, 1.0 + rises / gravity)
+
+
+def _slope(time: Array, values: Array) -> Array:
+    """First derivative over time by second-order differences, zero with fewer than three frames."""
+    if len(time) < 3:
+        return np.zeros_like(values)
+    slope: Array = np.gradient(values, time, axis=0)
+    return slope
+
+
+def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
+    """The floor that sites rest on: where the lowest of them stays while it is slow, and a belt's speed.
+
+    The height is the middle of the narrowest interval that holds a quarter of the lowest sites' heights, so
+    that neither a swing, nor a toe that a stiff model foot pushes through the floor, moves it. A belt's velocity is the
+    median horizontal one of the lowest sites; below `BELT` sqrt(g height) the floor is at rest.
+
+    Parameters
+    ----------
+    height : of the floor where it is known, as from plates [m]
+    """
+    known = np.isfinite(sites.lowest).all(axis=1)
+    rows = np.flatnonzero(known)
+    if not len(rows):
+        return Floor(0.0 if height is None else height, np.zeros(3))
+    first = sites.lowest[rows].argmin(axis=1)
+    level, velocity = sites.lowest[rows, first], sites.velocities[rows, first]
+    rising = velocity @ sites.up
+    calm = np.abs(rising) <= max(STILL * sites.pace, float(np.percentile(np.abs(rising), 25.0)))
+    near = np.abs(level - cluster(level[calm])) < 0.05 * sites.height
+    glide = np.median((velocity - rising[:, None] * sites.up)[calm & near], axis=0)
+    if not np.linalg.norm(glide) > BELT * sites.pace:
+        glide = np.zeros(3)
+    slow = np.linalg.norm(velocity - glide, axis=1) < 2.0 * STILL * sites.pace
+    return Floor(cluster(level[slow if slow.any() else calm]) if height is None else height, glide)
+
+
+def cluster(values: Array) -> float:
+    """Median of the values (n,) inside the narrowest interval that holds a share `CLUSTER` of them."""
+    ordered = np.sort(values)
+    count = max(1, round(CLUSTER * len(ordered)))
+    widths = ordered[count - 1 :] - ordered[: len(ordered) - count + 1]
+    start = int(np.argmin(widths))
+    return float(np.median(ordered[start : start + count]))
+
+
+def rest_on_floor(
+    model: Model, motion: Motion, sites: Sequence[Site], height: float | None = None
+) -> tuple[tuple[Site, ...], Floor]:
+    """Sites moved along the floor's normal so that each lies on it while its group rests, and that floor.
+
+    How thick a sole is, no model tells; shoes and markers' places make some centimetres of it. A group rests in
+    the frames in which it is low and its sites, on the mean, are slow against the floor; each site is moved by the median of
+    its heights there.
+
+    Parameters
+    ----------
+    height : of the floor where it is known, as from plates; else where the sites rest as they are [m]
+    """
+    tree, moving = compile_tree(model), site_motion(model, motion, sites)
+    floor = floor_under(moving, height)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    gap = moving.lowest - floor.height
+    speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2)
+    moved = []
+    for k, one in enumerate(sites):
+        members = [j for j, other in enumerate(sites) if other.group == one.group]
+        rests = _resting(gap[:, members].mean(axis=1), speed[:, members].mean(axis=1), STILL * moving.pace)
+        shift = float(np.median(gap[rests, k])) if len(rests) else 0.0
+        rotations = poses.rotations[rests, tree.body_index[one.body]]
+        down = -np.einsum("fji,j->fi", rotations, moving.up).sum(axis=0)
+        size = float(np.linalg.norm(down))
+        moved.append(replace(one, points=one.points + shift * down / size) if size > 0.0 else one)
+    return tuple(moved), floor
+
+
+def _resting(height: Array, speed: Array, still: float) -> Ints:
+    """Frames in which a group is among its lowest 40 % and still, or at least the 5 % of those that are slowest."""
+    known = np.flatnonzero(np.isfinite(height) & np.isfinite(speed))
+    if not len(known):
+        return known
+    low = known[height[known] <= np.percentile(height[known], 40.0)]
+    limit = max(still, float(np.percentile(speed[low], 5.0)))
+    frames: Ints = low[speed[low] <= limit]
+    return frames

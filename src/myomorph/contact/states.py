@@ -1,0 +1,246 @@
+"""When sites touch: told by force plates, by how sites move over the floor, or by several sources together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.contact.plates import episodes
+from myomorph.contact.site_motion import GRAVITY, Floor, SiteMotion, floor_under, site_motion
+from myomorph.model.contacts import Contacts, Site, Touch
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+
+Bools = NDArray[np.bool_]
+
+PLATES, KINEMATICS = "plates", "kinematics"
+"""What tells of a touch."""
+
+
+@dataclass(frozen=True)
+class ContactStateOptions:
+    """When a site touches. Lengths count from `SiteMotion.height`, speeds from sqrt(g height).
+
+    Attributes
+    ----------
+    low, high : a touch begins below the height `low` over the floor and ends above `high`
+    slow, fast : it begins at less than the speed `slow` against the floor and ends at more than `fast`
+    flight : share of the weight below which the body flies: nothing touches
+    carried : share of the weight from which on something must touch
+    loaded, unloaded : a plate carries from this share of the weight on, until less than that is left
+    reach : a site that far beside a plate's center of pressure may be what stands on it
+    shortest : touches and gaps that last less are taken for noise [s]
+    floor : height of the floor [m], None to find it
+    """
+
+    low: float = 0.035
+    high: float = 0.05
+    slow: float = 0.3
+    fast: float = 0.5
+    flight: float = 0.05
+    carried: float = 0.2
+    loaded: float = 0.03
+    unloaded: float = 0.015
+    reach: float = 0.2
+    shortest: float = 0.03
+    floor: float | None = None
+
+
+def find_contacts(
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    options: ContactStateOptions | None = None,
+    plates: Wrenches | None = None,
+) -> Contacts:
+    """Which site touches when, from how the sites move, and from plates where there are any.
+
+    A site touches while it is low over the floor and slow against it, both with hysteresis. While the center of
+    mass falls freely nothing touches; while it does not, and no site is near enough, the nearest one does, with a
+    confidence of a half. The confidence of the others is the mean margin to the thresholds at which they leave. Where a
+    plate's force is given, the group whose sites are nearest to its center of pressure touches while it is
+    loaded, and does not while all plates that could carry it are unloaded.
+
+    Parameters
+    ----------
+    motion : coordinates over time, filtered
+    plates : forces on bodies (or of plates, bodies unknown), at the motion's times
+    """
+    options = options or ContactStateOptions()
+    moving = site_motion(model, motion, sites)
+    floor = floor_under(moving, options.floor)
+    found = by_kinematics(moving, floor, sites, options)
+    if plates is None:
+        return found
+    return merge_contacts((by_plates(model, moving, sites, plates, options), found))
+
+
+def by_kinematics(
+    moving: SiteMotion, floor: Floor, sites: Sequence[Site], options: ContactStateOptions | None = None
+) -> Contacts:
+    """Touches from how sites move over the floor, and from what the center of mass needs."""
+    options = options or ContactStateOptions()
+    names = tuple(one.name for one in sites)
+    height = (moving.lowest - floor.height) / moving.height
+    speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
+    margin = np.maximum(height / options.high, speed / options.fast)
+    known = np.isfinite(margin)
+    margin = np.where(known, margin, np.inf)
+    near = known & (height < options.low) & (speed < options.slow)
+    touching = hysteresis(near, ~known | (margin > 1.0))
+    free = steady(np.nan_to_num(moving.carried, nan=1.0) < options.flight, moving.time, options.shortest)
+    touching[free] = False
+    touching = np.stack([steady(column, moving.time, options.shortest) for column in touching.T], axis=1)
+    touching[free] = False
+    held_up = (moving.carried > options.carried) & ~touching.any(axis=1)
+    nearest = (margin <= 1.25 * margin.min(axis=1, keepdims=True)) & (margin < 2.0)
+    guessed = held_up[:, None] & nearest
+    sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
+    touches = []
+    for k, name in enumerate(names):
+        for start, stop in episodes(touching[:, k] | guessed[:, k]):
+            confidence = float(sure[start:stop, k].mean())
+            touches.append(
+                Touch(
+                    name,
+                    float(moving.time[start]),
+                    float(moving.time[stop - 1]),
+                    sites[k].against,
+                    confidence,
+                    KINEMATICS,
+                )
+            )
+    return Contacts(names, tuple(touches), _unsupported(moving, held_up & ~guessed.any(axis=1)))
+
+
+def _unsupported(moving: SiteMotion, lacking: Bools) -> tuple[str, ...]:
+    """What to say of times in which no site can carry what the motion needs."""
+    spans = [
+        f"{moving.time[start]:.2f} to {moving.time[stop - 1]:.2f} s"
+        for start, stop in episodes(lacking)
+        if moving.time[stop - 1] - moving.time[start] > 0.1
+    ]
+    if not spans:
+        return ()
+    few = ", ".join(spans[:4]) + (", ..." if len(spans) > 4 else "")
+    return (f"something carries the body at {few}, but no contact site is near the floor: is a site missing?",)
+
+
+def hysteresis(begins: Bools, ends: Bools) -> Bools:
+    """State (frames, ...) that turns on where it begins, off where it ends, and stays as it was between."""
+    marks = np.where(ends, -1, np.where(begins, 1, 0))
+    frames = np.arange(len(marks)).reshape(-1, *[1] * (marks.ndim - 1))
+    last = np.maximum.accumulate(np.where(marks != 0, frames, 0), axis=0)
+    state: Bools = np.take_along_axis(marks, last, axis=0) > 0
+    return state
+
+
+def steady(state: Bools, time: Array, shortest: float) -> Bools:
+    """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the ends stay."""
+    state = state.copy()
+    for value in (False, True):
+        for start, stop in episodes(state == value):
+            inside = start > 0 and stop < len(state)
+            if inside and time[stop] - time[start] < shortest - 1e-9:
+                state[start:stop] = not value
+    return state
+
+
+def by_plates(
+    model: Model,
+    moving: SiteMotion,
+    sites: Sequence[Site],
+    plates: Wrenches,
+    options: ContactStateOptions | None = None,
+) -> Contacts:
+    """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
+
+    A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
+    sites touch that are not above twice the height at which a touch ends; where all are, the nearest one does.
+    """
+    options = options or ContactStateOptions()
+    names = tuple(one.name for one in sites)
+    groups = tuple(dict.fromkeys(one.group for one in sites))
+    weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
+    pressing = plates.forces @ moving.up
+    touching = np.zeros((len(moving.time), len(sites)), np.bool_)
+    for plate in range(len(plates.names)):
+        load = np.nan_to_num(pressing[:, plate])
+        state = hysteresis(load > options.loaded * weight, load < options.unloaded * weight)
+        state = steady(state, moving.time, options.shortest)
+        away = _beside(moving, plates.points[:, plate])
+        for start, stop in episodes(state):
+            here = slice(start, stop)
+            share = load[here, None] * np.isfinite(away[here])
+            mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
+            by_group = [min(mean[k] for k, one in enumerate(sites) if one.group == group) for group in groups]
+            best = int(np.argmin(by_group))
+            if not by_group[best] < options.reach * moving.height:
+                continue
+            members = [k for k, one in enumerate(sites) if one.group == groups[best]]
+            level = moving.lowest[here][:, members]
+            low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
+            touching[here, members[0] : members[-1] + 1] |= low
+    touches = [
+        Touch(name, float(moving.time[start]), float(moving.time[stop - 1]), sites[k].against, 1.0, PLATES)
+        for k, name in enumerate(names)
+        for start, stop in episodes(touching[:, k])
+    ]
+    return Contacts(names, tuple(touches))
+
+
+def _beside(moving: SiteMotion, points: Array) -> Array:
+    """Horizontal distance of each site to a plate's center of pressure (frames, sites) [m]."""
+    apart = moving.places - points[:, None]
+    flat = apart - (apart @ moving.up)[..., None] * moving.up
+    distance: Array = np.linalg.norm(flat, axis=2)
+    return distance
+
+
+def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
+    """Touches of several sources, the most trusted first.
+
+    A touch is left out where one of the same site from a source before it covers half of it or more, and cut
+    where it covers less.
+    """
+    names = tuple(dict.fromkeys(name for one in sources for name in one.sites))
+    kept: list[Touch] = []
+    for source in sources:
+        before = tuple(kept)
+        for touch in source.touches:
+            rest = _outside(touch, [one for one in before if one.site == touch.site])
+            if sum(one.stop - one.start for one in rest) > 0.5 * (touch.stop - touch.start) or rest == [touch]:
+                kept += rest
+    return Contacts(names, tuple(kept), tuple(text for one in sources for text in one.warnings))
+
+
+def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
+    """The parts of a touch that no other covers."""
+    parts = [touch]
+    for one in others:
+        cut = []
+        for part in parts:
+            if one.stop < part.start or one.start > part.stop:
+                cut.append(part)
+                continue
+            cut += [replace(part, stop=one.start)] if part.start < one.start else []
+            cut += [replace(part, start=one.stop)] if one.stop < part.stop else []
+        parts = cut
+    return parts
+
+
+def state_rows(contacts: Contacts, time: Array) -> tuple[tuple[str, tuple[tuple[float, float], ...]], ...]:
+    """Rows of the contact-state graph ([D] figure 5.5): each site, and the spans (start, stop) [s] it touches.
+
+    Touches that overlap or follow within a frame are one span; the order is that of the sites.
+    """
+    state = Series(time, contacts.sites, contacts.states(time).values)
+    rows = []
+    for k, name in enumerate(contacts.sites):
+        spans = episodes(state.values[:, k] > 0.0)
+        rows.append((name, tuple((float(time[start]), float(time[stop - 1])) for start, stop in spans)))
+    return tuple(rows)

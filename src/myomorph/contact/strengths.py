@@ -1,0 +1,86 @@
+"""How ready each site is to carry force: smooth functions of its height and speed, while it touches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.contact.site_motion import floor_under, site_motion
+from myomorph.model.contacts import Contacts, Site
+from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Motion, Series
+from myomorph.model.spatial import Array
+
+
+@dataclass(frozen=True)
+class StrengthOptions:
+    """Where readiness fades. Lengths count from the height of the center of mass, speeds from sqrt(g height).
+
+    The defaults are the limits of 40 mm and 0.8 m/s that AnyBody's prediction of ground forces has, for an adult.
+
+    Attributes
+    ----------
+    height, speed : at which a site is not ready any more
+    high, fast : shares of those up to which it is fully ready
+    least : readiness of a site that touches, however it moves
+    floor : height of the floor [m], None to find it
+    """
+
+    height: float = 0.042
+    speed: float = 0.26
+    high: float = 0.8
+    fast: float = 0.15
+    least: float = 0.05
+    floor: float | None = None
+
+
+def strengths(
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    contacts: Contacts | None = None,
+    options: StrengthOptions | None = None,
+) -> Series:
+    """How ready each site is to carry force (frames, sites), 0 to 1.
+
+    s = max(least, fade(z / z_limit, high) fade(v / v_limit, fast)) confidence,
+
+    fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0,
+
+    of the height z of a site's lowest point over the floor and its speed v against it (Fluit et al. 2014), times how
+    sure it is that it touches. A site on anything but the ground is as ready as it is sure to touch.
+
+    Parameters
+    ----------
+    contacts : when sites touch; all the time without
+    """
+    options = options or StrengthOptions()
+    names = tuple(one.name for one in sites)
+    sure = np.ones((len(motion), len(sites)))
+    if contacts is not None:
+        missing = [name for name in names if name not in contacts.sites]
+        if missing:
+            raise BadData(f"contacts say nothing of site '{missing[0]}': they are of {', '.join(contacts.sites)}")
+        columns = [contacts.sites.index(name) for name in names]
+        sure = contacts.states(motion.time).values[:, columns]
+    walking = [k for k, one in enumerate(sites) if one.against == GROUND]
+    values = np.array(sure)
+    if walking:
+        moving = site_motion(model, motion, [sites[k] for k in walking])
+        floor = floor_under(moving, options.floor)
+        z = (moving.lowest - floor.height) / moving.height
+        v = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
+        ready = fade(z / options.height, options.high) * fade(v / options.speed, options.fast)
+        least = options.least if contacts is not None else 0.0
+        values[:, walking] *= np.nan_to_num(np.maximum(ready, least))
+    return Series(motion.time, names, values)
+
+
+def fade(x: Array, full: float) -> Array:
+    """1 below `full`, half a cosine down to 0 at 1, 0 beyond; NaN stays."""
+    way = np.clip((x - full) / (1.0 - full), 0.0, 1.0)
+    faded: Array = 0.5 * (1.0 + np.cos(np.pi * way))
+    return faded
