@@ -1,16 +1,16 @@
-"""Where feet touch the floor: sites at the corners of every sole, and soles that rest on the floor they walked on."""
+"""Where bodies touch the world: sites at the corners of every sole, of hands, seat and back, by the bodies' names."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from myomorph.contact.site_motion import up_of
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
@@ -33,6 +33,10 @@ Heads of the first and fifth metatarsal, tips of the great and of the fourth toe
 
 BONE_DEPTH = 0.06
 """How far the bones of a foot reach below its origin, over the same distance."""
+
+
+SEGMENT_SITES = ("hand", "seat", "back")
+"""What `body_sites` knows."""
 
 
 @dataclass(frozen=True)
@@ -204,3 +208,71 @@ def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
         "toe_medial": np.array([tip, great]),
         "toe_lateral": np.array([tip - 0.12 * length, outer]),
     }
+
+
+def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
+    """Sites by name: `hand_r`, `hand_l` (a grip that takes force any way), `seat` and `back` (patches).
+
+    A hand's site is its body's mass center. The seat is four points about the ischial tuberosities, placed
+    from the hip joints; the back, four points behind the thorax' mass center. Both are pushed along the body's
+    own axes, up and forwards in the default posture.
+
+    Raises
+    ------
+    UnknownName : a name that is none of these
+    BadData : the model has no such part
+    """
+    sites = []
+    for name in names:
+        base = name.split("_")[0]
+        if base not in SEGMENT_SITES:
+            raise UnknownName("contact site", name, ("hand_r", "hand_l", "seat", "back"), "body_sites")
+        sites.append(_hand(model, name) if base == "hand" else _seat(model) if base == "seat" else _back(model))
+    return tuple(sites)
+
+
+def _hand(model: Model, name: str) -> Site:
+    side = {"r": "right", "l": "left"}.get(name[-1], "")
+    segments = segments_of(model)
+    bodies = [one for one in model.bodies if segments[one.name].name == "hand" and segments[one.name].side == side]
+    if not bodies:
+        raise BadData(f"model '{model.name}' has no {side} hand for site '{name}': name a body and a point yourself")
+    body = max(bodies, key=lambda one: one.mass)
+    return Site(name, body.name, body.mass_center[None], Cone(direction=None, grip=0.05))
+
+
+def _seat(model: Model) -> Site:
+    poses, up = body_poses(model), up_of(model)
+    segments = segments_of(model)
+    hips = {
+        segments[joint.child].side: (joint.parent, poses[joint.child].translation)
+        for joint in model.joints
+        if segments[joint.child].name == "thigh" and segments.get(joint.parent) and joint.parent in poses
+        and segments[joint.parent].name != "thigh"
+    }  # fmt: skip
+    if set(hips) != {"right", "left"}:
+        raise BadData(f"model '{model.name}' has no two hips to find its seat from: name a body and points yourself")
+    body, right = hips["right"]
+    left = hips["left"][1]
+    out = right - left
+    width = float(np.linalg.norm(out))
+    out = out / width
+    forward = np.cross(up, out)
+    middle = 0.5 * (right + left) - 0.45 * width * up - 0.1 * width * forward
+    points = np.array([middle + width * (0.35 * s * out + 0.15 * t * forward) for s in (1, -1) for t in (1, -1)])
+    pose = poses[body]
+    return Site("seat", body, pose.inverse().apply(points), Cone(direction=up))
+
+
+def _back(model: Model) -> Site:
+    segments, poses, up = segments_of(model), body_poses(model), up_of(model)
+    bodies = [one for one in model.bodies if segments[one.name].name == "upper_trunk"]
+    if not bodies:
+        raise BadData(f"model '{model.name}' has no thorax for site 'back': name a body and points yourself")
+    body, foot = max(bodies, key=lambda one: one.mass), feet_of(model)[0]
+    forward = foot.axes[:, 0] - (foot.axes[:, 0] @ up) * up
+    forward = forward / np.linalg.norm(forward)
+    out, pose = np.cross(forward, up), poses[body.name]
+    middle = pose.apply(body.mass_center) - 0.1 * forward
+    points = np.array([middle + 0.12 * s * out + 0.12 * t * up for s in (1, -1) for t in (1, -1)])
+    return Site("back", body.name, pose.inverse().apply(points), Cone(pose.rotation.T @ forward, body.name))
