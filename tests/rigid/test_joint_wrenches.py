@@ -1,0 +1,125 @@
+"""What joints transmit: Newton's and Euler's laws, Pinocchio's joint forces, and accelerations back from forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from looped import looped_tree
+from myomorph.model.series import Motion
+from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.forward import balancing_multipliers, forward_accelerations, gathered, loop_wrenches
+from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.loops import closure_jacobian, closure_rates, free_coordinates
+from myomorph.rigid.tree import compile_tree
+from trees import functional_tree, random_tree, swinging, to_pinocchio
+
+
+def pushed(tree, frames, seed):
+    return np.random.default_rng(seed).normal(scale=5.0, size=(frames, len(tree.arrays.parent), 6))
+
+
+def test_each_body_keeps_its_laws_of_momentum():
+    """Joint of the body less those of its children, gravity and what is applied: the rate of momentum."""
+    model = functional_tree(3)
+    step = 3e-4
+    motion = swinging(model, 5, step, seed=3)
+    tree = compile_tree(model)
+    c, cdot, cddot = motion_arrays(tree, motion)
+    applied = pushed(tree, 5, 0)
+    found = joint_wrenches(tree, c, cdot, cddot, applied)
+    poses, T = forward_kinematics(tree, c), tree.arrays
+    for b in range(1, len(T.parent)):
+        R, center = poses.rotations[:, b], poses.origins[:, b] + poses.rotations[:, b] @ T.mass_center[b]
+        acceleration = (center[3] - 2 * center[2] + center[1]) / step**2
+        force = found.forces[2, b] - sum(found.forces[2, k] for k in np.flatnonzero(T.parent == b))
+        np.testing.assert_allclose(
+            force + T.mass[b] * T.gravity + applied[2, b, :3], T.mass[b] * acceleration, atol=5e-4
+        )
+        turning = []
+        for f in (1, 2, 3):
+            near = (R[f + 1] - R[f - 1]) / (2 * step) @ R[f].T
+            omega = np.array([near[2, 1], near[0, 2], near[1, 0]])
+            speed = (center[f + 1] - center[f - 1]) / (2 * step)
+            inertia = R[f] @ T.inertia[b] @ R[f].T
+            turning.append(inertia @ omega + T.mass[b] * np.cross(center[f], speed))
+        moment = found.moments[2, b] - sum(found.moments[2, k] for k in np.flatnonzero(T.parent == b))
+        weight = np.cross(center[2], T.mass[b] * T.gravity)
+        np.testing.assert_allclose(
+            moment + weight + applied[2, b, 3:], (turning[2] - turning[0]) / (2 * step), atol=5e-4
+        )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_joint_forces_agree_with_pinocchio(seed):
+    pin = pytest.importorskip("pinocchio")
+    model = random_tree(seed)
+    rng = np.random.default_rng(seed)
+    motion = Motion(np.arange(2.0), model.coordinate_names, *rng.normal(size=(3, 2, len(model.coordinates))))
+    tree = compile_tree(model)
+    applied = pushed(tree, 2, seed)
+    found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
+    theirs, ids = to_pinocchio(model)
+    data = theirs.createData()
+    for frame in range(2):
+        pin.forwardKinematics(theirs, data, motion.values[frame])
+        external = pin.StdVec_Force()
+        for _ in range(theirs.njoints):
+            external.append(pin.Force.Zero())
+        for body in model.bodies:
+            wrench = applied[frame, tree.body_index[body.name]]
+            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(pin.Force(wrench[:3], wrench[3:]))
+        pin.rnea(theirs, data, motion.values[frame], motion.velocities[frame], motion.accelerations[frame], external)
+        for body in model.bodies:
+            i, b = ids[body.name], tree.body_index[body.name]
+            carried = data.oMi[i].act(data.f[i])
+            np.testing.assert_allclose(found.forces[frame, b], carried.linear, atol=1e-9)
+            np.testing.assert_allclose(found.moments[frame, b], carried.angular, atol=1e-9)
+
+
+def test_forces_give_the_accelerations_back():
+    """Inverse dynamics, then forward: couplers and curved joints included."""
+    model = functional_tree(2)
+    motion = swinging(model, 4, 0.01, seed=5)
+    tree = compile_tree(model)
+    c, cdot, cddot = motion_arrays(tree, motion)
+    applied = pushed(tree, 4, 1)
+    tau = gathered(tree, c, joint_wrenches(tree, c, cdot, cddot, applied).torques)
+    found, multipliers = forward_accelerations(tree, c, cdot, np.zeros_like(cddot), applied, tau)
+    assert multipliers.shape == (4, 0)
+    np.testing.assert_allclose(found, cddot, rtol=1e-7, atol=1e-7)
+
+
+def test_loops_carry_what_they_were_given_to_carry():
+    """Multipliers and accelerations are found again, and the loops' forces move no closed motion."""
+    model, closed = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
+    rng = np.random.default_rng(2)
+    c = np.tile(closed, (3, 1))
+    motion, _ = closed_motion(model, Motion(np.arange(3.0), model.coordinate_names, c, *rng.normal(size=(2, *c.shape))))
+    tree = compile_tree(model)
+    c, cdot, cddot = motion_arrays(tree, motion)
+    applied, forces = pushed(tree, 3, 3), rng.normal(scale=4.0, size=(3, 6))
+    G = closure_jacobian(tree, c)
+    held = applied + loop_wrenches(tree, c, forces)
+    free = free_coordinates(tree)
+    # What a loop does to bodies is what its multipliers do along coordinates.
+    alone = joint_wrenches(tree, c, cdot, cddot, applied).torques - joint_wrenches(tree, c, cdot, cddot, held).torques
+    np.testing.assert_allclose(alone[:, free], np.einsum("frj,fr->fj", G, forces)[:, free], atol=1e-8)
+    tau = joint_wrenches(tree, c, cdot, cddot, held).torques
+    found, multipliers = forward_accelerations(tree, c, cdot, np.zeros_like(c), applied, tau)
+    np.testing.assert_allclose(found, cddot, atol=1e-6)
+    np.testing.assert_allclose(multipliers, forces, atol=1e-6)
+    assert np.abs(closure_rates(tree, c, cdot, found)[1]).max() < 1e-7
+    np.testing.assert_allclose(balancing_multipliers(tree, c, cdot, cddot, applied, tau), forces, atol=1e-7)
+
+
+def test_a_model_at_rest_weighs_on_its_root():
+    model = random_tree(4)
+    still = np.zeros((1, len(model.coordinates)))
+    motion = Motion(np.zeros(1), model.coordinate_names, still, still, still)
+    tree = compile_tree(model)
+    found = joint_wrenches(tree, still, still, still, np.zeros((1, len(tree.arrays.parent), 6)))
+    np.testing.assert_allclose(found.forces[0, 0], -model.mass * model.gravity, rtol=1e-12)
+    np.testing.assert_allclose(found.torques, inverse_dynamics(model, motion).values, atol=1e-12)
