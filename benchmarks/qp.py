@@ -24,7 +24,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.actuators import free_coordinates
-from myomorph.tension.dual import Separable, no_links, no_wells, solve_separable
+from myomorph.tension.dual import solve_separable
+from myomorph.tension.separable import Separable, no_links, no_wells
 from myomorph.tension.solve import TensionOptions, tension_problem
 
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from myomorph.model.errors import BadData
-from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, Separable, no_links, no_wells, pattern, solve_separable
+from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, solve_separable
+from myomorph.tension.separable import Separable, no_links, no_wells, pattern
 from myomorph.tension.terms import balance, effort, nearness, program, solve_program
 
 

@@ -27,7 +27,7 @@ from myomorph.rigid.loops import LoopBasis
 from myomorph.rigid.tree import Tree
 from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
 from myomorph.tension.contact_rows import ContactTerms
-from myomorph.tension.dual import Pattern, pattern
+from myomorph.tension.separable import Pattern, pattern
 
 
 class Links(NamedTuple):

@@ -164,59 +164,82 @@ def compile_contacts(tree: Tree, sites: Sequence[Site]) -> ContactColumns:
     for name in names:
         if names.count(name) > 1:
             raise BadModel(f"two contact sites are named '{name}': give one of them another name")
-    edges: list[tuple[Array, Array, float, float, float]] = []
-    labels, owner, number, frame, body, place = [], [], [], [], [], []
-    start, reach, first = [0], [0], [0]
-    axes, signs, slots, coordinates = [], [], [], []
-    for k, site in enumerate(sites):
-        push, turn, lower, share = cone_edges(site.cone)
-        direction = np.zeros(3) if site.cone.direction is None else site.cone.direction
-        axis, sign, touched, slot = _reached(tree, site)
-        for j, point in enumerate(site.points):
-            kinds = [(f, m, least, cost * len(site.points)) for f, m, least, cost in zip(push, turn, lower, share)]
-            if j == 0 and site.cone.grip > 0.0:
-                kinds += [(np.zeros(3), site.cone.grip * e, -np.inf, 1.0) for e in np.eye(3)]
-            for e, (f, m, least, cost) in enumerate(kinds):
-                edges.append((f, m, least, cost, float(f @ direction)))
-                labels.append(f"{site.name} point {j} edge {e}")
-                owner.append(k)
-                number.append(len(body))
-                frame.append(_body(tree, site, site.cone.frame))
-                coordinates += touched
-                first.append(len(coordinates))
-            body.append(_body(tree, site, site.body))
-            place.append(point)
-            start.append(len(edges))
-            axes += axis
-            signs += sign
-            slots += slot
-            reach.append(len(axes))
+    points: list[_Point] = [one for k, site in enumerate(sites) for one in _points(tree, k, site)]
+    edges = [(i, one, e) for i, one in enumerate(points) for e in range(len(one.push))]
     arrays = ContactArrays(
-        body=np.array(body, np.int64),
-        place=np.array(place, dtype=np.float64).reshape(-1, 3),
-        start=np.array(start, np.int64),
-        frame=np.array(frame, np.int64),
-        push=np.array([one[0] for one in edges], dtype=np.float64).reshape(-1, 3),
-        turn=np.array([one[1] for one in edges], dtype=np.float64).reshape(-1, 3),
-        reach=np.array(reach, np.int64),
-        axis=np.array(axes, np.int64),
-        sign=np.array(signs, dtype=np.float64),
-        slot=np.array(slots, np.int64).reshape(-1, 2),
-        first=np.array(first, np.int64),
-        coordinate=np.array(coordinates, np.int64),
+        body=np.array([one.body for one in points], np.int64),
+        place=_rows([one.place for one in points]),
+        start=_ends([len(one.push) for one in points]),
+        frame=np.array([one.frame for _, one, _ in edges], np.int64),
+        push=_rows([one.push[e] for _, one, e in edges]),
+        turn=_rows([one.turn[e] for _, one, e in edges]),
+        reach=_ends([len(one.axes) for one in points]),
+        axis=np.array([k for one in points for k in one.axes], np.int64),
+        sign=np.array([sign for one in points for sign in one.signs], dtype=np.float64),
+        slot=np.array([slot for one in points for slot in one.slots], np.int64).reshape(-1, 2),
+        first=_ends([len(one.coordinates) for _, one, _ in edges]),
+        coordinate=np.array([j for _, one, _ in edges for j in one.coordinates], np.int64),
     )
     return ContactColumns(
         tree=tree,
         sites=tuple(sites),
         arrays=arrays,
-        site=np.array(owner, np.int64),
-        point=np.array(number, np.int64),
-        normal=np.array([one[4] for one in edges]),
-        lower=np.array([one[2] for one in edges]),
-        cost=np.array([one[3] for one in edges]),
-        names=tuple(labels),
-        weight=np.array([_weight(tree, site) for site in sites]),
+        site=np.array([one.site for _, one, _ in edges], np.int64),
+        point=np.array([i for i, _, _ in edges], np.int64),
+        normal=np.array([one.normal[e] for _, one, e in edges], dtype=np.float64),
+        lower=np.array([one.lower[e] for _, one, e in edges], dtype=np.float64),
+        cost=np.array([one.cost[e] for _, one, e in edges], dtype=np.float64),
+        names=tuple(f"{one.label} edge {e}" for _, one, e in edges),
+        weight=np.array([_weight(tree, site) for site in sites], dtype=np.float64),
     )
+
+
+class _Point(NamedTuple):
+    """One point of a site: where it is, its edges, and the axes it has power on."""
+
+    site: int
+    label: str
+    body: int
+    frame: int
+    place: Array
+    push: Array
+    turn: Array
+    normal: Array
+    lower: Array
+    cost: Array
+    axes: list[int]
+    signs: list[float]
+    coordinates: list[int]
+    slots: list[list[int]]
+
+
+def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
+    body, frame = _body(tree, site, site.body), _body(tree, site, site.cone.frame)
+    axes, signs, coordinates, slots = _reached(tree, site)
+    found = []
+    for j, place in enumerate(site.points):
+        push, turn, lower, cost = cone_edges(site.cone)
+        # What one unit of force along the direction costs does not depend on how many points share it.
+        cost = cost * len(site.points)
+        if j == 0 and site.cone.grip > 0.0:
+            push, turn = np.vstack([push, np.zeros((3, 3))]), np.vstack([turn, site.cone.grip * np.eye(3)])
+            lower, cost = np.append(lower, np.full(3, -np.inf)), np.append(cost, np.ones(3))
+        normal = np.zeros(len(push)) if site.cone.direction is None else push @ site.cone.direction
+        # Tangents are across the direction but for rounding.
+        normal[np.abs(normal) < 1e-12] = 0.0
+        label = f"{site.name} point {j}"
+        found.append(
+            _Point(number, label, body, frame, place, push, turn, normal, lower, cost, axes, signs, coordinates, slots)
+        )
+    return found
+
+
+def _rows(vectors: list[Array]) -> Array:
+    return np.array(vectors, dtype=np.float64).reshape(-1, 3)
+
+
+def _ends(counts: list[int]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
 def _body(tree: Tree, site: Site, name: str) -> int:
@@ -225,7 +248,7 @@ def _body(tree: Tree, site: Site, name: str) -> int:
     return tree.body_index[name]
 
 
-def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int], list[tuple[int, int]]]:
+def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int], list[list[int]]]:
     """Axes between the two bodies of a contact with their signs, the coordinates, and which of them each axis has.
 
     What both bodies hang on feels a force and its reaction at one place not at all.
@@ -235,8 +258,8 @@ def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int],
     axes = [int(k) for k in np.flatnonzero(own != other)]
     pairs = [[int(j) for j in tree.arrays.axis_coordinate[k]] for k in axes]
     touched = sorted({j for pair in pairs for j in pair if j >= 0})
-    slots = [(*(touched.index(j) if j >= 0 else -1 for j in pair),) for pair in pairs]
-    return axes, [1.0 if own[k] else -1.0 for k in axes], touched, [(a, b) for a, b in slots]
+    slots = [[touched.index(j) if j >= 0 else -1 for j in pair] for pair in pairs]
+    return axes, [1.0 if own[k] else -1.0 for k in axes], touched, slots
 
 
 def _weight(tree: Tree, site: Site) -> float:

@@ -33,8 +33,8 @@ class ExtraRows:
     Attributes
     ----------
     names : (rows,) such as "plate_1 FX", "hand_r most"
-    wrench, component : (rows,) of a row of a measured wrench: its number, and 0 ... 5 (force, moment); -1 of others
-    site, axis : (rows,) of a row of a greatest force: its site, and the axis in ground or -1 for the cone's; -1 of others
+    wrench, component : (rows,) of a measured wrench: its number, and 0 ... 5 (force, moment); -1 of others
+    site, axis : (rows,) of a greatest force: its site, and the axis in ground or -1 for the cone's; -1 of others
     row, edge : (entries,) which edges take part in which row
     unit : (rows,) sd or greatest force: what one unit of the own variable stands for [N] or [N m]
     weight, lower, upper : (rows,) cost and bounds of the own variables
@@ -131,8 +131,7 @@ class ContactTerms:
         arrays = self.columns.arrays
         entries, _, _, _ = self.columns.evaluate(coordinates)
         shares = entries * np.repeat(amplitudes * self.amounts, np.diff(arrays.first), axis=1)
-        total = np.zeros_like(coordinates)
-        np.add.at(total, (slice(None), arrays.coordinate), shares)
+        total: Array = shares @ (arrays.coordinate[:, None] == np.arange(coordinates.shape[1]))
         return total
 
 
@@ -172,29 +171,28 @@ def _extra_rows(task: ContactTask, columns: ContactColumns) -> ExtraRows:
     entries: list[tuple[int, int]] = []
     costs: list[tuple[float, float, float]] = []
 
-    def add(name: str, mark: tuple[int, int, int, int], edges: Array, cost: tuple[float, float, float]) -> None:
-        entries.extend((len(names), int(g)) for g in edges)
+    def add(name: str, mark: tuple[int, int, int, int], chosen: np.ndarray, cost: tuple[float, float, float]) -> None:
+        entries.extend((len(names), int(g)) for g in np.flatnonzero(chosen))
         names.append(name)
         marks.append(mark)
         costs.append(cost)
 
     order = [one.name for one in task.sites]
     for k, measured in enumerate(task.measured):
-        edges = np.flatnonzero(np.isin(columns.site, [order.index(site) for site in measured.sites]))
-        for i, component in enumerate(("FX", "FY", "FZ", "MX", "MY", "MZ")):
+        members = np.isin(columns.site, [order.index(site) for site in measured.sites])
+        for i, label in enumerate(("FX", "FY", "FZ", "MX", "MY", "MZ")):
             sd = measured.moment_sd if i >= 3 else measured.force_sd
-            add(f"{measured.name} {component}", (k, i, -1, -1), edges, (sd, MEASURED_COST, np.inf))
+            add(f"{measured.name} {label}", (k, i, -1, -1), members, (sd, MEASURED_COST, np.inf))
     for k, site in enumerate(task.sites):
         if not np.isfinite(site.cone.most):
             continue
-        edges = np.flatnonzero(columns.site == k)
+        limit, mine = (site.cone.most, LIMIT_COST, 1.0), columns.site == k
         if site.cone.direction is None:
             for i, axis in enumerate("XYZ"):
-                add(f"{site.name} most {axis}", (-1, -1, k, i), edges, (site.cone.most, LIMIT_COST, 1.0))
+                add(f"{site.name} most {axis}", (-1, -1, k, i), mine, limit)
         else:
-            pressing = edges[columns.normal[edges] != 0.0]
-            add(f"{site.name} most", (-1, -1, k, -1), pressing, (site.cone.most, LIMIT_COST, 1.0))
-    table = np.array(marks, np.int64).reshape(-1, 4).T
-    places = np.array(entries, np.int64).reshape(-1, 2).T
+            add(f"{site.name} most", (-1, -1, k, -1), mine & (columns.normal != 0.0), limit)
+    wrench, component, owner, axes = np.array(marks, np.int64).reshape(-1, 4).T
+    row, edge = np.array(entries, np.int64).reshape(-1, 2).T
     unit, weight, upper = np.array(costs, dtype=np.float64).reshape(-1, 3).T.copy()
-    return ExtraRows(tuple(names), *table, *places, unit, weight, -upper, upper)
+    return ExtraRows(tuple(names), wrench, component, owner, axes, row, edge, unit, weight, -upper, upper)

@@ -2,9 +2,9 @@
 
     minimise  sum_i w_i |x_i - t_i|^p_i + k_i dist(x_i, [l_i, h_i])^2   subject to  A x = b,  lower <= x <= upper
 
-For given multipliers y every x_i has a closed form, x_i = clip(t_i + sign(s_i) (|s_i| / (p_i w_i))^(1/(p_i - 1)))
-with s = A^T y where nothing pulls it into [l_i, h_i], so stationarity and bounds hold exactly and only the balance b - A x is left to
-solve for: it is the gradient of the concave dual. Its generalized Jacobian is A D A^T with a
+For given multipliers y every x_i has a closed form, with s = A^T y and where nothing pulls it (k_i = 0)
+x_i = clip(t_i + sign(s_i) (|s_i| / (p_i w_i))^(1/(p_i - 1))), so stationarity and bounds hold exactly and only the
+balance b - A x is left to solve for: it is the gradient of the concave dual. Its generalized Jacobian is A D A^T with a
 diagonal D = dx/ds, of the size of the coordinates and not of the muscles, and sparse where muscles
 cross few joints (Qi and Sun 1993; Hintermueller, Ito and Kunisch 2002 for the p = 2 case).
 
@@ -14,16 +14,8 @@ balance the torques it is, nearly, the one that misses them least, and the frame
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-from myomorph.model.spatial import Array
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
 STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
@@ -33,100 +25,6 @@ TOLERANCE = 1e-9
 
 SLACKS = (1e-16, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-15)
 """Slack per multiplier, relative to the row's stiffness: first try, then from large to small."""
-
-
-class Separable(NamedTuple):
-    """Pattern and data that all frames share.
-
-    Attributes
-    ----------
-    start : (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
-    row : (entries,) their rows, in the order of elimination, ascending in each column
-    first : (rows,) in the envelope of A D A^T, the first column of each row
-    weight, exponent, lower, upper : (variables,)
-    """
-
-    start: NDArray[np.int64]
-    row: NDArray[np.int64]
-    first: NDArray[np.int64]
-    weight: Array
-    exponent: Array
-    lower: Array
-    upper: Array
-
-
-class Links(NamedTuple):
-    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k - amount_(k-1))^2.
-
-    Attributes
-    ----------
-    first : variables first ... first + linked - 1 are linked
-    scale : (frames, linked) amount of one unit of the variable, 0 where it takes no part
-    amount : (frames, linked) room for the amounts as other frames see them
-    stiffness : (frames - 1,) between a frame and the next, in units of the variables' weights
-    over : factor of over-relaxation, 1 to 2
-    sweeps : most passes over the frames
-    tolerance : change of an amount at which passes end
-    """
-
-    first: int
-    scale: Array
-    amount: Array
-    stiffness: Array
-    over: float
-    sweeps: int
-    tolerance: float
-
-
-def no_links() -> Links:
-    """Frames that do not know of each other."""
-    return Links(0, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), 1.0, 0, 0.0)
-
-
-def no_wells(variables: int) -> Array:
-    """Nothing that pulls a variable anywhere, (1, 3, variables)."""
-    return np.zeros((1, 3, variables))
-
-
-@dataclass(frozen=True, eq=False)
-class Pattern:
-    """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope.
-
-    Attributes
-    ----------
-    order : (rows,) the rows in the order of elimination
-    place : (entries,) position of the caller's k-th entry in the kernel's order
-    """
-
-    start: NDArray[np.int64]
-    row: NDArray[np.int64]
-    first: NDArray[np.int64]
-    order: NDArray[np.int64]
-    place: NDArray[np.int64]
-
-
-def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
-    """Pattern of a matrix from the places of its entries.
-
-    Parameters
-    ----------
-    rows, columns : (entries,) each place at most once
-    shape : (rows, variables) of the matrix
-    """
-    n, variables = shape
-    filled = csr_array(coo_array((np.ones(len(rows)), (rows, columns)), shape=shape))
-    coupled = csr_array(filled @ filled.T)
-    order = np.asarray(reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64)
-    rank = np.empty(n, np.int64)
-    rank[order] = np.arange(n)
-    first = np.arange(n, dtype=np.int64)
-    links = coo_array(coupled)
-    np.minimum.at(first, rank[links.coords[0]], rank[links.coords[1]])
-    sorted_entries = np.lexsort((rank[rows], columns))
-    place = np.empty(len(rows), np.int64)
-    place[sorted_entries] = np.arange(len(rows))
-    start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(np.int64)
-    return Pattern(start, rank[rows][sorted_entries], first, order, place)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

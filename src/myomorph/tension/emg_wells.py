@@ -7,8 +7,8 @@ import numpy as np
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.spatial import Array
-from myomorph.tension.dual import no_wells
 from myomorph.tension.emg import EmgTarget
+from myomorph.tension.separable import no_wells
 
 STIFFNESS = 1e4
 """Cost of passing the slack of an equality, of the excess squared, in units of the effort a^2 of one muscle."""

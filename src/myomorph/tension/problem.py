@@ -23,9 +23,10 @@ from myomorph.tension.actuators import default_reserves, free_coordinates
 from myomorph.tension.assembly import actuator_entries, assemble, fold, take_off
 from myomorph.tension.contact_rows import ContactTerms, contact_terms
 from myomorph.tension.contacts import ContactTask
-from myomorph.tension.dual import Separable, no_links, solve_separable
+from myomorph.tension.dual import solve_separable
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.emg_wells import emg_wells
+from myomorph.tension.separable import Separable, no_links
 from myomorph.tension.smoothing import Smoothing, smoothing
 from myomorph.tension.tension import Tension, TensionOptions
 
@@ -92,7 +93,9 @@ class TensionProblem:
     assembly : pattern of A and what fills it
     separable : weights, exponents and bounds of the variables: activations, controls, amplitudes of contacts' edges,
         and the own variables of the rows that contacts add
+    options : settings
     coordinates : (frames, coordinates) all values
+    actuators : the model's and those added, in the order of their controls
     contacts : what contacts add, None for nothing
     emg : what is known of activations, None for nothing
     window : frames that are solved together
@@ -113,13 +116,13 @@ class TensionProblem:
         only: Collection[str] | None = None,
     ):
         muscles = tree.model.muscles
-        self._options, self._time = options, time
+        self.options, self._time = options, time
         self.coordinates, self._rates, self._tau = coordinates, rates, torques
         self._hill = compile_hill(tree.model)
         self._paths = compile_paths(tree.model)
         basis = loop_basis(tree, coordinates) if tree.model.loops else None
         self._slopes = loop_slopes(basis, coordinates)
-        self.contacts, self.emg = contacts, emg
+        self.actuators, self.contacts, self.emg = actuators, contacts, emg
         self.assembly = assemble(self._paths, actuators, basis, contacts, only)
         self._enabled = np.array([one.enabled for one in muscles], dtype=np.bool_)
         self._viscosity = viscosities(tree.model) * options.viscous
@@ -154,11 +157,11 @@ class TensionProblem:
             if not least <= most:
                 raise BadModel(f"'{name}' has bounds {least:g} ... {most:g}: the first must not be greater")
         weight = np.ones(len(lower))
-        if self._options.weights == "volume" and self._enabled.any():
+        if self.options.weights == "volume" and self._enabled.any():
             volume = self._strength * [one.optimal_fiber_length for one in muscles]
             weight[: len(muscles)] = volume / volume[self._enabled].mean()
         shape = self.assembly.pattern
-        exponent = np.full(len(lower), self._options.exponent)
+        exponent = np.full(len(lower), self.options.exponent)
         if self.contacts is not None:
             edges, extra = self.contacts.columns, self.contacts.extra
             weight = np.concatenate([weight, self.contacts.cost, extra.weight])
@@ -180,9 +183,9 @@ class TensionProblem:
         c = np.ascontiguousarray(self.coordinates[part])
         lengths, speeds, arms = self._paths.evaluate(c, self._rates[part])
         active, passive = np.empty((frames, muscles)), np.empty((frames, muscles))
-        options = self._options
+        options = self.options
         fill_hill_forces(self._hill, lengths, speeds, options.convention, options.passive, active, passive)
-        if self._options.curves == "constant":
+        if self.options.curves == "constant":
             active[:] = np.where(np.isnan(active), np.nan, self._strength)
         active *= self._enabled
         passive *= self._enabled
@@ -277,7 +280,7 @@ class TensionProblem:
             lower=self._lower,
             upper=self._upper,
             overstretched=tuple(all_names[i] for i in stretched),
-            options=self._options,
+            options=self.options,
             viscous=self._viscous,
             contacts=found,
         )

@@ -3,8 +3,8 @@
 The cost gains sum_g beta c_g (s_k z_k - s_(k-1) z_(k-1))^2 between frames in which a site touches, with
 beta = smoothness (10 ms / dt)^2, so that the rate of recording does not matter. What a frame feels of another
 decays with their distance by the factor r < 1 of r + 1/r = 2 + 1/beta or faster (that of an unconstrained force); a
-window is solved with so many frames before and after it that what lies beyond is felt by less than `FELT`, and these are
-then dropped. So windows need not know of each other: memory is that of a window, and threads change nothing.
+window is solved with so many frames before and after it that what lies beyond is felt by less than `FELT`, and these
+are then dropped. So windows need not know of each other: memory is that of a window, and threads change nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from myomorph.model.spatial import Array
 from myomorph.tension.contact_rows import ContactTerms
-from myomorph.tension.dual import Links
+from myomorph.tension.separable import Links
 
 FELT = 1e-4
 """Share of a change beyond a window's margins that may still be felt inside it."""

@@ -16,19 +16,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.contacts import Cone
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
-from myomorph.tension.dual import (
-    INFEASIBLE,
-    OPTIMAL,
-    STALLED,
-    STATUS_NAMES,
-    Separable,
-    no_links,
-    no_wells,
-    pattern,
-    solve_separable,
-)
+from myomorph.tension.contact_columns import tangents
+from myomorph.tension.dual import INFEASIBLE, OPTIMAL, STALLED, STATUS_NAMES, solve_separable
+from myomorph.tension.separable import Separable, no_links, no_wells, pattern
 
 Cost: TypeAlias = tuple[Array, Array]
 """(H, c): H (n,) its diagonal or (n, n), c (n,)."""
@@ -58,6 +51,82 @@ def balance(directions: ArrayLike, torques: ArrayLike) -> Constraint:
     return np.asarray(directions, dtype=np.float64), np.asarray(torques, dtype=np.float64)
 
 
+def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
+    """Soft target weight (a_m - emg_m)^2 of the first variables, activations; NaN asks for nothing.
+
+    Parameters
+    ----------
+    emg : (muscles,) measured activations
+    variables : n, of which the activations come first
+    """
+    wanted = np.full(variables, np.nan)
+    wanted[: len(np.asarray(emg))] = emg
+    return nearness(wanted, np.where(np.isnan(wanted), 0.0, weight))
+
+
+def emg_equality(emg: ArrayLike, slack: float, first: int, variables: int) -> Constraint:
+    """|a_m - excess_m - emg_m| <= slack: (G, h) with variables of excess that a cost of their own keeps small.
+
+    Parameters
+    ----------
+    emg : (muscles,) measured activations, NaN where unknown
+    first : number of the first variable of excess, one for every muscle that is known
+    """
+    emg = np.asarray(emg, dtype=np.float64)
+    known = np.flatnonzero(np.isfinite(emg))
+    difference = np.zeros((len(known), variables))
+    difference[np.arange(len(known)), known] = 1.0
+    difference[np.arange(len(known)), first + np.arange(len(known))] = -1.0
+    return np.vstack([difference, -difference]), np.concatenate([slack + emg[known], slack - emg[known]])
+
+
+def contact_regularisation(compliance: float, cost: ArrayLike) -> Cost:
+    """Add compliance sum_g cost_g z_g^2: of forces that physics leaves open, the ones spread most evenly."""
+    return effort(compliance * np.asarray(cost, dtype=np.float64))
+
+
+def shared_wrench(sums: ArrayLike, measured: ArrayLike, sd: ArrayLike, weight: float = 1.0) -> Cost:
+    """Soft target weight |(S x - measured) / sd|^2: what several contacts carry together was measured.
+
+    Parameters
+    ----------
+    sums : (rows, n) S, which adds the contact forces' components up
+    measured, sd : (rows,) NaN where unknown; standard deviations
+    """
+    sums, measured = np.asarray(sums, dtype=np.float64), np.asarray(measured, dtype=np.float64)
+    known = np.isfinite(measured)
+    S = sums[known] / np.broadcast_to(sd, measured.shape)[known, None]
+    m = measured[known] / np.broadcast_to(sd, measured.shape)[known]
+    return 2.0 * weight * S.T @ S, -2.0 * weight * S.T @ m
+
+
+def direction_limit(direction: ArrayLike, forces: ArrayLike) -> Constraint:
+    """A push or a pull to one side only: -direction . f <= 0 with f = forces x (3, n)."""
+    return -(np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.zeros(1)
+
+
+def most(direction: ArrayLike, greatest: float, forces: ArrayLike) -> Constraint:
+    """Greatest force: direction . f <= greatest with f = forces x (3, n)."""
+    return (np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.array([float(greatest)])
+
+
+def friction_cone(cone: Cone, forces: ArrayLike) -> Constraint:
+    """Faces of the linearised cone of a force f = forces x (3, n), in the axes of the cone's frame.
+
+    m_k . t . f <= friction cos(pi / edges) d . f for the outward normals m_k between two edges. The tension problem
+    itself keeps a cone by its edges (`contact_columns.cone_edges`); both are one cone.
+    """
+    if cone.direction is None:
+        return np.zeros((0, np.shape(forces)[1])), np.zeros(0)
+    if np.isinf(cone.friction):
+        return direction_limit(cone.direction, forces)
+    one, other = tangents(cone.direction)
+    angles = 2.0 * np.pi * (np.arange(cone.edges) + 0.5) / cone.edges
+    normals = np.cos(angles)[:, None] * one + np.sin(angles)[:, None] * other
+    faces = normals - cone.friction * np.cos(np.pi / cone.edges) * cone.direction
+    return faces @ np.asarray(forces), np.zeros(cone.edges)
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """The sum of all terms.
@@ -69,6 +138,7 @@ class Program:
     A, b : (rows, n), (rows,)
     G, h : (more rows, n), (more rows,)
     lower, upper : (n,)
+    variables, rows : names of x and of the rows of A, where they have any
     """
 
     H: Array
@@ -79,6 +149,8 @@ class Program:
     h: Array
     lower: Array
     upper: Array
+    variables: tuple[str, ...] = ()
+    rows: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +202,9 @@ def program(
     H = sum((np.diag(one) if dense and one.ndim == 1 else one for one, _ in costs), np.zeros((n, n) if dense else n))
     stacked = [np.vstack([A for A, _ in group] or [np.zeros((0, n))]) for group in (equalities, inequalities)]
     right = [np.concatenate([b for _, b in group] or [np.zeros(0)]) for group in (equalities, inequalities)]
-    bounds = [np.broadcast_to(np.asarray(one, dtype=np.float64), (n,)).copy() for one in (lower, upper)]
+    low, high = (np.broadcast_to(np.asarray(one, dtype=np.float64), (n,)).copy() for one in (lower, upper))
     c = np.sum([one for _, one in costs], axis=0)
-    return Program(H, c, stacked[0], right[0], stacked[1], right[1], *bounds)
+    return Program(H, c, stacked[0], right[0], stacked[1], right[1], low, high)
 
 
 def solve_program(problem: Program) -> Solution:
