@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.contact.plates import episodes
+from myomorph.contact.states import KINEMATICS, hysteresis
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.dynamics import external_arrays, motion_arrays, rates_of
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
@@ -81,23 +82,10 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
             )
         apart = np.linalg.norm(place - np.median(place[moving], axis=0), axis=1)
         touches += [
-            Touch(site.name, float(motion.time[first]), float(motion.time[last]), site.against, source="kinematics")
-            for first, last in _within(apart, options.near, options.far)
+            Touch(site.name, float(motion.time[first]), float(motion.time[stop - 1]), site.against, source=KINEMATICS)
+            for first, stop in episodes(hysteresis(apart <= options.near, apart > options.far))
         ]
     return Contacts(tuple(site.name for site in sites), tuple(touches))
-
-
-def _within(distance: Array, near: float, far: float) -> list[tuple[int, int]]:
-    """First and last frames of the stretches that come within `near` and stay within `far`."""
-    inside = np.concatenate([[False], distance <= far, [False]])
-    edges = np.flatnonzero(np.diff(inside.astype(np.int8)))
-    found: list[tuple[int, int]] = []
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
-        close = np.flatnonzero(distance[first:stop] <= near)
-        if len(close):
-            # It begins when the site has arrived, but ends only when it is far again.
-            found.append((int(first + close[0]), int(stop - 1)))
-    return found
 
 
 def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | None = None) -> Wrenches:
