@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,29 +33,24 @@ def joint_reaction(
     """
     from myomorph.tension.reaction import joint_reactions
 
-    options = analysis.options
-    names = options.get("joint_names", "").split() or ["ALL"]
     known = tuple(one.name for one in model.joints)
-    unknown = [name for name in names if name not in known]
-    joints = known if names[0].upper() == "ALL" else [name for name in names if name in known]
-    warnings = tuple(f"'{name}' is not a joint: left out" for name in unknown if joints is not known)
-    if not joints:
+    names = tuple(analysis.options.get("joint_names", "").split()) or ("ALL",)
+    if names[0].upper() == "ALL":
+        names = known
+    kept = [k for k, name in enumerate(names) if name in known]
+    if not kept:
         raise UnknownName("joint", names[0], known)
-    # Sides are meant for the joints as listed; words that OpenSim takes in any case.
-    sides = [one.lower() for one in options.get("apply_on_bodies", "").split()] or ["child"]
-    frames = options.get("express_in_frame", "").split() or ["ground"]
-    for tag, given in (("apply_on_bodies", sides), ("express_in_frame", frames)):
-        if len(given) not in (1, len(names) if joints is not known else len(joints)):
-            raise BadData(f"{analysis.name}: {tag} names {len(given)} for {len(names)} joints: expected 1 or as many")
-    kept = [k for k, name in enumerate(names) if name in known] if joints is not known else list(range(len(joints)))
-    sides, frames = ([given[k] if len(given) > 1 else given[0] for k in kept] for given in (sides, frames))
+    warnings = [f"'{name}' is not a joint: left out" for name in names if name not in known]
+    # OpenSim takes the words for sides in any case.
+    sides = _of_each(analysis, "apply_on_bodies", "child", names, kept, str.lower)
+    frames = _of_each(analysis, "express_in_frame", "ground", names, kept)
     forces, told = _forces(model, motion.time, analysis.forces, actuators)
     found = joint_reactions(
         model,
         motion,
         forces,
         wrenches,
-        joints,
+        [names[k] for k in kept],
         sides,  # type: ignore[arg-type]
         frames,
         actuators=actuators,
@@ -67,6 +62,21 @@ def joint_reaction(
         worst = np.unravel_index(int(np.nanargmax(sizes)), sizes.shape)
         text += f", largest force {sizes[worst]:.0f} N ({found.joints[worst[1]]})"
     return found.table(), text, (*warnings, *told)
+
+
+def _of_each(
+    analysis: Analysis,
+    tag: str,
+    default: str,
+    names: Sequence[str],
+    kept: Sequence[int],
+    spelt: Callable[[str], str] = str,
+) -> list[str]:
+    """The word of a list for each joint that is kept: one for all, or one a joint as they are listed."""
+    given = [spelt(one) for one in analysis.options.get(tag, "").split()] or [default]
+    if len(given) not in (1, len(names)):
+        raise BadData(f"{analysis.name}: {tag} names {len(given)} for {len(names)} joints: expected 1 or as many")
+    return [given[k] if len(given) > 1 else given[0] for k in kept]
 
 
 def with_speeds(path: Path, model: Model, motion: Motion) -> Motion:
