@@ -231,8 +231,8 @@ def test_static_optimization_of_the_arm(arm, data):
 
 
 def test_analyses_that_do_not_exist(arm):
-    with pytest.raises(BadData, match="asks for JointReaction, but the analyses that exist are"):
-        run_tool(arm("<JointReaction/>"))
+    with pytest.raises(BadData, match="asks for InducedAccelerations, but the analyses that exist are"):
+        run_tool(arm("<InducedAccelerations/>"))
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 
 On = Literal["child", "parent"]
 
