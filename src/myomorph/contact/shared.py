@@ -1,0 +1,195 @@
+"""What plates tell of several sites together: two feet on one plate, one foot on several, fewer plates than contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.contact.assign import Assignment, AssignOptions, assign_bodies
+from myomorph.contact.plates import wrenches_from_plates
+from myomorph.contact.site_motion import GRAVITY, SiteMotion, site_motion
+from myomorph.contact.states import hysteresis, steady
+from myomorph.model.contacts import Contacts, SharedWrench, Site
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import ForcePlate, Motion, Wrenches
+from myomorph.model.spatial import Array
+
+
+@dataclass(frozen=True)
+class SharedOptions:
+    """Which sites stand on a plate, and how well its wrench is known.
+
+    Attributes
+    ----------
+    margin : a site that far beside a plate's outline may stand on it, over the height of the center of mass
+    reach : where a plate's outline is not known: distance of a site to the center of pressure, over the same
+    loaded, unloaded : shares of the weight between which a plate begins and ceases to count as loaded
+    force_sd : standard deviation of a component of force, over the weight
+    moment_sd : of a moment, over the weight times the height of the center of mass
+    shortest : loadings and gaps that last less are taken for noise [s]
+    """
+
+    margin: float = 0.03
+    reach: float = 0.25
+    loaded: float = 0.02
+    unloaded: float = 0.01
+    force_sd: float = 0.005
+    moment_sd: float = 0.005
+    shortest: float = 0.03
+
+
+def shared_wrenches(
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    contacts: Contacts,
+    plates: Sequence[ForcePlate] | Wrenches,
+    plate_time: Array | None = None,
+    options: SharedOptions | None = None,
+) -> tuple[SharedWrench, ...]:
+    """The wrench of every loaded plate, for the sites that touch while they are over it.
+
+    Frames in which other sites stand on a plate make a wrench of their own, which is NaN in all other frames. Of
+    plates with an outline a site belongs to the one it is over; one within the margin of two loaded plates
+    joins these: their sum is known for the sites of both. Of wrenches without an outline a site belongs to that which
+    acts on a body of its group, or, where bodies are not known, to those whose center of pressure its group is near.
+
+    Parameters
+    ----------
+    plates : with outlines, or wrenches at the motion's times
+    plate_time : clock of plates with outlines (samples,) [s]
+
+    Raises
+    ------
+    BadData : plates with outlines but without their clock, or wrenches at other times than the motion's
+    """
+    options = options or SharedOptions()
+    moving = site_motion(model, motion, sites)
+    wrenches, outlines = _on_motion(plates, plate_time, motion)
+    touching = contacts.states(motion.time).values[:, [contacts.sites.index(one.name) for one in sites]] > 0.0
+    weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
+    pressing = np.nan_to_num(wrenches.forces @ moving.up)
+    state = hysteresis(pressing > options.loaded * weight, pressing < options.unloaded * weight)
+    loaded = np.stack([steady(column, motion.time, options.shortest) for column in state.T], axis=1)
+    if outlines is not None:
+        near = _over(moving, outlines, options.margin * moving.height)
+    else:
+        near = _beside(moving, wrenches, sites, options.reach * moving.height)
+    standing = near & loaded[:, :, None] & touching[:, None]
+    forces = np.nan_to_num(wrenches.forces)
+    moments = np.nan_to_num(wrenches.torques) + np.cross(np.nan_to_num(wrenches.points), forces)
+    return _wrenches(
+        _together(standing, loaded), wrenches.names, sites, forces, moments, weight, weight * moving.height, options
+    )
+
+
+def _on_motion(
+    plates: Sequence[ForcePlate] | Wrenches, plate_time: Array | None, motion: Motion
+) -> tuple[Wrenches, list[Array] | None]:
+    """Wrenches at the motion's times, and the corners of the plates where they are known."""
+    if not isinstance(plates, Wrenches):
+        if plate_time is None:
+            raise BadData("plates with outlines need their clock: give plate_time")
+        return wrenches_from_plates(plates, plate_time, motion.time), [one.corners for one in plates]
+    if len(plates) != len(motion) or np.max(np.abs(plates.time - motion.time), initial=0.0) > 1e-6:
+        raise BadData(
+            f"forces of plates have {len(plates)} frames, the motion {len(motion)}: resample them to its times first"
+        )
+    return plates, None
+
+
+def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.ndarray:
+    """Whether a site is over a plate, less than `margin` beside its outline (frames, plates, sites)."""
+    found = []
+    for corners in outlines:
+        inside = np.ones(moving.places.shape[:2], np.bool_)
+        middle = corners.mean(axis=0)
+        for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            normal = np.cross(other - one, moving.up)
+            normal = normal / np.linalg.norm(normal)
+            outwards = normal if (one - middle) @ normal > 0.0 else -normal
+            inside &= (moving.places - one) @ outwards < margin
+        found.append(inside)
+    return np.stack(found, axis=1)
+
+
+def _beside(moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], reach: float) -> np.ndarray:
+    """Whether a site may stand on a plate without an outline (frames, plates, sites)."""
+    groups = {one.group: [k for k, other in enumerate(sites) if other.group == one.group] for one in sites}
+    near = np.zeros((len(moving.time), len(wrenches.names), len(sites)), np.bool_)
+    for plate, body in enumerate(wrenches.bodies):
+        apart = moving.places - np.nan_to_num(wrenches.points[:, plate, None])
+        distance = np.linalg.norm(apart - (apart @ moving.up)[..., None] * moving.up, axis=2)
+        for members in groups.values():
+            if body:
+                near[:, plate, members] = any(sites[k].body == body for k in members)
+            else:
+                near[:, plate, members] = (distance[:, members].min(axis=1) < reach)[:, None]
+    return near
+
+
+def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]]:
+    """Frames in which some plates, taken together, carry some sites: ((plates), (sites)) to frames."""
+    found: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]] = {}
+    for frame in range(len(standing)):
+        parts: list[tuple[set[int], set[int]]] = []
+        for plate in np.flatnonzero(loaded[frame]):
+            plates, members = {int(plate)}, set(np.flatnonzero(standing[frame, plate]).tolist())
+            apart = []
+            for others, taken in parts:
+                if taken & members:
+                    plates, members = plates | others, members | taken
+                else:
+                    apart.append((others, taken))
+            parts = [*apart, (plates, members)]
+        for plates, members in parts:
+            if members:
+                found.setdefault((tuple(sorted(plates)), tuple(sorted(members))), []).append(frame)
+    return found
+
+
+def _wrenches(
+    found: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]],
+    names: Sequence[str],
+    sites: Sequence[Site],
+    forces: Array,
+    moments: Array,
+    weight: float,
+    lever: float,
+    options: SharedOptions,
+) -> tuple[SharedWrench, ...]:
+    shared = []
+    counts: dict[str, int] = {}
+    for (plates, members), frames in found.items():
+        name = " + ".join(names[plate] for plate in plates)
+        counts[name] = counts.get(name, 0) + 1
+        force, moment = (np.full((len(forces), 3), np.nan) for _ in range(2))
+        force[frames] = forces[frames][:, list(plates)].sum(axis=1)
+        moment[frames] = moments[frames][:, list(plates)].sum(axis=1)
+        label = name if counts[name] == 1 else f"{name} ({counts[name]})"
+        on_it = tuple(sites[k].name for k in members)
+        shared.append(SharedWrench(label, on_it, force, moment, options.force_sd * weight, options.moment_sd * lever))
+    return tuple(shared)
+
+
+def assign_feet(
+    model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches, options: AssignOptions | None = None
+) -> Assignment:
+    """Give each plate's force to the foot whose sole its center of pressure is under.
+
+    The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings tell of
+    plates that carried two feet at once; `shared_wrenches` is for these.
+
+    Parameters
+    ----------
+    wrenches : at the motion's times; the bodies they name are not regarded
+    """
+    places = site_motion(model, motion, sites).places
+    positions = {}
+    for one in sites:
+        members = [k for k, other in enumerate(sites) if other.group == one.group]
+        positions[sites[members[0]].body] = places[:, members]
+    return assign_bodies(wrenches, positions, options)
