@@ -20,13 +20,13 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
-from myomorph.study.settings import Differentiation, EmgUse, Measured
+from myomorph.study.settings import Differentiation, EmgUse, Measured, TensionTables
 from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.solve import Tension, TensionOptions
 
 MusclesOptions = options_class(Differentiation)
-TensionSettings = options_class(Differentiation, TensionOptions, ContactOptions, EmgOptions, EmgUse)
+TensionSettings = options_class(Differentiation, TensionOptions, ContactOptions, EmgOptions, EmgUse, TensionTables)
 
 
 def muscles_command(
@@ -114,7 +114,7 @@ def told_tension(tension: Tension) -> str:
     if tension.reserves.size:
         worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
         text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
-    if getattr(tension, "contacts", None) is not None:
+    if tension.contacts is not None:
         peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
         groups = len({one.group for one in tension.contacts.sites})
         text += f"; {groups} contacts carry up to {peak:.4g} N together"

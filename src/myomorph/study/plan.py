@@ -13,7 +13,7 @@ from pydantic import Field, create_model
 from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.contact_file import AUTO
-from myomorph.study.settings import Differentiation, EmgUse, Measured, Setting, TorqueTable, settings_of
+from myomorph.study.settings import Differentiation, EmgUse, Measured, Setting, TensionTables, TorqueTable, settings_of
 from myomorph.study.study_file import (
     Strict,
     StudyTable,
@@ -46,7 +46,7 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
     from myomorph.tension.solve import TensionOptions
 
     identification = (RecordingOptions, IdentificationOptions, BodyOptions)
-    tension = (TensionOptions, ContactOptions, EmgOptions, EmgUse)
+    tension = (TensionOptions, ContactOptions, EmgOptions, EmgUse, TensionTables)
     kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
     filters = settings_of(Differentiation)
     return {

@@ -74,6 +74,19 @@ class EmgUse:
     emg_shown_only: bool = False
 
 
+@dataclass(frozen=True)
+class TensionTables:
+    """What is written beside muscle tensions.
+
+    Attributes
+    ----------
+    reactions : joint_reactions.sto, the loads that joints transmit to their child bodies, in the axes of the child, the
+        parent or the ground (OpenSim's default)
+    """
+
+    reactions: Literal["none", "child", "parent", "ground"] = "none"
+
+
 def settings_of(options: type) -> tuple[Setting, ...]:
     """Settings of an option dataclass: every field that a number, a text or a switch can give.
 

@@ -23,7 +23,7 @@ from myomorph.study import stored as store
 from myomorph.study.inputs import about, has_mass
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, Stored, provenance_of
-from myomorph.study.settings import Differentiation, EmgUse, TorqueTable, plain_settings
+from myomorph.study.settings import Differentiation, EmgUse, TensionTables, TorqueTable, plain_settings
 
 if TYPE_CHECKING:
     from myomorph.model.contacts import Contacts
@@ -45,7 +45,8 @@ class Take:
     loads : external forces of a motion, or None where there are none
     mass : of the subject [kg], None where only the model tells
     time : start and end of what is used [s], None for all
-    kinematics, derivatives, torque_table, tension, contact_options, emg_options : what the steps are told
+    kinematics, derivatives, torque_table, tension, contact_options, emg_options, emg_use, tables : what the
+        steps are told
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
     plates : outlines of the force plates, for pictures
@@ -75,6 +76,7 @@ class Take:
     contact_options: ContactOptions | None = None
     emg_options: EmgOptions | None = None
     emg_use: EmgUse = field(default_factory=EmgUse)
+    tables: TensionTables = field(default_factory=TensionTables)
     actuators: tuple[Actuator, ...] | None = None
     plates: tuple[ForcePlate, ...] = ()
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
@@ -221,7 +223,9 @@ def _options(step: str, take: Take) -> dict[str, object]:
         return plain_settings(take.kinematics)
     if step == "tension":
         told = [one for one in (take.tension, take.contact_options, take.emg_options) if one is not None]
-        return {name: value for one in (*told, take.emg_use) for name, value in plain_settings(one).items()}
+        return {
+            name: value for one in (*told, take.emg_use, take.tables) for name, value in plain_settings(one).items()
+        }
     if step == "id":
         return plain_settings(take.derivatives) | plain_settings(take.torque_table)
     return plain_settings(take.derivatives)

@@ -15,7 +15,7 @@ from myomorph.model.series import Emg, Motion, Trial
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
 from myomorph.study.results import file_source, value_source
-from myomorph.study.settings import Differentiation, EmgUse, Measured, TorqueTable, with_settings
+from myomorph.study.settings import Differentiation, EmgUse, Measured, TensionTables, TorqueTable, with_settings
 from myomorph.study.steps import Take
 
 if TYPE_CHECKING:
@@ -100,9 +100,25 @@ def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]
     assert files.motion is not None
     model = inputs.open_model(files.model)
     take = _common(files, settings, model)
-    recorded = inputs.open_motion(files.motion, model)
-    take = replace(take, time=inputs.cut_to(files.time, recorded, files.motion))
+    given = inputs.open_motion(files.motion, model)
+    recorded, lacking = whole_motion(given, model)
+    warnings = take.warnings
+    if lacking:
+        warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
+    take = replace(take, time=inputs.cut_to(files.time, recorded, files.motion), warnings=warnings)
     return replace(take, real=_real(files, take)), recorded
+
+
+def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
+    from myomorph.rigid.tree import compile_tree
+
+    if set(motion.names) == set(model.coordinate_names):
+        return motion, ()
+    values = compile_tree(model).coordinates_of(motion)
+    given = (*motion.names, *model.dependent_coordinates)
+    lacking = tuple(name for name in model.coordinate_names if name not in given)
+    return Motion(motion.time, model.coordinate_names, values), lacking
 
 
 def _common(files: FileTake, settings: Settings, model: Model) -> Take:
@@ -138,6 +154,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         tension=tension_options(settings),
         **contact_parts(files, settings, model),
         emg_use=with_settings(EmgUse(), settings.get("tension", {})),
+        tables=with_settings(TensionTables(), settings.get("tension", {})),
         actuators=_actuators(files, model),
         sources=tuple(sources),
         warnings=tuple(f"{files.model.name}: {text}" for text in model.warnings),

@@ -20,6 +20,7 @@ from myomorph.study.steps import Found, Take, solve_dynamics, torque_table
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.emg_targets import emg_targets
+from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 if TYPE_CHECKING:
@@ -54,6 +55,12 @@ def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) ->
     with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
         tension = solve_tension(take.model, found.motion, torques, options, added, advance, **more)
     _write_tension(take, tension, added, writer, folder)
+    if take.tables.reactions != "none":
+        known = found.wrenches if setting is None else setting.exact
+        reactions = joint_reactions(
+            take.model, found.motion, tension, known, frame=take.tables.reactions, actuators=added
+        )
+        write_sto(reactions.table(), folder / "joint_reactions.sto")
     found = replace(found, tension=tension, notes=(*found.notes, *notes))
     if setting is None:
         return found
