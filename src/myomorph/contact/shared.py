@@ -1,4 +1,4 @@
-"""What plates tell of several sites together: two feet on one plate, one foot on several, fewer plates than contacts."""
+"""What plates tell of several sites together: two feet on a plate, a foot on several, fewer plates than contacts."""
 
 from __future__ import annotations
 
