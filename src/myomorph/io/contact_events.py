@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.text import written
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadFile
 from myomorph.model.model import GROUND
@@ -20,7 +21,19 @@ CAMERA = "camera"
 
 TOUCH = ("touch", "on", "down", "start", "contact")
 LEAVE = ("leave", "off", "up", "stop", "release")
-COLUMNS = ("site", "start", "stop", "time", "frame", "event", "surface", "confidence", "first_frame", "last_frame")
+COLUMNS = (
+    "site",
+    "start",
+    "stop",
+    "time",
+    "frame",
+    "event",
+    "surface",
+    "confidence",
+    "source",
+    "first_frame",
+    "last_frame",
+)
 SHAPES = "columns site,start,stop or site,first_frame,last_frame or time,site,event or frame,site,event"
 
 
@@ -40,7 +53,7 @@ def read_events(path: str | os.PathLike[str], rate: float | None = None, start: 
     """Touches in a CSV table, each row a span or an event.
 
     A span has the columns `site,start,stop` [s] or `site,first_frame,last_frame`; an event `time` [s] or `frame`,
-    `site` and `event` ("touch" or "leave"). Columns `surface` and `confidence` (0 to 1) may be added; lines that
+    `site` and `event` ("touch" or "leave"). Columns `surface`, `confidence` (0 to 1) and `source` may be added; lines that
     begin with # are remarks. A site that still touches at the end does so until the last event of the table.
 
     Parameters
@@ -64,6 +77,17 @@ def read_events(path: str | os.PathLike[str], rate: float | None = None, start: 
         touches = [_span(path, number, row, rate, start) for number, row in rows]
         warnings, sites = _overlaps(path, touches), [one.site for one in touches]
     return Contacts(tuple(dict.fromkeys(sites)), tuple(touches), tuple(warnings))
+
+
+def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
+    """Write touches as a table of spans, which `read_events` takes back; whole or not at all."""
+    rows = [
+        (one.site, f"{one.start:.6f}", f"{one.stop:.6f}", one.surface, f"{one.confidence:.3g}", one.source)
+        for one in contacts.touches
+    ]
+    with written(path) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerows([("site", "start", "stop", "surface", "confidence", "source"), *rows])
 
 
 def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
@@ -120,7 +144,7 @@ def _span(path: Path, row: int, cells: Mapping[str, str], rate: float | None, st
     begin, end = (start + _number(path, row, name, cells) / scale for name in names)
     if begin > end:
         raise BadFile(path, f"line {row}: site '{site}' touches from {begin:g} to {end:g} s", "swap the two")
-    return Touch(site, begin, end, surface, confidence, CAMERA)
+    return Touch(site, begin, end, surface, confidence, cells.get("source") or CAMERA)
 
 
 def _mark(path: Path, row: int, cells: Mapping[str, str], rate: float | None, start: float) -> _Mark:
