@@ -54,7 +54,8 @@ def read_events(path: str | os.PathLike[str], rate: float | None = None, start: 
 
     A span has the columns `site,start,stop` [s] or `site,first_frame,last_frame`; an event `time` [s] or `frame`,
     `site` and `event` ("touch" or "leave"). Columns `surface`, `confidence` (0 to 1) and `source` may be
-    added; lines that begin with # are remarks. A site that still touches at the end does so until the last event of the table.
+    added; lines that begin with # are remarks. A site that still touches at the end does so until the last event of
+    the table.
 
     Parameters
     ----------

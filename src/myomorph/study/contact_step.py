@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +11,10 @@ from myomorph.contact.shared import shared_wrenches
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import find_contacts
 from myomorph.contact.strengths import strengths
-from myomorph.model.contacts import ContactForces, Contacts, Site
+from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.study.contact_file import ContactPlan
 from myomorph.tension.contacts import ContactOptions, ContactTask
@@ -35,13 +36,20 @@ class ContactSetting:
 
 
 def set_contacts(
-    plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None, options: ContactOptions
+    plan: ContactPlan,
+    model: Model,
+    motion: Motion,
+    measured: Wrenches | None,
+    options: ContactOptions,
+    plates: Sequence[ForcePlate] = (),
+    plate_time: Array | None = None,
 ) -> ContactSetting:
     """Sites, touches and strengths of a motion, and what measured forces tell of them.
 
     Parameters
     ----------
     measured : forces of plates on bodies, at the motion's times
+    plates, plate_time : the plates themselves, where their outlines are known, and the clock of their forces [s]
 
     Raises
     ------
@@ -59,8 +67,10 @@ def set_contacts(
     ready = strengths(model, motion, sites, contacts)
     if plan.measured == "exact" and measured is not None:
         ready = _unmeasured(ready, sites, measured)
-    shared = ()
-    if plan.measured == "shared" and measured is not None:
+    shared: tuple[SharedWrench, ...] = ()
+    if plan.measured == "shared" and any(len(one.forces) for one in plates):
+        shared = shared_wrenches(model, motion, sites, contacts, plates, plate_time)
+    elif plan.measured == "shared" and measured is not None:
         shared = shared_wrenches(model, motion, sites, contacts, measured)
     exact = measured if plan.measured == "exact" else None
     return ContactSetting(ContactTask(sites, ready, shared, options), contacts, exact, contacts.warnings)

@@ -16,6 +16,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Table, Wrenches
+from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
@@ -49,7 +50,8 @@ class Take:
         steps are told
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
-    plates : outlines of the force plates, for pictures
+    plates : force plates, for pictures and for feet that share one
+    plate_time : clock of their forces (samples,) [s]
     emg_muscles : EMG channel to the muscles it was measured on
     root_note : what the forces at the root are where they are not residuals, see `ReportInput`
     real, assumed, simulated : sentences for the first lines of the report
@@ -79,6 +81,7 @@ class Take:
     tables: TensionTables = field(default_factory=TensionTables)
     actuators: tuple[Actuator, ...] | None = None
     plates: tuple[ForcePlate, ...] = ()
+    plate_time: Array = field(default_factory=lambda: np.zeros(0))
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     root_note: str = ""
     real: tuple[str, ...] = ()

@@ -92,7 +92,7 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
     elif files.loads is None and trial.plates and inputs.feet_of(model):
         told = "The force of each plate acts on the foot that is nearest to its center of pressure."
         take = replace(take, loads=_nearest_loads(trial, model), assumed=(*take.assumed, told))
-    return replace(take, real=_real(files, take), plates=trial.plates)
+    return replace(take, real=_real(files, take), plates=trial.plates, plate_time=trial.plate_time)
 
 
 def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]:

@@ -75,7 +75,7 @@ def _setting(take: Take, found: Found) -> ContactSetting:
     assert take.contacts is not None
     assert found.motion is not None
     options = take.contact_options or ContactOptions()
-    return set_contacts(take.contacts, take.model, found.motion, found.wrenches, options)
+    return set_contacts(take.contacts, take.model, found.motion, found.wrenches, options, take.plates, take.plate_time)
 
 
 def _target(take: Take, motion: Motion) -> tuple[EmgTarget | None, tuple[str, ...]]:
