@@ -13,6 +13,11 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+PIVOT = 0.3
+"""Height of the virtual pivot point above the center of mass, over the height of that above the floor."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,37 @@ def strengths(
         least = options.least if contacts is not None else 0.0
         values[:, walking] *= np.nan_to_num(np.maximum(ready, least))
     return Series(motion.time, names, values)
+
+
+def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT) -> Array:
+    """Which way forces at sites on the ground lean most readily: to a pivot above the center of mass.
+
+    What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground forces meet
+    near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a force that leans to it costs
+    least.
+
+    Parameters
+    ----------
+    pivot : height of the point above the center of mass, over the height of that above the floor
+
+    Returns
+    -------
+    (frames, sites, 3) in ground: force across the cone's direction per force along it, 0 of a site on anything but
+    the ground, or whose cone has no direction fixed in ground
+    """
+    tree = compile_tree(model)
+    center = center_of_mass(tree, forward_kinematics(tree, tree.coordinates_of(motion)))
+    moving = site_motion(model, motion, sites)
+    point = center + pivot * moving.height * moving.up
+    found = np.zeros((len(motion), len(sites), 3))
+    for k, site in enumerate(sites):
+        if site.against != GROUND or site.cone.direction is None or site.cone.frame != GROUND:
+            continue
+        way = point - moving.places[:, k]
+        along = way @ site.cone.direction
+        ahead = along > 0.1 * moving.height
+        found[ahead, k] = (way[ahead] / along[ahead, None]) - site.cone.direction
+    return found
 
 
 def fade(x: Array, full: float) -> Array:

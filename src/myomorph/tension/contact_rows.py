@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND
 from myomorph.model.spatial import Array
 from myomorph.rigid.tree import Tree
 from myomorph.tension.contact_columns import ContactColumns, compile_contacts
@@ -21,6 +22,9 @@ from myomorph.tension.contacts import ContactTask
 
 MEASURED_COST = 1.0
 """Cost of missing a measured force by one standard deviation, in units of the effort a^2 of one muscle."""
+
+MOST_LEAN = 0.45
+"""Share of the friction up to which forces may be wanted to lean: at a half an edge would be lost."""
 
 LIMIT_COST = 1e-6
 """Cost of a force at its greatest: small enough to change nothing, above 0 for a unique solution."""
@@ -63,7 +67,8 @@ class ContactTerms:
     Attributes
     ----------
     strengths : (frames, sites)
-    amounts : (frames, edges) force of one unit of an edge's amplitude: strength times weight [N]
+    amounts : (frames, edges) force of one unit of an edge's amplitude: strength times weight, more of an edge that
+        leans as wanted [N]
     """
 
     task: ContactTask
@@ -162,7 +167,30 @@ def contact_terms(tree: Tree, time: Array, task: ContactTask) -> ContactTerms:
             raise BadData(f"'{measured.name}' has {len(measured.forces)} frames of forces, the motion {len(time)}")
     columns = compile_contacts(tree, task.sites)
     values = np.array(strengths.values)
-    return ContactTerms(task, columns, _extra_rows(task, columns), values, (values * columns.weight)[:, columns.site])
+    amounts = (values * columns.weight)[:, columns.site] * np.sqrt(_leaning(task, columns))
+    return ContactTerms(task, columns, _extra_rows(task, columns), values, amounts)
+
+
+def _leaning(task: ContactTask, columns: ContactColumns) -> Array:
+    """By how much each edge (frames, edges) is favoured so that a force which leans as wanted costs least.
+
+    Of a pyramid of edges d + mu t_k with costs 1 / w_k the cheapest force is sum_k w_k (d + mu t_k), which is
+    d + lean for w_k = 1 + 2 lean . t_k / mu, as sum_k t_k t_k^T = n / 2 of n edges. The cone stays as it is.
+    """
+    shares = np.ones((len(task.strengths), len(columns)))
+    if task.leans is None:
+        return shares
+    for k, site in enumerate(task.sites):
+        cone = site.cone
+        if cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
+            continue
+        edges = np.flatnonzero((columns.site == k) & (columns.normal != 0.0))
+        across = (columns.arrays.push[edges] - cone.direction) / cone.friction
+        lean = np.nan_to_num(task.leans[:, k])
+        size = np.linalg.norm(lean, axis=1, keepdims=True)
+        lean = lean * np.minimum(1.0, MOST_LEAN * cone.friction / np.maximum(size, 1e-12))
+        shares[:, edges] = 1.0 + 2.0 / cone.friction * lean @ across.T
+    return shares
 
 
 def _extra_rows(task: ContactTask, columns: ContactColumns) -> ExtraRows:

@@ -8,6 +8,7 @@ from typing import Literal
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Series
+from myomorph.model.spatial import Array, frozen_array
 
 
 @dataclass(frozen=True)
@@ -52,15 +53,20 @@ class ContactTask:
     strengths : (frames, sites) in 0..1 at the motion's times: 0 for no contact, between for a contact that
         is only beginning, or not sure
     measured : forces known for some sites together
+    leans : (frames, sites, 3) in ground: force across a cone's direction, per force along it, that costs least;
+        None for a force along the direction. Of cones whose direction is fixed in ground
     """
 
     sites: tuple[Site, ...]
     strengths: Series
     measured: tuple[SharedWrench, ...] = ()
     options: ContactOptions = field(default_factory=ContactOptions)
+    leans: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", tuple(self.sites))
+        if self.leans is not None:
+            object.__setattr__(self, "leans", frozen_array(self.leans, (len(self.strengths), len(self.sites), 3)))
         names = tuple(one.name for one in self.sites)
         if self.strengths.names != names:
             raise BadData(f"strengths are of the sites {self.strengths.names}, but the contacts have {names}")

@@ -35,7 +35,7 @@ class Smoothing:
     ----------
     window : frames kept of each joint solution
     margin : frames before and after them that are solved too
-    scale : (frames, edges) strengths
+    scale : (frames, edges) strengths, and how much each edge is favoured
     stiffness : (frames - 1,) beta between a frame and the next
     """
 
@@ -68,5 +68,5 @@ def smoothing(contacts: ContactTerms, time: Array) -> Smoothing | None:
     margin = int(np.ceil(np.log(FELT) / np.log(decay)))
     jacobi = 2.0 * greatest / (1.0 + 2.0 * greatest)
     over = 2.0 / (1.0 + np.sqrt(1.0 - jacobi**2))
-    scale = contacts.strengths[:, contacts.columns.site]
+    scale = contacts.amounts / contacts.columns.weight[contacts.columns.site]
     return Smoothing(max(options.window, 2 * margin), margin, scale, stiffness, float(over), options.sweeps)
