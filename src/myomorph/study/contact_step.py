@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.contact.shared import shared_wrenches
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.strengths import leans, strengths
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -73,7 +73,7 @@ def set_contacts(
     elif plan.measured == "shared" and measured is not None:
         shared = shared_wrenches(model, motion, sites, contacts, measured)
     exact = measured if plan.measured == "exact" else None
-    return ContactSetting(ContactTask(sites, ready, shared, options), contacts, exact, contacts.warnings)
+    return ContactSetting(ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings)
 
 
 def _all_contacts(
