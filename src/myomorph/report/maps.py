@@ -125,14 +125,17 @@ def floor_plot(
     outlines: Sequence[tuple[str, Array]] = (),
     width: int = 330,
     height: int = 190,
+    unit: str = "m",
+    level: bool = True,
 ) -> str:
-    """Paths on the ground seen from above, one scale along both axes [m].
+    """Paths on the ground seen from above, one scale along both axes.
 
     Parameters
     ----------
     across : names of the two axes: to the right, upwards in the drawing
     paths : label, style and points (frames, 2), NaN where there is none
     outlines : label and corners (n, 2) of force plates
+    level : whether both axes have one scale; else each fills the chart
     """
     clouds = [points[np.isfinite(points).all(axis=1)] for _, _, points in paths]
     everything = [one for one in clouds if len(one)] + [corners for _, corners in outlines]
@@ -148,12 +151,14 @@ def floor_plot(
     )
     middle = (low + high) / 2
     half = np.array([right - left, bottom - top]) / scale / 2
+    if not level:
+        half = np.maximum(0.56 * (high - low), 1e-9)
     frame = Frame(
         left, top, right, bottom, *(middle[0] + half[0] * np.array([-1, 1])), *(middle[1] + half[1] * np.array([-1, 1]))
     )
     parts = [
         f'<svg class="chart floor" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title, True)}">',
-        heading(title, "m"),
+        heading(title, unit),
     ]
     for value in ticks(frame.x0, frame.x1):
         step = float(np.diff(ticks(frame.x0, frame.x1))[:1].sum()) or 1.0

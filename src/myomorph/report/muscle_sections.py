@@ -15,7 +15,7 @@ from myomorph.report.selection import Pair, major_muscles
 from myomorph.report.tables import extremes, few
 
 
-def _emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
+def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
     """Measured channels on the muscles of a pair: side, time and envelope."""
     emg = prepared.given.emg
     if emg is None:
@@ -55,7 +55,7 @@ def activation_section(prepared: Prepared) -> Section | None:
                 series,
                 prepared.detail,
                 prepared.events,
-                _emg_of(prepared, pair),
+                emg_of(prepared, pair),
                 given.truth.activations if given.truth else None,
             ),
             "quarter",

@@ -13,6 +13,7 @@ from jinja2 import Environment, StrictUndefined
 
 from myomorph.model.series import Motion, Series
 from myomorph.report.chart import number
+from myomorph.report.estimated_forces import acting_forces
 from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
 from myomorph.report.pictures import pictures
 from myomorph.report.player import frames_to_play, player
@@ -21,6 +22,7 @@ from myomorph.report.references import Reference, references
 from myomorph.report.scene import make_scene
 from myomorph.report.section import Section
 from myomorph.report.sections import sections
+from myomorph.report.strip import nearest_frames
 from myomorph.report.tables import Verdict
 
 __all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
@@ -266,7 +268,8 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     if given.tension is not None:
         activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
     chosen = _key_frames(motion, good, prepared)
-    still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, given.wrenches)
+    forces = acting_forces(given)
+    still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, forces)
     drawn = pictures(still)
     instants = []
     for i, (frame, label) in enumerate(chosen):
@@ -284,7 +287,7 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     first, last = np.searchsorted(motion.time[good], prepared.played)
     played = good[first : max(last, first) + 1]
     moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
-    scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, given.wrenches)
+    scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, forces)
     return instants, player(scene)
 
 
@@ -293,7 +296,9 @@ def _address(image: bytes) -> str:
 
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:
-    """Frames to show with their labels: at events where there are some, else evenly spread."""
+    """Frames to show with their labels: at times asked for, at events where there are some, else evenly spread."""
+    if prepared.given.times:
+        return [(frame, "") for frame in nearest_frames(motion.time, good, prepared.given.times)]
     first, last = np.searchsorted(motion.time[good], prepared.detail)
     good = good[first : max(last, first) + 1]
     time = motion.time[good]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,6 +18,8 @@ BONE = (0.93, 0.89, 0.80)
 FORCE = (0.10, 0.58, 0.46)
 MUSCLE, UNKNOWN = (0.72, 0.24, 0.24), (0.55, 0.52, 0.52)
 SHRINK = 2
+VIEWS: Mapping[str, float] = MappingProxyType({"side": 0.0, "oblique": 40.0, "front": 90.0})
+"""From where a picture is taken, as the angle [deg] from the subject's right side towards its front."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,7 @@ class Picture:
     Attributes
     ----------
     frame : index in the scene
-    view : "side" or "front"
+    view : of `VIEWS`
     image : a PNG file
     width, height : of it [pixels]
     """
@@ -37,22 +41,31 @@ class Picture:
     height: int
 
 
-def pictures(scene: Scene, height: int = 460, widest: int = 420, colors: Array | None = None) -> list[Picture]:
+def pictures(
+    scene: Scene,
+    height: int = 460,
+    widest: int = 420,
+    colors: Array | None = None,
+    views: Sequence[str] = ("side", "front"),
+) -> list[Picture]:
     """Every frame of the scene from its right side, and from the front.
 
     All share one scale and one floor, so that they can be compared; what is transparent is background.
 
     Parameters
     ----------
+    views : of `VIEWS`
     colors : (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
     found = []
-    for name, axes in (
-        ("side", np.stack([scene.forward, scene.up, scene.right])),
-        ("front", np.stack([-scene.right, scene.up, scene.forward])),
-    ):
+    for name in views:
+        turn = np.deg2rad(VIEWS[name])
+        ahead, aside = np.cos(turn), np.sin(turn)
+        axes = np.stack(
+            [ahead * scene.forward - aside * scene.right, scene.up, ahead * scene.right + aside * scene.forward]
+        )
         centers, width, scale = _framing(scene, corners, axes, height, widest)
         for frame in range(len(scene.time)):
             view = View(axes, centers[frame], scale * SHRINK, width * SHRINK, height * SHRINK)

@@ -9,6 +9,7 @@ import numpy as np
 from myomorph.model.series import Event, Motion, Series
 from myomorph.model.spatial import Array
 from myomorph.report.centroid import centroid, up_axis
+from myomorph.report.estimated_forces import contact_verdicts
 from myomorph.report.given import ReportInput
 from myomorph.report.phases import Movement, find_movement
 from myomorph.report.tables import (
@@ -157,10 +158,13 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
     if given.model is not None and given.kinematics is not None and len(given.kinematics):
         rows += range_verdicts(given.model, given.kinematics)
     judged = given.torques is not None and given.wrenches is not None and not given.root_note
+    # What contacts were solved for is still in the torques of inverse dynamics.
+    judged = judged and given.contact_forces is None
     if judged and given.model is not None and given.torques is not None and given.wrenches is not None:
         height = prepared.center_height
         if np.isfinite(height) and height > 0:
             rows += residual_verdicts(given.model, given.torques, given.wrenches, height)
+    rows += contact_verdicts(given, prepared.center_height)
     if given.tension is not None:
         tension = given.tension
         rows.append(unsolved_verdict(tension.solved, tension.time))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.model.series import Series
+from myomorph.report.analysis_section import analysis_sections
 from myomorph.report.chart import number
 from myomorph.report.figures import (
     centroid_figures,
@@ -37,6 +38,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     missing: list[str] = []
     if found and given.kinematics is None and given.markers is None and given.wrenches is None:
         return found, missing
+    found += analysis_sections(prepared)
     for make, absent in (
         (marker_section, "Marker errors: no inverse kinematics. Give a marker file (TRC or C3D) and the step “ik”."),
         (force_section, ""),

@@ -1,0 +1,146 @@
+"""Contact forces in the report: as estimated beside as measured, and what is left open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.report.chart import Limit, Line, number
+from myomorph.report.estimated_forces import SITUATIONS, Group, groups_of, situation_of
+from myomorph.report.figures import axis_names, pressure_figure
+from myomorph.report.given import ReportInput
+from myomorph.report.prepared import Prepared
+from myomorph.report.section import Figure, Grid, Section
+from myomorph.report.tracks import Backdrop, Band, Track, draw_track, time_axis
+
+
+def contact_force_section(prepared: Prepared, behind: Backdrop) -> Section | None:
+    """Three components of every group's force, the center of pressure and what was measured."""
+    given = prepared.given
+    forces = given.contact_forces
+    if forces is None or not len(forces) or not forces.sites:
+        return None
+    groups = groups_of(forces, given.wrenches)
+    figures = [Figure(_components(prepared, groups, behind), "full")]
+    pressed = forces.wrenches("group")
+    floor = pressure_figure(pressed, given.plates, prepared.up)
+    if floor:
+        figures.append(Figure(floor, "small", "Centers of pressure as estimated"))
+    if given.wrenches is not None and any(one.measured is not None for one in groups):
+        figures.append(
+            Figure(
+                pressure_figure(given.wrenches, given.plates, prepared.up), "small", "Centers of pressure as measured"
+            )
+        )
+    legend = [(one.style, one.label) for one in groups]
+    if any(one.measured is not None for one in groups):
+        legend.append(("measured", "measured"))
+    return Section(
+        "contact-forces",
+        "Contact forces",
+        _lead(prepared, groups),
+        tuple(legend),
+        tuple(figures),
+        tuple(one for one in (_grid(prepared, groups), _uncarried_grid(given)) if one.rows),
+    )
+
+
+def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
+    given = prepared.given
+    told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
+    pairs = [one.label for one in groups if " on " in one.label]
+    if pairs:
+        told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
+    if given.intervals is not None:
+        told.append(
+            "Bands are what the data leave open: every force in them, with other muscle tensions, would move the body "
+            "the same way."
+        )
+    if given.uncarried:
+        told.append(f"Red marks: {len(given.uncarried)} frames whose motion the contacts could not carry.")
+    return " ".join(told)
+
+
+def _components(prepared: Prepared, groups: Sequence[Group], behind: Backdrop) -> str:
+    given = prepared.given
+    forces = given.contact_forces
+    assert forces is not None
+    vectors, names = axis_names(prepared.up)
+    rows = []
+    for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
+        lines: list[Line] = []
+        bands: list[Band] = []
+        for one in groups:
+            if one.measured is not None:
+                lines.append(Line(forces.time, one.measured @ vector, "measured", f"{one.label}, measured"))
+        for one in groups:
+            lines.append(Line(forces.time, one.forces @ vector, one.style, one.label))
+            if given.intervals is not None and one.name in given.intervals.names:
+                bands.append(_interval(prepared, one, vector))
+        weight = [Limit(prepared.weight, "body weight")] if prepared.weight and i == 0 else []
+        rows.append(draw_track(Track(name.capitalize(), "N", lines, 118 if i == 0 else 92, bands, weight), behind))
+    return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
+
+
+def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
+    intervals = prepared.given.intervals
+    assert intervals is not None
+    k = intervals.names.index(group.name)
+    ends = np.stack([intervals.lower[:, k] * vector, intervals.upper[:, k] * vector])
+    return Band(intervals.time, ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1), group.style)
+
+
+def _marks(prepared: Prepared, behind: Backdrop) -> str:
+    """A row of marks at frames that contacts could not carry; "" where there are none."""
+    if not prepared.given.uncarried:
+        return ""
+    frame = behind.frame(0.0, 12.0)
+    ticks = "".join(
+        f'<path class="uncarried" d="M{float(frame.x(one.time)):.1f} 1v10"><title>{number(one.time, 0.001)} s'
+        "</title></path>"
+        for one in prepared.given.uncarried
+        if behind.span[0] <= one.time <= behind.span[1]
+    )
+    return (
+        f'<svg class="chart" viewBox="0 0 1040 12" role="img" aria-label="Frames that could not be carried">'
+        f'<text class="tick end" x="2" y="10">not carried</text>{ticks}</svg>'
+    )
+
+
+def _grid(prepared: Prepared, groups: Sequence[Group]) -> Grid:
+    """Mean and peak of every group, and how far it is from what was measured."""
+    vectors, names = axis_names(prepared.up)
+    weight = prepared.weight
+    rows = []
+    for one in groups:
+        vertical = one.forces @ vectors[0]
+        size = np.linalg.norm(one.forces, axis=1)
+        cells = [
+            one.label,
+            f"{number(float(np.nanmean(vertical)))} N",
+            f"{number(float(np.nanmax(size)))} N" + (f" ({float(np.nanmax(size)) / weight:.2f} BW)" if weight else ""),
+        ]
+        for vector in vectors:
+            cells.append("–" if one.measured is None else _difference(one.forces @ vector, one.measured @ vector))
+        rows.append(tuple(cells))
+    compared = tuple(f"off measured, {name}" for name in names)
+    if not any(one.measured is not None for one in groups):
+        compared, rows = (), [row[:3] for row in rows]
+    return Grid(("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces")
+
+
+def _difference(estimate: Array, known: Array) -> str:
+    """RMS difference, also as a share of the known values' range."""
+    both = np.isfinite(estimate) & np.isfinite(known)
+    if not both.any():
+        return "–"
+    rms = float(np.sqrt(np.mean((estimate[both] - known[both]) ** 2)))
+    span = float(np.ptp(known[both]))
+    return f"{number(rms)} N" + (f" ({100 * rms / span:.0f} % of its range)" if span > 1e-9 else "")
+
+
+def _uncarried_grid(given: ReportInput) -> Grid:
+    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.uncarried)
+    return Grid(("Time", "Smallest relaxation that carries it"), rows, f"{len(rows)} frames not carried", True)

@@ -1,0 +1,179 @@
+"""Estimated contact forces: which they are, what acts beside them, and what they leave over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.contacts import ContactForces
+from myomorph.model.model import GROUND
+from myomorph.model.series import Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.report.given import ReportInput, Situation
+from myomorph.report.phases import side_of
+from myomorph.report.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT, Verdict
+
+SITUATIONS: Mapping[Situation, str] = MappingProxyType(
+    {
+        "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
+        "shared": "There are fewer plates than contacts: what a plate measured is shared among the sites that touch "
+        "it ([D] chapter 4, second situation).",
+        "sound": "Forces of strokes come from their sound ([D] chapter 4, third situation).",
+        "unknown": "Forces that no plate measured are solved together with the muscle tensions ([D] chapter 4, fourth "
+        "situation).",
+    }
+)
+ORDINAL = ("first", "second", "third", "fourth")
+
+
+def situation_of(given: ReportInput) -> Situation:
+    """How the contact forces of a recording are known, "" where there are none."""
+    if given.situation:
+        return given.situation
+    if given.contact_forces is None:
+        return "measured" if given.wrenches is not None and len(given.wrenches.names) else ""
+    if given.contacts is not None and any(one.source == "sound" for one in given.contacts.touches):
+        return "sound"
+    return "unknown"
+
+
+def acting_forces(given: ReportInput) -> Wrenches | None:
+    """Forces to be drawn: contact forces as estimated, and those that were measured on other bodies."""
+    forces = given.contact_forces
+    if forces is None or not len(forces) or not forces.sites:
+        return given.wrenches
+    estimated = forces.wrenches("group")
+    measured = given.wrenches
+    if measured is None or not len(measured.names):
+        return estimated
+    touched = {one.body for one in forces.sites} | {one.against for one in forces.sites}
+    others = [k for k, body in enumerate(measured.bodies) if body not in touched]
+    if not others:
+        return estimated
+    time = estimated.time
+    stacked = [
+        np.concatenate([getattr(estimated, what), _at(time, measured.time, getattr(measured, what)[:, others])], axis=1)
+        for what in ("forces", "points", "torques")
+    ]
+    names = (*estimated.names, *(measured.names[k] for k in others))
+    return Wrenches(time, names, (*estimated.bodies, *(measured.bodies[k] for k in others)), *stacked)
+
+
+def _at(time: Array, clock: Array, values: Array) -> Array:
+    """Columns (samples, n, 3) at other times, by the straight line between samples; NaN outside."""
+    flat = values.reshape(len(values), -1)
+    columns = [np.interp(time, clock, one, left=np.nan, right=np.nan) for one in flat.T]
+    return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Contact forces of one group of sites.
+
+    Attributes
+    ----------
+    style : of the style sheet
+    forces : (frames, 3) as estimated [N]
+    measured : (frames, 3) on the same bodies, None where nothing was
+    """
+
+    name: str
+    label: str
+    style: str
+    bodies: tuple[str, ...]
+    forces: Array
+    measured: Array | None
+
+
+def groups_of(forces: ContactForces, measured: Wrenches | None) -> tuple[Group, ...]:
+    """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
+    names = tuple(dict.fromkeys(one.group for one in forces.sites))
+    sides = [side_of(name, next(one.body for one in forces.sites if one.group == name)).lower() for name in names]
+    found = []
+    for i, (name, side) in enumerate(zip(names, sides, strict=True)):
+        own = [k for k, one in enumerate(forces.sites) if one.group == name]
+        bodies = tuple(dict.fromkeys(forces.sites[k].body for k in own))
+        known = None
+        if measured is not None:
+            columns = [k for k, body in enumerate(measured.bodies) if body in bodies]
+            if columns:
+                known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
+        style = side if side and sides.count(side) == 1 else ORDINAL[i % len(ORDINAL)]
+        against = forces.sites[own[0]].against
+        label = name.replace("_", " ") + (f" on {against.replace('_', ' ')}" if against != GROUND else "")
+        found.append(Group(name, label, style, bodies, forces.forces[:, own].sum(axis=1), known))
+    return tuple(found)
+
+
+def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
+    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015).
+
+    Parameters
+    ----------
+    height : mean height of the center of mass over the ground [m]
+    """
+    if given.contact_forces is None or not len(given.contact_forces):
+        return []
+    rows = []
+    acting = acting_forces(given)
+    total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
+    peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
+    if given.residuals is not None and peak > 0.0:
+        for what, columns, scale, limit, unit, size in (
+            ("force", slice(0, 3), peak, RESIDUAL_FORCE, "% of peak external force", "N"),
+            ("moment", slice(3, 6), peak * height, RESIDUAL_MOMENT, "% of COM height × peak external force", "N·m"),
+        ):
+            values = np.linalg.norm(given.residuals.values[:, columns], axis=1)
+            if not (np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any()):
+                continue
+            at = int(np.nanargmax(values))
+            rms = float(np.sqrt(np.nanmean(values**2)))
+            for name, value, time in (("peak", values[at], float(given.residuals.time[at])), ("RMS", rms, None)):
+                share = float(value) / scale
+                rows.append(
+                    Verdict(
+                        f"Residual {what} beside contacts, {name}",
+                        100 * share,
+                        unit,
+                        100 * limit,
+                        "ok" if share <= limit else "over",
+                        "root joint",
+                        time,
+                        HICKS,
+                        f"{float(value):.3g} {size} left over once contacts carry; F = {peak:.4g} N",
+                    )
+                )
+    count = len(given.uncarried)
+    rows.append(
+        Verdict(
+            "Frames whose contacts could not carry the motion",
+            float(count),
+            f"of {len(given.contact_forces)}",
+            0.0,
+            "over" if count else "ok",
+            "",
+            given.uncarried[0].time if count else None,
+            "",
+            given.uncarried[0].relaxation if count else "",
+        )
+    )
+    return rows
+
+
+def residuals_of(names: Sequence[str], values: Array, time: Array) -> Series | None:
+    """Residuals of a solved tension as `ReportInput.residuals`, of several floating bodies summed in size.
+
+    Parameters
+    ----------
+    names : `Tension.reserve_names`; those of residuals begin with "residual_"
+    values : (frames, names) `Tension.reserves` [N], [N m]
+    """
+    axes = [f"{letter}{axis}" for letter in "FM" for axis in "XYZ"]
+    columns = [[k for k, name in enumerate(names) if name.startswith(f"residual_{one}")] for one in axes]
+    if not all(columns):
+        return None
+    joined = [values[:, own[0]] if len(own) == 1 else np.linalg.norm(values[:, own], axis=1) for own in columns]
+    return Series(time, tuple(axes), np.stack(joined, axis=1))

@@ -1,0 +1,57 @@
+"""Pictures of the body along a time axis: muscles colored by activation, forces as arrows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.report.chart import number
+from myomorph.report.image import data_uri
+from myomorph.report.pictures import pictures
+from myomorph.report.scene import Scene
+from myomorph.report.tracks import LEFT, RIGHT, WIDTH, Backdrop
+
+TALL = 176.0
+PIXELS = 300
+FOOT = 20.0
+
+
+def even_times(span: tuple[float, float], count: int) -> tuple[float, ...]:
+    """Middles of `count` equal parts of a span [s]: pictures there stand over their own times."""
+    return tuple(float(one) for one in span[0] + (np.arange(count) + 0.5) / count * (span[1] - span[0]))
+
+
+def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
+    """The scene's frames side by side as an `<svg>` element, each tied to its time on the axis below."""
+    count = len(scene.time)
+    if not count:
+        return ""
+    room = (WIDTH - RIGHT - LEFT) / count
+    drawn = pictures(scene, PIXELS, max(40, int(1.06 * room / TALL * PIXELS)), views=(view,))
+    scale = min(TALL / PIXELS, 1.06 * room / max(one.width for one in drawn))
+    height = scale * PIXELS + FOOT
+    frame = behind.frame(0.0, height)
+    parts = [
+        f'<svg class="chart strip-row" viewBox="0 0 {WIDTH} {height:.1f}" role="img" aria-label="The body at '
+        f'{count} instants">',
+        *behind.behind(frame),
+    ]
+    for i, one in enumerate(drawn):
+        middle = LEFT + room * (i + 0.5)
+        wide = scale * one.width
+        time = number(float(scene.time[i]), 0.01)
+        parts.append(
+            f'<image href="{data_uri(one.image)}" x="{middle - wide / 2:.1f}" y="0" width="{wide:.1f}" '
+            f'height="{height - FOOT:.1f}"><title>The body at {time} s</title></image>'
+        )
+        at = float(frame.x(float(scene.time[i])))
+        parts.append(f'<path class="zero" d="M{middle:.1f} {height - 7:.1f}L{at:.1f} {height:.1f}"/>')
+        parts.append(f'<text class="tick x" x="{middle:.1f}" y="{height - 10:.1f}">{time} s</text>')
+    return "".join([*parts, "</svg>"])
+
+
+def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) -> list[int]:
+    """Of the good frames those nearest to the wanted times, each once, in order of time."""
+    found = {int(good[int(np.argmin(np.abs(time[good] - one)))]) for one in wanted}
+    return sorted(found)
