@@ -73,7 +73,9 @@ def set_contacts(
     elif plan.measured == "shared" and measured is not None:
         shared = shared_wrenches(model, motion, sites, contacts, measured)
     exact = measured if plan.measured == "exact" else None
-    return ContactSetting(ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings)
+    return ContactSetting(
+        ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings
+    )
 
 
 def _all_contacts(
