@@ -48,13 +48,12 @@ def _pulled(w, p, target, near, pull, x, s):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _response(S, well, i, target, s):
-    """x_i at the reduced multiplier s, and dx_i/ds there (0 on a bound)."""
-    w, p, pull = S.weight[i], S.exponent[i], well[2, i]
+def _response(w, p, least, greatest, low, high, pull, target, s):
+    """x at the reduced multiplier s, and dx/ds there (0 on a bound); of one variable, so scalars alone."""
     if p == 2.0:
         x, slope = target + 0.5 * s / w, 0.5 / w
-        if pull > 0.0 and not well[0, i] <= x <= well[1, i]:
-            near = well[0, i] if x < well[0, i] else well[1, i]
+        if pull > 0.0 and not low <= x <= high:
+            near = low if x < low else high
             x, slope = (w * target + pull * near + 0.5 * s) / (w + pull), 0.5 / (w + pull)
     else:
         size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
@@ -64,13 +63,13 @@ def _response(S, well, i, target, s):
         if p > 2.0 and size < 1e-3:
             slope *= p - 1.0
         slope = min(slope, 1e8 / w)
-        if pull > 0.0 and not well[0, i] <= x <= well[1, i]:
-            x = _pulled(w, p, target, well[0, i] if x < well[0, i] else well[1, i], pull, x, s)
+        if pull > 0.0 and not low <= x <= high:
+            x = _pulled(w, p, target, low if x < low else high, pull, x, s)
             slope = 1.0 / (1.0 / slope + 2.0 * pull)
-    if x <= S.lower[i]:
-        return S.lower[i], 0.0
-    if x >= S.upper[i]:
-        return S.upper[i], 0.0
+    if x <= least:
+        return least, 0.0
+    if x >= greatest:
+        return greatest, 0.0
     return x, slope
 
 
@@ -130,7 +129,20 @@ def _ascent(S, targets, well, s, ds, t, constant, linear):
     total = constant - t * linear
     for i in range(s.shape[0]):
         if ds[i] != 0.0:
-            total -= _response(S, well, i, targets[i], s[i] + t * ds[i])[0] * ds[i]
+            total -= (
+                _response(
+                    S.weight[i],
+                    S.exponent[i],
+                    S.lower[i],
+                    S.upper[i],
+                    well[0, i],
+                    well[1, i],
+                    well[2, i],
+                    targets[i],
+                    s[i] + t * ds[i],
+                )[0]
+                * ds[i]
+            )
     return total
 
 
@@ -196,7 +208,9 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
         for j in range(n):
             residual[j] = b[j]
         for i in range(variables):
-            x[i], d = _response(S, well, i, targets[i], s[i])
+            x[i], d = _response(
+                S.weight[i], S.exponent[i], S.lower[i], S.upper[i], well[0, i], well[1, i], well[2, i], targets[i], s[i]
+            )
             # The very first step of a cold start is that of the problem without bounds.
             if iteration > 0 or not cold:
                 slope[i] = d
