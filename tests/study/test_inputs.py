@@ -9,7 +9,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
 from myomorph.study import inputs
-from myomorph.study.inputs import assigned_wrenches, feet_of, fitted_to, open_emg, open_loads, open_model, open_motion
+from myomorph.study.inputs import assigned_wrenches, feet_of, fitted_to, open_loads, open_model, open_motion
 
 
 @pytest.fixture(scope="module")
@@ -86,23 +86,3 @@ def test_force_table_equals_the_loads_file(walker, data):
     for name in ("time", "forces", "points", "torques"):
         np.testing.assert_array_equal(getattr(by_table, name), getattr(by_xml, name))
     assert by_table.bodies == by_xml.bodies
-
-
-def test_channels_find_their_muscles(walker):
-    channels = ("soleus_r", " vas_lat_l_activation", "bifemlh_r", "soleus", "CH1", "glut_med_l")
-    assert inputs.muscles_of_channels(channels, walker) == {
-        "soleus_r": ("soleus_r",),
-        " vas_lat_l_activation": ("vaslat_l",),
-        "bifemlh_r": ("bflh_r",),
-        "glut_med_l": ("glmed1_l", "glmed2_l", "glmed3_l"),
-    }
-
-
-def test_emg_of_any_scale(tmp_path):
-    head = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"
-    (tmp_path / "small.sto").write_text(head + "0\t0.1\t0.2\n1\t0.5\t-0.1\n2\t0.9\t1.1\n")
-    (tmp_path / "large.sto").write_text(head + "0\t10\t2\n1\t50\t1\n2\t90\t4\n")
-    np.testing.assert_allclose(open_emg(tmp_path / "small.sto")["b"], [0.2, 0.0, 1.1])
-    large = open_emg(tmp_path / "large.sto")
-    np.testing.assert_allclose(large["a"], [1 / 9, 5 / 9, 1.0])
-    np.testing.assert_allclose(large["b"], [0.5, 0.25, 1.0])

@@ -20,13 +20,16 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
-from myomorph.study.settings import Differentiation, EmgUse, Measured, TensionTables
+from myomorph.motion.envelope import EnvelopeOptions
+from myomorph.study.settings import Differentiation, EmgUse, Measured, Side, TensionTables
 from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.solve import Tension, TensionOptions
 
 MusclesOptions = options_class(Differentiation)
-TensionSettings = options_class(Differentiation, TensionOptions, ContactOptions, EmgOptions, EmgUse, TensionTables)
+TensionSettings = options_class(
+    Differentiation, TensionOptions, ContactOptions, EmgOptions, EnvelopeOptions, EmgUse, TensionTables
+)
 
 
 def muscles_command(
@@ -60,8 +63,9 @@ def tension_command(
     loads: LoadsFile = None,
     emg: Annotated[
         Path | None,
-        Parameter(help="EMG envelopes (.sto). A channel named as a muscle is a target of its activation."),
+        Parameter(help="EMG (.sto, .mot, .c3d), raw or envelopes. A channel named as a muscle is a target of it."),
     ] = None,
+    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
     contacts: Annotated[
         str,
         Parameter(
@@ -93,6 +97,7 @@ def tension_command(
         motion=motion,
         loads=loads,
         emg=emg,
+        emg_side=emg_side,
         actuators=actuators,
         contacts=contacts,
         measured=measured,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.signal import butter, iirnotch, sosfiltfilt, tf2sos
@@ -20,11 +21,13 @@ class EnvelopeOptions:
     Attributes
     ----------
     band : pass band of the raw signal [Hz]; its upper end is lowered to 0.45 of the rate
-    cutoff : low-pass of the rectified signal [Hz]
+    cutoff : low-pass of the rectified raw EMG [Hz]
     order : of the Butterworth filters, each run forwards and backwards
     notch : frequency of the mains, taken out with its harmonics [Hz]; None leaves them in
     notch_width : width of each notch at half its power [Hz]
     """
+
+    SETTING_PREFIX: ClassVar[str] = "emg_"
 
     band: tuple[float, float] = (20.0, 450.0)
     cutoff: float = 6.0

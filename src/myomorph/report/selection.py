@@ -23,7 +23,7 @@ MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Psoas", r"psoas"),
     ("Adductor magnus", r"add_?mag(dist|isch|mid|prox)?[\d_]*"),
     ("Rectus femoris", r"rec(t(us)?)?_?fem(oris)?\d*"),
-    ("Vastus medialis", r"vas(tus)?_?med(ialis)?\d*"),
+    ("Vastus medialis", r"vas(tus)?_?med(ialis|ius)?\d*"),
     ("Vastus lateralis", r"(vas(tus)?_?lat(eralis)?\d*|vasti)"),
     ("Biceps femoris, long head", r"(bi?f_?(em)?_?lh|bicfem|bifemlh|bflh|hamstrings)\d*"),
     ("Semitendinosus", r"semi_?ten(dinosus)?"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,7 +11,7 @@ import numpy as np
 
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
-from myomorph.model.series import Z_UP_TO_Y_UP, Emg, Motion, Series, Trial, Wrenches
+from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Trial, Wrenches
 from myomorph.model.spatial import Array
 
 MARKER_FILES = (".trc", ".c3d")
@@ -246,46 +245,6 @@ class _poses_by:
         poses = forward_kinematics(tree, tree.coordinates_of(Motion(time, self.motion.names, values)))
         b = tree.body_index[body]
         return poses.rotations[:, b], poses.origins[:, b]
-
-
-def open_emg(path: str | Path) -> Emg:
-    """Envelopes of a table: columns in 0..1, or scaled to their largest value where they exceed 1.5."""
-    from myomorph.io.sto import read_sto
-
-    table = read_sto(path)
-    values = np.clip(table.values, 0.0, None)
-    peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
-    if peak > 1.5:
-        values = values / np.nanmax(values, axis=0).clip(1e-12)
-    return Emg(table.time, table.names, values)
-
-
-def muscles_of_channels(channels: Sequence[str], model: Model) -> dict[str, tuple[str, ...]]:
-    """The model's muscles that each EMG channel was measured on, as far as its name tells muscle and side.
-
-    "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the
-    model calls it; "soleus" without a side is not claimed to be either.
-    """
-    from myomorph.model.sides import split_side
-    from myomorph.report.selection import MAJOR_MUSCLES
-
-    sided = {name: split_side(name) for name in model.muscle_names}
-    found: dict[str, tuple[str, ...]] = {}
-    for channel in channels:
-        plain = re.sub(r"[_. ](activation|emg|envelope)$", "", channel.strip(), flags=re.IGNORECASE)
-        if plain in sided:
-            found[channel] = (plain,)
-            continue
-        base, side = split_side(plain)
-        pattern = next((one for _, one in MAJOR_MUSCLES if re.fullmatch(one, base, re.IGNORECASE)), None)
-        if pattern is None or not side:
-            continue
-        alike = [
-            name for name, (word, at) in sided.items() if at == side and re.fullmatch(pattern, word, re.IGNORECASE)
-        ]
-        if alike:
-            found[channel] = tuple(alike)
-    return found
 
 
 def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tuple[float, float] | None:

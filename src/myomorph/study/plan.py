@@ -13,7 +13,16 @@ from pydantic import Field, create_model
 from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.contact_file import AUTO
-from myomorph.study.settings import Differentiation, EmgUse, Measured, Setting, TensionTables, TorqueTable, settings_of
+from myomorph.study.settings import (
+    Differentiation,
+    EmgUse,
+    Measured,
+    Setting,
+    Side,
+    TensionTables,
+    TorqueTable,
+    settings_of,
+)
 from myomorph.study.study_file import (
     Strict,
     StudyTable,
@@ -40,13 +49,14 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
     from myomorph.identify.recordings import RecordingOptions
     from myomorph.identify.subject import IdentificationOptions
     from myomorph.motion.calibrate import CalibrationOptions
+    from myomorph.motion.envelope import EnvelopeOptions
     from myomorph.motion.ik import InverseKinematicsOptions
     from myomorph.tension.contacts import ContactOptions
     from myomorph.tension.emg_targets import EmgOptions
     from myomorph.tension.solve import TensionOptions
 
     identification = (RecordingOptions, IdentificationOptions, BodyOptions)
-    tension = (TensionOptions, ContactOptions, EmgOptions, EmgUse, TensionTables)
+    tension = (TensionOptions, ContactOptions, EmgOptions, EnvelopeOptions, EmgUse, TensionTables)
     kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
     filters = settings_of(Differentiation)
     return {
@@ -87,6 +97,8 @@ class _Subject(Strict):
     sex: Literal["female", "male"] | None = None
     age: float | None = Field(default=None, gt=0.0)
     emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
+    emg_reference: list[str] = Field(default_factory=list)
+    emg_side: Side = ""
     tasks: str | None = None
     actuators: str | None = None
     contacts: str = ""
@@ -203,6 +215,9 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
         role: existing(folder, name, f"{where}: {role}", problems)
         for role, name in (("model", subject.model), ("tasks", subject.tasks), ("actuators", subject.actuators))
     }
+    reference = [
+        path for one in subject.emg_reference for path in matching(folder, one, f"{where}: emg_reference", problems)
+    ]
     if not subject.trials:
         problems.append(f"{where}: has no trials")
     for given in subject.trials:
@@ -229,6 +244,8 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
                 plates=tuple(trial.plates),
                 emg=emg,
                 emg_muscles={channel: tuple(names) for channel, names in subject.emg_muscles.items()},
+                emg_reference=tuple(reference),
+                emg_side=subject.emg_side,
                 tasks=shared["tasks"],
                 actuators=shared["actuators"],
                 contacts=_contacts(trial.contacts or subject.contacts, folder, where, problems),

@@ -15,6 +15,9 @@ Options = TypeVar("Options")
 Measured: TypeAlias = Literal["exact", "shared", "hidden"]
 """What measured forces are used for where contacts are estimated."""
 
+Side: TypeAlias = Literal["", "right", "left"]
+"""Side of a body, "" where it is not told."""
+
 SIMPLE = (bool, int, float, str)
 
 

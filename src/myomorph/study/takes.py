@@ -9,13 +9,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from myomorph.model.errors import BadData
-from myomorph.model.model import Actuator, Model, index_of
+from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
-from myomorph.model.series import Emg, Motion, Trial
+from myomorph.model.series import Motion, Trial
+from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
+from myomorph.study.emg_files import open_emg
 from myomorph.study.results import file_source, value_source
-from myomorph.study.settings import Differentiation, EmgUse, Measured, TensionTables, TorqueTable, with_settings
+from myomorph.study.settings import Differentiation, EmgUse, Measured, Side, TensionTables, TorqueTable, with_settings
 from myomorph.study.steps import Take
 
 if TYPE_CHECKING:
@@ -37,6 +39,8 @@ class FileTake:
     bodies : prefix of the columns of each force in a table, and the body it acts on
     plates : bodies that stand on the plates of a C3D file, in the plates' order
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
+    emg_reference : recordings of maximum voluntary contractions, that raw EMG is scaled to
+    emg_side : side of channels whose names tell none
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
     mass : of the subject [kg]
@@ -53,6 +57,8 @@ class FileTake:
     plates: tuple[str, ...] = ()
     emg: Path | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_reference: tuple[Path, ...] = ()
+    emg_side: Side = ""
     tasks: Path | None = None
     actuators: Path | None = None
     contacts: str = ""
@@ -130,6 +136,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         ("emg", files.emg),
         ("tasks", files.tasks),
         ("actuators", files.actuators),
+        *(("emg reference", path) for path in files.emg_reference),
     )
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
@@ -139,14 +146,24 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     if files.bodies or files.plates:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
-    emg = None if files.emg is None else inputs.open_emg(files.emg)
+    given = (
+        None
+        if files.emg is None
+        else open_emg(
+            files.emg,
+            model,
+            files.emg_muscles,
+            with_settings(EnvelopeOptions(), settings.get("tension", {})),
+            files.emg_reference,
+        )
+    )
     return Take(
         name=name,
         subject=files.subject or model.name,
         model=model,
         loads=_file_loads(files, model),
-        emg=emg,
-        emg_muscles={} if emg is None else _emg_muscles(emg, files, model),
+        emg=None if given is None else given.emg,
+        emg_muscles={} if given is None else given.muscles,
         mass=files.mass,
         kinematics=kinematics_options(files, settings.get("ik", {}), model),
         derivatives=derivative_options(settings),
@@ -157,7 +174,10 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         tables=with_settings(TensionTables(), settings.get("tension", {})),
         actuators=_actuators(files, model),
         sources=tuple(sources),
-        warnings=tuple(f"{files.model.name}: {text}" for text in model.warnings),
+        warnings=(
+            *(f"{files.model.name}: {text}" for text in model.warnings),
+            *(() if given is None else given.notes),
+        ),
     )
 
 
@@ -169,14 +189,6 @@ def contact_sources(files: FileTake) -> list[Source]:
     if files.contacts == AUTO:
         return [told]
     return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
-
-
-def _emg_muscles(emg: Emg, files: FileTake, model: Model) -> Mapping[str, tuple[str, ...]]:
-    for channel, muscles in files.emg_muscles.items():
-        index_of("EMG channel", channel, emg.names, str(files.emg))
-        for muscle in muscles:
-            model.muscle(muscle)
-    return inputs.muscles_of_channels(emg.names, model) | dict(files.emg_muscles)
 
 
 def load_tables(path: Path) -> list[Source]:

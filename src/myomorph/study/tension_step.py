@@ -10,22 +10,21 @@ from typing import TYPE_CHECKING, Any
 from myomorph.io.loads_write import write_external_loads
 from myomorph.io.sto import write_sto
 from myomorph.model.model import Actuator
-from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.model.series import Series, Table, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study import contact_store
 from myomorph.study import stored as store
+from myomorph.study.emg_step import EMG_TABLE, emg_takes_part, told_by_emg, write_calibration
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter
 from myomorph.study.steps import Found, Take, solve_dynamics, torque_table
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.contacts import ContactOptions
-from myomorph.tension.emg_targets import emg_targets
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 if TYPE_CHECKING:
     from myomorph.study.contact_step import ContactSetting
-    from myomorph.tension.emg import EmgTarget
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
 
@@ -49,9 +48,11 @@ def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) ->
         more["contacts"] = setting.task
         if setting.exact is not found.wrenches:
             torques = inverse_dynamics(take.model, found.motion, setting.exact)
-    target, notes = _target(take, found.motion)
-    if target is not None:
-        more["emg"] = target
+    notes: tuple[str, ...] = ()
+    if emg_takes_part(take):
+        told = told_by_emg(take, found.motion, torques, options, added, None if setting is None else setting.task)
+        more["emg"], notes = told.target, told.notes
+        write_calibration(told, take.emg_muscles, folder / EMG_TABLE)
     with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
         tension = solve_tension(take.model, found.motion, torques, options, added, advance, **more)
     _write_tension(take, tension, added, writer, folder)
@@ -76,16 +77,6 @@ def _setting(take: Take, found: Found) -> ContactSetting:
     assert found.motion is not None
     options = take.contact_options or ContactOptions()
     return set_contacts(take.contacts, take.model, found.motion, found.wrenches, options, take.plates, take.plate_time)
-
-
-def _target(take: Take, motion: Motion) -> tuple[EmgTarget | None, tuple[str, ...]]:
-    """What EMG tells of activations, where it is to take part, and what is doubtful about it."""
-    if take.emg is None or take.emg_options is None or take.emg_use.emg_shown_only:
-        return None, ()
-    if not take.emg_muscles:
-        names = ", ".join(take.emg.names)
-        return None, (f"EMG takes no part: no channel tells a muscle of the model; name them in emg_muscles ({names})",)
-    return emg_targets(take.emg, take.emg_muscles, take.model, motion.time, take.emg_options), ()
 
 
 def _write_tension(

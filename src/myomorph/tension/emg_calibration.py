@@ -14,17 +14,22 @@ from myomorph.model.spatial import Array
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
+from myomorph.tension.contacts import ContactTask
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
 from myomorph.tension.solve import TensionOptions, solve_tension
 
 
 @dataclass(frozen=True, eq=False)
 class EmgTrial:
-    """What calibration takes of one trial: a motion with velocities, its torques, and envelopes on their clock."""
+    """What calibration takes of one trial: a motion with velocities, its torques, and envelopes on their clock.
+
+    Where forces of contacts are unknown, `torques` are those without them, and `contacts` tells where they act.
+    """
 
     motion: Motion
     torques: Series
     emg: Emg
+    contacts: ContactTask | None = None
 
 
 def calibrate_emg(
@@ -60,7 +65,7 @@ def calibrate_emg(
     told = [Emg(emg.time, names, np.array([emg[one] for one in names]).T) for emg in cleaned]
     predicted = []
     for trial in trials:
-        alone = solve_tension(model, trial.motion, trial.torques, tension, actuators)
+        alone = solve_tension(model, trial.motion, trial.torques, tension, actuators, contacts=trial.contacts)
         means = channel_means(channels, alone.muscles, alone.activations)
         predicted.append(Series(trial.motion.time, names, means))
     delays, warnings = _delays(list(zip(told, predicted, strict=True)), options)

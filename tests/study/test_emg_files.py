@@ -1,0 +1,88 @@
+"""EMG of files: raw or envelopes, channels and their muscles, and what is wrong with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.io.sto import write_sto
+from myomorph.model.errors import BadFile, UnknownName
+from myomorph.model.series import Table
+from myomorph.motion.envelope import envelopes
+from myomorph.study.emg_files import muscles_of_channels, open_emg
+from myomorph.study.inputs import open_model
+
+HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"
+
+
+@pytest.fixture(scope="module")
+def walker(data):
+    return open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+
+
+@pytest.fixture
+def raw(tmp_path):
+    """A minute of noise of 1 kHz whose amplitude rises and falls, in a file."""
+    time = np.arange(4000) / 1000.0
+    noise = np.random.default_rng(4).normal(size=(len(time), 2)) * (1.2 + np.sin(3.0 * time))[:, None]
+    table = Table(time, ("soleus_r", "CH7"), 1e-3 * noise)
+    write_sto(table, tmp_path / "raw.sto")
+    return tmp_path / "raw.sto", table
+
+
+def test_channels_find_their_muscles(walker):
+    channels = ("soleus_r", " vas_lat_l_activation", "bifemlh_r", "soleus", "CH1", "glut_med_l")
+    assert muscles_of_channels(channels, walker) == {
+        "soleus_r": ("soleus_r",),
+        " vas_lat_l_activation": ("vaslat_l",),
+        "bifemlh_r": ("bflh_r",),
+        "glut_med_l": ("glmed1_l", "glmed2_l", "glmed3_l"),
+    }
+
+
+def test_envelopes_of_any_scale(tmp_path, walker):
+    (tmp_path / "small.sto").write_text(HEAD + "0\t0.1\t0.2\n1\t0.5\t-0.1\n2\t0.9\t1.1\n")
+    (tmp_path / "large.sto").write_text(HEAD + "0\t10\t2\n1\t50\t1\n2\t90\t4\n")
+    small = open_emg(tmp_path / "small.sto", walker, {})
+    np.testing.assert_allclose(small.emg["b"], [0.2, 0.0, 1.1])
+    assert any("'b' is negative" in note for note in small.notes)
+    large = open_emg(tmp_path / "large.sto", walker, {})
+    np.testing.assert_allclose(large.emg["a"], [1 / 9, 5 / 9, 1.0])
+    np.testing.assert_allclose(large.emg["b"], [0.5, 0.25, 1.0])
+    assert any("scaled to its own largest" in note for note in large.notes)
+
+
+def test_raw_channels_become_envelopes(raw, walker):
+    path, table = raw
+    found = open_emg(path, walker, {"CH7": ("tibant_r",)})
+    np.testing.assert_allclose(found.emg.values, envelopes(table).values, atol=1e-6)
+    assert found.muscles == {"soleus_r": ("soleus_r",), "CH7": ("tibant_r",)}
+    assert "raw EMG" in found.notes[0]
+
+
+def test_a_reference_scales_raw_channels(raw, walker, tmp_path):
+    path, table = raw
+    write_sto(Table(table.time, table.names, 2.0 * table.values), tmp_path / "mvc.sto")
+    own, by_reference = open_emg(path, walker, {}), open_emg(path, walker, {}, reference=[tmp_path / "mvc.sto"])
+    np.testing.assert_allclose(by_reference.emg.values, 0.5 * own.emg.values, rtol=1e-6)
+
+
+def test_a_dead_raw_channel_is_named_and_unknown(raw, walker, tmp_path):
+    _, table = raw
+    values = table.values.copy()
+    values[1000:2000, 1] = 0.0
+    write_sto(Table(table.time, table.names, values), tmp_path / "dead.sto")
+    found = open_emg(tmp_path / "dead.sto", walker, {})
+    assert any("'CH7' does not change from" in note for note in found.notes)
+    assert np.isnan(found.emg["CH7"][1500])
+    assert np.isfinite(found.emg["soleus_r"]).all()
+
+
+def test_what_does_not_exist_is_named(raw, walker, tmp_path):
+    path, _ = raw
+    with pytest.raises(UnknownName, match="'CH8'"):
+        open_emg(path, walker, {"CH8": ("soleus_r",)})
+    with pytest.raises(UnknownName, match="'soleous_r'"):
+        open_emg(path, walker, {"CH7": ("soleous_r",)})
+    with pytest.raises(BadFile, match="holds no EMG"):
+        open_emg(tmp_path / "emg.xlsx", walker, {})
