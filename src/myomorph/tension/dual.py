@@ -49,7 +49,7 @@ def _pulled(w, p, target, near, pull, x, s):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _response(w, p, least, greatest, low, high, pull, target, s):
-    """x at the reduced multiplier s, and dx/ds there (0 on a bound); of one variable, so scalars alone."""
+    """X at the reduced multiplier s, and dx/ds there (0 on a bound); of one variable, so scalars alone."""
     if p == 2.0:
         x, slope = target + 0.5 * s / w, 0.5 / w
         if pull > 0.0 and not low <= x <= high:
@@ -346,6 +346,8 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
     accepted = 10.0 * TOLERANCE if steepest <= 2.0 else 1e-6
     linked = links.scale.shape[1]
     last, over = np.inf, links.over
+    # How far what a frame is drawn to has moved since it was solved: where little, its solution stands.
+    drift = np.zeros(frames)
     for sweep in range(links.sweeps + 1 if linked else 1):
         moved = 0.0
         for frame in range(frames):
@@ -359,28 +361,34 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
                 own = well
             else:
                 continue
-            imbalance[frame], more, status[frame] = _solve_frame(
-                S,
-                values[frame],
-                balance[frame],
-                targets[min(frame, targets.shape[0] - 1)],
-                own,
-                accepted,
-                x[frame],
-                y[frame],
-                by_variable,
-                by_row,
-                M,
-            )
-            iterations[frame] += more
+            if sweep < 2 or drift[frame] > 0.1 * links.tolerance:
+                imbalance[frame], more, status[frame] = _solve_frame(
+                    S,
+                    values[frame],
+                    balance[frame],
+                    targets[min(frame, targets.shape[0] - 1)],
+                    own,
+                    accepted,
+                    x[frame],
+                    y[frame],
+                    by_variable,
+                    by_row,
+                    M,
+                )
+                iterations[frame] += more
+                drift[frame] = 0.0
             if sweep == 0 and status[frame] != MISSING:
                 for j in range(n):
                     warm[j] = y[frame, j] if status[frame] == OPTIMAL else 0.0
+            most = 0.0
             for g in range(linked):
-                found = links.scale[frame, g] * x[frame, links.first + g]
-                change = found - links.amount[frame, g]
-                moved = max(moved, abs(change))
+                change = links.scale[frame, g] * x[frame, links.first + g] - links.amount[frame, g]
+                most = max(most, abs(change))
                 links.amount[frame, g] += change if sweep == 0 else over * change
+            moved = max(moved, most)
+            for beside in (frame - 1, frame + 1):
+                if sweep > 0 and 0 <= beside < frames:
+                    drift[beside] += over * most
         if sweep > 0 and moved <= links.tolerance:
             break
         # Over-relaxation that does not pay is given up: plain passes always approach the optimum.

@@ -17,10 +17,10 @@ from myomorph.model.spatial import Array
 from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.separable import Links
 
-FELT = 1e-4
+FELT = 1e-3
 """Share of a change beyond a window's margins that may still be felt inside it."""
 
-CLOSE = 1e-5
+CLOSE = 1e-4
 """Passes over a window end when no amplitude changes by more [body weights]."""
 
 REFERENCE = 0.01
