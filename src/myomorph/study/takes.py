@@ -146,17 +146,12 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     if files.bodies or files.plates:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
-    given = (
-        None
-        if files.emg is None
-        else open_emg(
-            files.emg,
-            model,
-            files.emg_muscles,
-            with_settings(EnvelopeOptions(), settings.get("tension", {})),
-            files.emg_reference,
-        )
-    )
+    given = None
+    if files.emg is not None:
+        envelope = with_settings(EnvelopeOptions(), settings.get("tension", {}))
+        given = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
+    if files.emg_muscles or files.emg_side:
+        sources.append(value_source("emg", "muscles of channels", sorted(files.emg_muscles.items()), files.emg_side))
     return Take(
         name=name,
         subject=files.subject or model.name,
