@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.contacts import Site
 from myomorph.model.model import Model
-from myomorph.model.series import Motion
+from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
@@ -129,6 +129,20 @@ def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
     return Floor(cluster(level[slow if slow.any() else calm]) if height is None else height, glide)
 
 
+def plate_height(model: Model, plates: Wrenches | None) -> float | None:
+    """Height of loaded plates' centers of pressure, the median along up; None where there is none [m].
+
+    Points that a force table writes at exactly zero while it is unloaded do not count.
+    """
+    if plates is None:
+        return None
+    up = up_of(model)
+    pressing = np.nan_to_num(plates.forces @ up)
+    heights = plates.points @ up
+    firm = np.isfinite(heights) & (pressing > 0.3 * pressing.max(initial=0.0)) & (pressing > 0.0)
+    return float(np.median(heights[firm])) if firm.any() else None
+
+
 def cluster(values: Array) -> float:
     """Median of the values (n,) inside the narrowest interval that holds a share `CLUSTER` of them."""
     ordered = np.sort(values)
@@ -144,8 +158,8 @@ def rest_on_floor(
     """Sites moved along the floor's normal so that each lies on it while its group rests, and that floor.
 
     How thick a sole is, no model tells; shoes and markers' places make some centimetres of it. A group rests in
-    the frames in which it is low and its sites, on the mean, are slow against the floor; each site is moved by the median of
-    its heights there.
+    the frames in which it is low and its sites, on the mean, are slow against the floor; each site is moved by the
+    median of its heights there.
 
     Parameters
     ----------

@@ -1,0 +1,243 @@
+"""Recordings whose measured ground forces are hidden and estimated: what they are made of, and who solves them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from myomorph.contact.shared import assign_feet
+from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
+from myomorph.contact.sites import body_sites, foot_sites
+from myomorph.contact.states import ContactStateOptions, find_contacts, steady
+from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.io.loads import read_external_loads
+from myomorph.io.models import read_model
+from myomorph.io.tasks import read_ik_tasks
+from myomorph.io.trc import read_trc
+from myomorph.model.contacts import Contacts, SharedWrench, Site
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.study.inputs import force_table
+from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.solve import Tension, solve_tension
+
+OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
+GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
+TREADMILL = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
+
+CALM, QUICK = 6.0, 12.0
+"""Low-pass of motion and forces where the body never flies, and where it does: the field's for walks and runs [Hz]."""
+
+Formulation = Literal["simultaneous", "sequential"]
+
+
+@dataclass(frozen=True)
+class HiddenCase:
+    """A recording with force plates.
+
+    Attributes
+    ----------
+    seated : a chair carries too, which no plate measures: a seat is a contact, and every frame counts
+    calibrated : the model is generic: its lengths and markers' places are found from the recordings first
+    """
+
+    name: str
+    model: str
+    markers: str
+    forces: str
+    mass: float
+    tasks: str = ""
+    seated: bool = False
+    calibrated: bool = False
+
+
+CASES = (
+    HiddenCase("walk, Rajagopal", f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/markers_walk.trc",
+               f"{RAJAGOPAL}/grf_walk.xml", 85.27),
+    HiddenCase("walk, treadmill, gait2354", f"{GAIT}/ref_scale/std_subject01_simbody.osim",
+               f"{GAIT}/experiment/subject01_walk1.trc", f"{GAIT}/experiment/subject01_walk1_grf.xml", 72.6,
+               f"{GAIT}/ref_ik/gait2354_IK_Tasks.xml"),
+    *(
+        HiddenCase(name, f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/markers/{trial}.trc",
+                   f"{OPENCAP}/grf/{trial}_external_forces.xml", 62.6, seated=trial == "STS1")
+        for name, trial in (("walk, OpenCap", "walking1"), ("sit to stand, OpenCap", "STS1"),
+                            ("drop jump, OpenCap", "DJ1"))
+    ),
+    *(
+        HiddenCase(f"run, {speed} m/s", f"{RUN}/unscaled_generic.osim", f"{RUN}/{trial}/markers.trc",
+                   f"{RUN}/{trial}/grf.mot", 82.0, calibrated=True)
+        for speed, trial in ((2, "run200"), (5, "run500"))
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Hidden:
+    """A recording ready to be estimated.
+
+    Attributes
+    ----------
+    motion : filtered, with derivatives, over the times that the plates cover
+    measured : forces on the feet through the same filter, which no estimate sees
+    raw : the same unfiltered, at their own times
+    use : (frames,) in which the plates measure all that is compared
+    cutoff : of the filter [Hz]
+    """
+
+    case: HiddenCase
+    model: Model
+    motion: Motion
+    sites: tuple[Site, ...]
+    contacts: Contacts
+    strengths: Series
+    measured: Wrenches
+    raw: Wrenches
+    use: np.ndarray
+    cutoff: float
+
+    @property
+    def weight(self) -> float:
+        """Of the subject [N]."""
+        return self.model.mass * float(np.linalg.norm(self.model.gravity))
+
+
+def markers_of(folder: Path, name: str) -> Markers:
+    """The markers of a TRC file."""
+    markers = read_trc(folder / name).markers
+    assert markers is not None
+    return markers
+
+
+@cache
+def subject_model(folder: Path, case_model: str, mass: float, calibrated: bool) -> Model:
+    """The model at the subject's mass; a generic one calibrated on all recordings that use it."""
+    model = read_model(folder / case_model)
+    if calibrated:
+        trials = [markers_of(folder, one.markers) for one in CASES if one.model == case_model]
+        model = calibrate(model, trials, CalibrationOptions(mass=mass)).model
+    return with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
+
+
+def cutoff_of(model: Model, motion: Motion) -> float:
+    """The rule for the low-pass filter: `QUICK` where the center of mass falls freely for 50 ms, else `CALM`."""
+    carried = site_motion(model, differentiate(motion, CALM), foot_sites(model)).carried
+    flies = steady(carried < ContactStateOptions().carried, motion.time, 0.05)
+    return QUICK if flies[1:-1].any() else CALM
+
+
+@cache
+def opened(folder: Path, case: HiddenCase) -> Hidden:
+    """Kinematics, contacts and strengths of a recording; the plates tell the height of the floor and nothing else."""
+    model = subject_model(folder, case.model, case.mass, case.calibrated)
+    weights = read_ik_tasks(folder / case.tasks).marker_weights if case.tasks else {}
+    known = {one: weight for one, weight in weights.items() if one in model.marker_names}
+    tracking = InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
+    tracked = inverse_kinematics(model, markers_of(folder, case.markers), tracking).motion
+    path = folder / case.forces
+    raw = read_external_loads(path) if path.suffix == ".xml" else force_table(path, TREADMILL)
+    cutoff = cutoff_of(model, tracked)
+    whole = differentiate(tracked, cutoff)
+    feet, floor = rest_on_floor(model, whole, foot_sites(model), plate_height(model, raw))
+    contacts = find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
+    ready = strengths(model, whole, feet, contacts, StrengthOptions(floor=floor.height))
+    sites: tuple[Site, ...] = feet
+    if case.seated:
+        seat = body_sites(model, ("seat",))
+        sitting = find_contacts(model, whole, seat)
+        also = strengths(model, whole, seat, sitting)
+        sites = (*feet, *seat)
+        ready = Series(ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values]))
+    assert whole.velocities is not None
+    motion = cut(whole, max(whole.time[0], raw.time[0]), min(whole.time[-1], raw.time[-1]))
+    at = np.isin(whole.time, motion.time)
+    owned = assign_feet(model, motion, feet, resample_wrenches(raw, motion.time, 3.0 * cutoff)).wrenches
+    raw = replace(raw, bodies=_bodies(owned, raw))
+    found = usable(model, tracked, raw, mass=case.mass, options=RecordingOptions(cutoff=cutoff))
+    use = found.use if not case.seated else _inside(motion, cutoff)
+    measured = resample_wrenches(raw, motion.time, cutoff)
+    return Hidden(
+        case,
+        model,
+        motion,
+        sites,
+        contacts,
+        Series(motion.time, ready.names, ready.values[at]),
+        measured,
+        raw,
+        use,
+        cutoff,
+    )
+
+
+def _bodies(owned: Wrenches, raw: Wrenches) -> tuple[str, ...]:
+    """The body that took most of each plate's force."""
+    found = []
+    for name in raw.names:
+        mine = [k for k, one in enumerate(owned.names) if one == name or one.startswith(f"{name}_")]
+        size = [float(np.abs(owned.forces[:, k]).sum()) for k in mine]
+        found.append(owned.bodies[mine[int(np.argmax(size))]] or "calcn_r")
+    return tuple(found)
+
+
+def _inside(motion: Motion, cutoff: float) -> np.ndarray:
+    """Frames farther from the ends than the filter reaches."""
+    reach = 0.75 / cutoff
+    return (motion.time > motion.time[0] + reach) & (motion.time < motion.time[-1] - reach)
+
+
+def estimated(
+    hidden: Hidden,
+    formulation: Formulation = "simultaneous",
+    known: Wrenches | None = None,
+    shared: tuple[SharedWrench, ...] = (),
+    ready: Series | None = None,
+) -> Tension:
+    """Contact forces and tensions of a recording with the library's defaults.
+
+    Parameters
+    ----------
+    known : forces that act as they were measured
+    shared : forces known for several sites together
+    ready : strengths to take instead
+    """
+    task = ContactTask(
+        hidden.sites,
+        ready or hidden.strengths,
+        shared,
+        ContactOptions(formulation=formulation),
+        leans(hidden.model, hidden.motion, hidden.sites),
+    )
+    torques = inverse_dynamics(hidden.model, hidden.motion, known)
+    return solve_tension(hidden.model, hidden.motion, torques, contacts=task)
+
+
+def feet_of(hidden: Hidden) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Side, measured force (frames, 3) and moment about the ground's origin of each foot that plates carried."""
+    moments = hidden.measured.torques + np.cross(hidden.measured.points, hidden.measured.forces)
+    for side, body in (("right", "calcn_r"), ("left", "calcn_l")):
+        mine = [k for k, one in enumerate(hidden.measured.bodies) if one == body]
+        force, moment = hidden.measured.forces[:, mine].sum(axis=1), moments[:, mine].sum(axis=1)
+        if (force[hidden.use, 1] > 0.05 * hidden.weight).sum() > 5:
+            yield side, force, moment
+
+
+def foot_wrench(tension: Tension, side: str) -> tuple[np.ndarray, np.ndarray]:
+    """Estimated force and moment about the ground's origin (frames, 3) of a foot."""
+    found = tension.contacts
+    assert found is not None
+    mine = [k for k, one in enumerate(found.sites) if one.group == f"foot_{side[0]}"]
+    force = found.forces[:, mine]
+    moment = found.torques[:, mine] + np.cross(found.points[:, mine], force)
+    return force.sum(axis=1), moment.sum(axis=1)
