@@ -98,6 +98,8 @@ class TensionProblem:
     actuators : the model's and those added, in the order of their controls
     contacts : what contacts add, None for nothing
     emg : what is known of activations, None for nothing
+    wells : what draws activations to EMG, as of `solve_separable`
+    smooth : how frames are linked, None where they are not
     window : frames that are solved together
     amplitudes : (frames, edges) of contacts, filled by `solve`
     """
@@ -131,9 +133,9 @@ class TensionProblem:
         self._lower = np.where(self._enabled, [one.min_activation for one in muscles], 0.0)
         self._upper = np.where(self._enabled, [one.max_activation for one in muscles], 0.0)
         self.separable = self._variables(actuators)
-        self._wells = emg_wells(emg, tree.model.muscle_names, len(self.separable.weight), len(coordinates))
-        self._smooth: Smoothing | None = smoothing(contacts, time) if contacts is not None else None
-        self.window = CHUNK if self._smooth is None else self._smooth.window
+        self.wells = emg_wells(emg, tree.model.muscle_names, len(self.separable.weight), len(coordinates))
+        self.smooth: Smoothing | None = smoothing(contacts, time) if contacts is not None else None
+        self.window = CHUNK if self.smooth is None else self.smooth.window
         frames, edges = len(coordinates), 0 if contacts is None else len(contacts.columns)
         self._activations = np.empty((frames, len(muscles)))
         self._forces = np.empty((frames, len(muscles)))
@@ -212,7 +214,7 @@ class TensionProblem:
     def solve(self, start: int, stop: int) -> None:
         """Solve the frames start ... stop - 1."""
         frames = len(self._time)
-        margin = 0 if self._smooth is None else self._smooth.margin
+        margin = 0 if self.smooth is None else self.smooth.margin
         begin, end = max(start - margin, 0), min(stop + margin, frames)
         values, right, active, passive = self.balance(begin, end)
         variables = len(self.separable.weight)
@@ -224,10 +226,10 @@ class TensionProblem:
             values,
             right,
             np.zeros((1, variables)),
-            self._wells if len(self._wells) == 1 else self._wells[begin:end],
+            self.wells if len(self.wells) == 1 else self.wells[begin:end],
             no_links()
-            if self._smooth is None
-            else self._smooth.links(begin, end, len(self._lower) + self._reserves.shape[1]),
+            if self.smooth is None
+            else self.smooth.links(begin, end, len(self._lower) + self._reserves.shape[1]),
             np.zeros(right.shape[1]),
             x,
             y,
