@@ -25,6 +25,7 @@ from myomorph.report.tracks import WIDTH, Backdrop, Track, draw_track, phase_nam
 LONGEST_SCORE = 120.0
 MOST_STRIPES = 60
 MUSCLE_ROW = 31
+THIN = 8.0
 ORDINAL = ("first", "second", "third", "fourth")
 CUT_WORDS = {
     "given": "Phases are those given.",
@@ -53,7 +54,7 @@ def analysis_sections(prepared: Prepared) -> list[Section]:
         elif panel == "phases":
             found.append(phase_section(analysis, CUT_WORDS.get(analysis.cutting.by, "")))
         elif panel == "contact forces":
-            found.append(contact_force_section(prepared, behind))
+            found.append(contact_force_section(prepared, behind, analysis.who))
         else:
             found.append(relation_section(analysis))
     return [one for one in found if one is not None]
@@ -211,7 +212,14 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     )
     letters = "xyz"
     across = (letters[first], ("−" if flip < 0 else "") + letters[second])
-    return floor_plot("Path over the ground, from above", across, paths, width=505, height=300)
+    return floor_plot("Path over the ground, from above", across, paths, width=505, height=300, level=not _thin(paths))
+
+
+def _thin(paths: list[tuple[str, str, Array]]) -> bool:
+    """Whether paths (frames, 2) together are so long and thin that one scale would hide their width."""
+    extent = np.nanmax([np.nanmax(one, axis=0) for _, _, one in paths], axis=0)
+    extent = extent - np.nanmin([np.nanmin(one, axis=0) for _, _, one in paths], axis=0)
+    return bool(extent.max() > THIN * extent.min() > 0.0)
 
 
 def _upright_path(analysis: MotionAnalysis) -> str:
@@ -251,7 +259,7 @@ def _reaching(inside: np.ndarray) -> np.ndarray:
 
 def _path_caption(analysis: MotionAnalysis) -> str:
     stages = analysis.cutting.stages
-    told = "Its origin is where it starts."
+    told = "Its origin is where it starts; each axis fills the chart where the way is long and thin."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
         words = ("blue", "violet", "green", "ochre")
         told += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."

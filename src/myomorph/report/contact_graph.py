@@ -106,16 +106,17 @@ def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
     for site in given.sites:
         if not any(key[0] == site for key in rows) and not any(one.site == site for one in given.touches):
             rows[(site, GROUND)] = []
-    found = []
+    found: list[tuple[Limb, int, Row]] = []
     for (site, surface), touches in rows.items():
         limb = limb_of(site, who) if site else Limb("", "", "")
         label = row_label(site, who) if site else printed(surface)
         if site and surface != GROUND:
             label += f" on {surface.replace('_', ' ')}"
-        found.append((limb, Row(label, limb.side, tuple(touches))))
+        place = given.sites.index(site) if site else len(found)
+        found.append((limb, place, Row(label, limb.side, tuple(touches))))
     order = {"right": 0, "left": 1, "": 2}
-    found.sort(key=lambda one: (one[0].subject, one[0].part == "foot", one[0].part, order[one[0].side]))
-    return tuple(row for _, row in found)
+    found.sort(key=lambda one: (one[0].subject, one[0].part == "foot", one[0].part, order[one[0].side], one[1]))
+    return tuple(row for _, _, row in found)
 
 
 def row_label(site: str, who: Sequence[Subject] = ()) -> str:

@@ -9,31 +9,26 @@ import numpy as np
 from myomorph.model.spatial import Array
 from myomorph.report.chart import Limit, Line, number
 from myomorph.report.estimated_forces import SITUATIONS, Group, groups_of, situation_of
-from myomorph.report.figures import axis_names, pressure_figure
+from myomorph.report.figures import axis_names
 from myomorph.report.given import ReportInput
+from myomorph.report.maps import floor_plot
 from myomorph.report.prepared import Prepared
 from myomorph.report.section import Figure, Grid, Section
+from myomorph.report.subjects import Subject
 from myomorph.report.tracks import Backdrop, Band, Track, draw_track, time_axis
 
 
-def contact_force_section(prepared: Prepared, behind: Backdrop) -> Section | None:
+def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
     """Three components of every group's force, the center of pressure and what was measured."""
     given = prepared.given
     forces = given.contact_forces
     if forces is None or not len(forces) or not forces.sites:
         return None
-    groups = groups_of(forces, given.wrenches)
+    groups = groups_of(forces, given.wrenches, who)
     figures = [Figure(_components(prepared, groups, behind), "full")]
-    pressed = forces.wrenches("group")
-    floor = pressure_figure(pressed, given.plates, prepared.up)
+    floor = _floor(prepared, groups)
     if floor:
-        figures.append(Figure(floor, "small", "Centers of pressure as estimated"))
-    if given.wrenches is not None and any(one.measured is not None for one in groups):
-        figures.append(
-            Figure(
-                pressure_figure(given.wrenches, given.plates, prepared.up), "small", "Centers of pressure as measured"
-            )
-        )
+        figures.append(Figure(floor, "full"))
     legend = [(one.style, one.label) for one in groups]
     if any(one.measured is not None for one in groups):
         legend.append(("measured", "measured"))
@@ -47,12 +42,41 @@ def contact_force_section(prepared: Prepared, behind: Backdrop) -> Section | Non
     )
 
 
+def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
+    """Centers of pressure from above, those measured in grey beneath those estimated."""
+    given = prepared.given
+    forces = given.contact_forces
+    assert forces is not None
+    k = int(np.argmax(np.abs(prepared.up)))
+    flip = -1.0 if k == 1 else 1.0
+    first, second = [i for i in range(3) if i != k]
+    paths: list[tuple[str, str, Array]] = []
+    pressed = forces.wrenches("group")
+    for label, style, wrenches in (("measured", "measured", given.wrenches), ("", "", pressed)):
+        if wrenches is None:
+            continue
+        for i, name in enumerate(wrenches.names):
+            load = np.linalg.norm(np.nan_to_num(wrenches.forces[:, i]), axis=1)
+            shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
+            points = wrenches.points[:, i][:, [first, second]] * np.array([1.0, flip])
+            group = next((one for one in groups if one.name == name), None)
+            told = label or (group.label if group else name)
+            paths.append(
+                (told, style or (group.style if group else "middle"), np.where(shown[:, None], points, np.nan))
+            )
+    outlines = [(plate.name, plate.corners[:, [first, second]] * np.array([1.0, flip])) for plate in given.plates]
+    across = ("xyz"[first], ("−" if flip < 0 else "") + "xyz"[second])
+    return floor_plot("Centers of pressure, from above", across, paths, outlines, width=1040, height=250)
+
+
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     given = prepared.given
     told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
     pairs = [one.label for one in groups if " on " in one.label]
     if pairs:
         told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
+    if any(one.measured is not None for one in groups):
+        told.append("What plates measured is grey, shown and compared while a plate carries it.")
     if given.intervals is not None:
         told.append(
             "Bands are what the data leave open: every force in them, with other muscle tensions, would move the body "
@@ -125,7 +149,7 @@ def _grid(prepared: Prepared, groups: Sequence[Group]) -> Grid:
         for vector in vectors:
             cells.append("–" if one.measured is None else _difference(one.forces @ vector, one.measured @ vector))
         rows.append(tuple(cells))
-    compared = tuple(f"off measured, {name}" for name in names)
+    compared = tuple(f"RMS off measured, {name}" for name in names)
     if not any(one.measured is not None for one in groups):
         compared, rows = (), [row[:3] for row in rows]
     return Grid(("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces")

@@ -10,10 +10,12 @@ import numpy as np
 
 from myomorph.model.contacts import ContactForces
 from myomorph.model.model import GROUND
-from myomorph.model.series import Series, Wrenches
+from myomorph.model.series import Wrenches
 from myomorph.model.spatial import Array
+from myomorph.report.contact_graph import row_label
 from myomorph.report.given import ReportInput, Situation
 from myomorph.report.phases import side_of
+from myomorph.report.subjects import Subject
 from myomorph.report.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT, Verdict
 
 SITUATIONS: Mapping[Situation, str] = MappingProxyType(
@@ -26,6 +28,7 @@ SITUATIONS: Mapping[Situation, str] = MappingProxyType(
         "situation).",
     }
 )
+LOADED = 0.03
 ORDINAL = ("first", "second", "third", "fourth")
 
 
@@ -77,7 +80,7 @@ class Group:
     ----------
     style : of the style sheet
     forces : (frames, 3) as estimated [N]
-    measured : (frames, 3) on the same bodies, None where nothing was
+    measured : (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was measured
     """
 
     name: str
@@ -88,7 +91,7 @@ class Group:
     measured: Array | None
 
 
-def groups_of(forces: ContactForces, measured: Wrenches | None) -> tuple[Group, ...]:
+def groups_of(forces: ContactForces, measured: Wrenches | None, who: Sequence[Subject] = ()) -> tuple[Group, ...]:
     """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
     names = tuple(dict.fromkeys(one.group for one in forces.sites))
     sides = [side_of(name, next(one.body for one in forces.sites if one.group == name)).lower() for name in names]
@@ -101,9 +104,11 @@ def groups_of(forces: ContactForces, measured: Wrenches | None) -> tuple[Group, 
             columns = [k for k, body in enumerate(measured.bodies) if body in bodies]
             if columns:
                 known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
+                size = np.linalg.norm(np.nan_to_num(known), axis=1)
+                known[size < LOADED * size.max(initial=0.0)] = np.nan
         style = side if side and sides.count(side) == 1 else ORDINAL[i % len(ORDINAL)]
         against = forces.sites[own[0]].against
-        label = name.replace("_", " ") + (f" on {against.replace('_', ' ')}" if against != GROUND else "")
+        label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
         found.append(Group(name, label, style, bodies, forces.forces[:, own].sum(axis=1), known))
     return tuple(found)
 
@@ -122,12 +127,14 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
     total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
     peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
     if given.residuals is not None and peak > 0.0:
-        for what, columns, scale, limit, unit, size in (
-            ("force", slice(0, 3), peak, RESIDUAL_FORCE, "% of peak external force", "N"),
-            ("moment", slice(3, 6), peak * height, RESIDUAL_MOMENT, "% of COM height × peak external force", "N·m"),
+        for what, letter, scale, limit, unit, size in (
+            ("force", "F", peak, RESIDUAL_FORCE, "% of peak external force", "N"),
+            ("moment", "M", peak * height, RESIDUAL_MOMENT, "% of COM height × peak external force", "N·m"),
         ):
-            values = np.linalg.norm(given.residuals.values[:, columns], axis=1)
-            if not (np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any()):
+            names = given.residuals.names
+            own = [k for k, name in enumerate(names) if name.removeprefix("residual_").startswith(letter)]
+            values = np.linalg.norm(given.residuals.values[:, own], axis=1)
+            if not (np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any() and own):
                 continue
             at = int(np.nanargmax(values))
             rms = float(np.sqrt(np.nanmean(values**2)))
@@ -161,19 +168,3 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
         )
     )
     return rows
-
-
-def residuals_of(names: Sequence[str], values: Array, time: Array) -> Series | None:
-    """Residuals of a solved tension as `ReportInput.residuals`, of several floating bodies summed in size.
-
-    Parameters
-    ----------
-    names : `Tension.reserve_names`; those of residuals begin with "residual_"
-    values : (frames, names) `Tension.reserves` [N], [N m]
-    """
-    axes = [f"{letter}{axis}" for letter in "FM" for axis in "XYZ"]
-    columns = [[k for k, name in enumerate(names) if name.startswith(f"residual_{one}")] for one in axes]
-    if not all(columns):
-        return None
-    joined = [values[:, own[0]] if len(own) == 1 else np.linalg.norm(values[:, own], axis=1) for own in columns]
-    return Series(time, tuple(axes), np.stack(joined, axis=1))

@@ -183,7 +183,8 @@ class ReportInput:
     contacts : which site touches what; None takes what the forces tell
     contact_forces : as estimated, beside `wrenches` as measured
     intervals : of the contact forces, as far as they are known
-    residuals : (frames, 6) force and moment that still hold the root once contacts carry [N], [N m]
+    residuals : (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what
+        floats once contacts carry [N], [N m]
     uncarried : frames whose contacts could not carry the motion
     situation : how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
         "sound", or "unknown" and solved for; "" tells it by what is given

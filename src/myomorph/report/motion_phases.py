@@ -166,7 +166,7 @@ def _cycles(what: Cuttable) -> tuple[Stage, ...]:
     names = [f"Cycle {i + 1}" for i in range(count)]
     if what.span[1] - borders[-1] > 0.1 * what.period:
         borders.append(what.span[1])
-        names.append("rest")
+        names.append("Remainder")
     return _single(borders, names)
 
 

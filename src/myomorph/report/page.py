@@ -122,6 +122,11 @@ def rendered(
         instants=instants,
         motion=motion,
         muscles_colored=given.tension is not None,
+        arrows=""
+        if acting_forces(given) is None
+        else "ground"
+        if given.contact_forces is None
+        else "estimated contact",
         references=references,
     )
 

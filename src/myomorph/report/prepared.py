@@ -110,8 +110,11 @@ def prepare(given: ReportInput) -> Prepared:
     # A model of part of a body does not weigh what stands on the plates.
     whole = weight if not given.root_note else None
     movement = Movement()
-    if given.wrenches is not None and len(given.wrenches.names):
-        movement = find_movement(given.wrenches, up, whole, com)
+    pressing = given.wrenches
+    if pressing is None and given.contact_forces is not None:
+        pressing = given.contact_forces.wrenches()
+    if pressing is not None and len(pressing.names):
+        movement = find_movement(pressing, up, whole, com)
     if given.events is not None:
         kind = movement.kind if not given.events else movement.kind or "movement"
         movement = Movement(kind, tuple(sorted(given.events, key=lambda one: one.time)), movement.measures)

@@ -160,6 +160,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
     truth = store.get_truth(found)
     arms = found.names.get("crossing_coordinate", ())
     fit = store.get_fit(found)
+    contacts = contact_store.get_contact_forces(found)
     warnings = [*json.loads(facts.get("warnings", "[]")), *_mass_doubt(mass, model)]
     return ReportInput(
         title=": ".join(one for one in (facts.get("subject", ""), facts.get("trial", "")) if one) or model.name,
@@ -179,8 +180,8 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         plates=store.get_plates(found),
         torques=contact_store.get_carried(found) or store.get_torques(found),
         contacts=contact_store.get_contacts(found),
-        contact_forces=contact_store.get_contact_forces(found),
-        residuals=_residuals(tension),
+        contact_forces=contacts,
+        residuals=_residuals(tension) if contacts is not None else None,
         situation=contact_store.get_situation(found),
         root_note=facts.get("root_note", ""),
         lengths=_lengths(found),
@@ -197,7 +198,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
 
 def _residuals(tension: Tension | None) -> Series | None:
     """Forces and torques that hold a floating root, as far as they are not the contacts' (frames, residuals)."""
-    if tension is None or tension.contacts is None or not tension.residual_names:
+    if tension is None or not tension.residual_names:
         return None
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]
     return Series(tension.time, tension.residual_names, tension.reserves[:, columns])
