@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.contact.shared import shared_wrenches
+from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import leans, strengths
+from myomorph.contact.states import ContactStateOptions, find_contacts
+from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -56,15 +57,18 @@ def set_contacts(
     BadData
         where there is no site, or touches are told of a site that does not exist
     """
-    sites = (*(foot_sites(model) if plan.feet else ()), *plan.sites)
+    feet = foot_sites(model) if plan.feet else ()
+    feet, floor = rest_on_floor(model, motion, feet, plate_height(model, measured)) if feet else (feet, None)
+    sites = (*feet, *plan.sites)
     if not sites:
         raise BadData(
             f"model '{model.name}' has no contact site: none of its bodies is called a foot; name sites in a contact "
             "file (--contacts FILE.toml)"
         )
     seen = None if plan.measured == "hidden" else measured
-    contacts = _all_contacts(plan, model, motion, sites, seen)
-    ready = strengths(model, motion, sites, contacts)
+    height = None if floor is None else floor.height
+    contacts = _all_contacts(plan, model, motion, sites, seen, ContactStateOptions(floor=height))
+    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     if plan.measured == "exact" and measured is not None:
         ready = _unmeasured(ready, sites, measured)
     shared: tuple[SharedWrench, ...] = ()
@@ -79,7 +83,12 @@ def set_contacts(
 
 
 def _all_contacts(
-    plan: ContactPlan, model: Model, motion: Motion, sites: tuple[Site, ...], measured: Wrenches | None
+    plan: ContactPlan,
+    model: Model,
+    motion: Motion,
+    sites: tuple[Site, ...],
+    measured: Wrenches | None,
+    options: ContactStateOptions,
 ) -> Contacts:
     """Touches that a file tells; those of every other site from plates and motion."""
     names = tuple(one.name for one in sites)
@@ -93,7 +102,7 @@ def _all_contacts(
         for one in sites
         if plan.when.get(one.name, "motion") == "motion" and (told is None or one.name not in told.sites)
     )
-    found = find_contacts(model, motion, by_motion, plates=measured) if by_motion else None
+    found = find_contacts(model, motion, by_motion, options, measured) if by_motion else None
     parts = [one for one in (told, found) if one is not None]
     touches = tuple(touch for one in parts for touch in one.touches)
     return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
