@@ -1,0 +1,160 @@
+"""Sites under feet: on the sole of every model, where plates feel the foot, and on the floor after a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mujoco_models import compiled
+from numpy.testing import assert_allclose
+
+from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion, up_of
+from myomorph.contact.sites import body_poses, body_sites, feet_of, foot_sites
+from myomorph.io.loads import read_external_loads
+from myomorph.io.mesh import read_surfaces
+from myomorph.io.mjcf import model_from_mujoco
+from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.spatial import Transform
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+
+OSIM = (
+    "rajagopal-walk-emg/subject_walk_scaled.osim",
+    "opensim-gait-subject01/ref_id/subject01.osim",
+    "hamner-run-subject04/unscaled_generic.osim",
+    "opencap-subject4-multitask/models/manually_scaled.osim",
+    "lenhart-knee-contact-walk/lenhart2015.osim",
+)
+
+
+def checked_soles(model: Model) -> None:
+    """Each foot has six sites in convex order, under the ankle, ahead of the heel, and mirrored on the other foot."""
+    sites, poses, up = foot_sites(model), body_poses(model), up_of(model)
+    placed = {one.name: poses[one.body].apply(one.points[0]) for one in sites}
+    assert [one.group for one in sites] == ["foot_r"] * 6 + ["foot_l"] * 6
+    for foot in feet_of(model):
+        side, forward = foot.name[-2:], foot.axes[:, 0]
+        ankle = poses[foot.heel].translation
+        mine = {name[: -len(side)]: x for name, x in placed.items() if name.endswith(side)}
+        assert all((x - ankle) @ up < 0.0 for x in mine.values())
+        along = {name: (x - ankle) @ forward for name, x in mine.items()}
+        assert along["heel_medial"] < along["ball_lateral"] < along["ball_medial"] < along["toe_medial"]
+        for part in ("heel", "ball", "toe"):
+            outer, inner = mine[f"{part}_lateral"], mine[f"{part}_medial"]
+            assert (outer - inner) @ foot.axes[:, 2] > 0.02
+    for name, x in placed.items():
+        if name.endswith("_r"):
+            other = placed[name[:-1] + "l"]
+            assert abs((x - other) @ up) < 0.005
+            assert abs((x - other) @ feet_of(model)[0].axes[:, 0]) < 0.01
+
+
+@pytest.mark.parametrize("name", OSIM)
+def test_soles_of_opensim_models(data, name):
+    checked_soles(read_model(data(name)))
+
+
+@pytest.mark.parametrize("name", ["myolegs", pytest.param("MyoFullBody", marks=pytest.mark.long)])
+def test_soles_of_mujoco_models(name):
+    model = model_from_mujoco(compiled(name))
+    checked_soles(model)
+    assert all(one.cone.direction[2] == 1.0 for one in foot_sites(model))
+
+
+def test_a_foot_turned_with_its_model_keeps_its_sites(data):
+    """Sites are fixed to the body: turning the model's ground about the vertical changes none of them."""
+    model = read_model(data(OSIM[0]))
+    turn = Transform.from_euler_xyz((0.0, 0.7, 0.0), (0.3, 0.0, -0.2))
+    joints = tuple(
+        replace(one, parent_frame=turn @ one.parent_frame) if one.parent == "ground" else one for one in model.joints
+    )
+    for one, other in zip(foot_sites(model), foot_sites(replace(model, joints=joints)), strict=True):
+        assert_allclose(one.points, other.points, atol=1e-9)
+
+
+def test_bones_tell_where_a_sole_is(data):
+    model = read_model(data(OSIM[0]))
+    surfaces, _ = read_surfaces(model, [data("bones-opensim-rajagopal/Geometry")])
+    by_bones = {one.name: one.points[0] for one in foot_sites(model, surfaces)}
+    for one in foot_sites(model):
+        # Proportions and bones agree to the width of a finger.
+        assert np.linalg.norm(by_bones[one.name] - one.points[0]) < 0.025
+    tip = surfaces["r_bofoot.vtp"].vertices[:, 0].max() * model.body("toes_r").meshes[0].scale[0]
+    assert by_bones["toe_medial_r"][0] == pytest.approx(tip, abs=1e-6)
+
+
+def test_no_foot_is_guessed(data):
+    for name in ("opensim-reference-small/arm26_bounds.osim", "mouse-skeleton-keypoints/mouse_with_meshes.xml"):
+        with pytest.raises(BadData, match="name contact sites"):
+            foot_sites(read_model(data(name)))
+
+
+def test_sites_of_hands_and_seat(data):
+    model = read_model(data(OSIM[0]))
+    hand, seat, back = body_sites(model, ("hand_r", "seat", "back"))
+    assert hand.body == "hand_r"
+    assert hand.cone.direction is None
+    poses = body_poses(model)
+    hips = poses["femur_r"].translation[1]
+    assert 0.05 < hips - poses["pelvis"].apply(seat.points).mean(axis=0)[1] < 0.12
+    assert poses["torso"].apply(back.points)[:, 0].mean() < poses["torso"].translation[0]
+    with pytest.raises(UnknownName, match="hand_r"):
+        body_sites(model, ("nose",))
+
+
+def test_a_cluster_is_where_most_values_lie():
+    values = np.concatenate([np.linspace(0.3, 1.0, 70), np.full(40, 0.2) + 0.001 * np.arange(40) / 40])
+    assert cluster(values) == pytest.approx(0.2005, abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def walk(data):
+    """The walk of Rajagopal's example, and what plates measured of it at the motion's times."""
+    model = read_model(data(OSIM[0]))
+    whole = motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model)
+    thin = type(whole)(whole.time[::10], whole.names, whole.values[::10])
+    motion = differentiate(thin, 6.0)
+    return (
+        model,
+        motion,
+        resample_wrenches(read_external_loads(data("rajagopal-walk-emg/grf_walk.xml")), motion.time, 20.0),
+    )
+
+
+def test_soles_rest_on_the_floor_of_the_plates(walk):
+    model, motion, wrenches = walk
+    height = plate_height(model, wrenches)
+    assert height == pytest.approx(0.0, abs=1e-6)
+    sites, floor = rest_on_floor(model, motion, foot_sites(model), height)
+    again, _ = rest_on_floor(model, motion, sites, height)
+    for one, other in zip(sites, again, strict=True):
+        assert_allclose(one.points, other.points, atol=1e-3)
+    assert abs(floor_under(site_motion(model, motion, sites)).height) < 0.01
+    assert not floor.velocity.any()
+
+
+def test_centers_of_pressure_lie_inside_the_soles(walk):
+    """Measured centers of pressure of a loaded foot are inside the polygon of its sites, or a finger beside it."""
+    model, motion, wrenches = walk
+    sites, _ = rest_on_floor(model, motion, foot_sites(model), 0.0)
+    moving = site_motion(model, motion, sites)
+    for foot, group in ((0, "foot_r"), (1, "foot_l")):
+        members = [k for k, one in enumerate(sites) if one.group == group]
+        loaded = wrenches.forces[:, foot, 1] > 0.3 * model.mass * 9.81
+        corners = moving.places[loaded][:, [members[k] for k in (0, 2, 4, 5, 3, 1)]][..., [0, 2]]
+        point = wrenches.points[loaded, foot][:, [0, 2]]
+        assert np.mean(_outside(corners, point) < 0.02) > 0.97
+
+
+def _outside(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance of points (frames, 2) outside convex polygons (frames, corners, 2), 0 inside."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    side = np.einsum("fki,fki->fk", points[:, None] - corners, normals)
+    middle = np.einsum("fki,fki->fk", corners.mean(axis=1, keepdims=True) - corners, normals)
+    return np.maximum((side * -np.sign(middle)).max(axis=1), 0.0)
