@@ -113,7 +113,7 @@ def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
         wrenches = resample_wrenches(read_external_loads(folder / case.loads), motion.time)
     torques = inverse_dynamics(model, motion, wrenches)
     problem, _ = tension_problem(model, motion, torques, TensionOptions(passive=False, reserve=10.0, residual=100.0))
-    values, right, _, _ = problem.balance(0, len(motion))
+    values, right = problem.balance(0, len(motion))[:2]
     S = problem.separable
     columns = np.repeat(np.arange(len(S.weight)), np.diff(S.start))
     A = np.zeros((len(motion), right.shape[1], len(S.weight)))

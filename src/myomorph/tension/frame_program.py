@@ -90,14 +90,14 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
 
 def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:
     """A and b of the equations of motion, and S and what it should add up to of the rows that contacts add."""
-    values, right, _, _ = problem.balance(frame, frame + 1)
+    given = problem.balance(frame, frame + 1)
     pattern, extra = problem.assembly.pattern, problem.assembly.extra_row
     variables = len(problem.separable.weight)
     matrix = np.zeros((len(pattern.order), variables))
-    matrix[pattern.row, np.repeat(np.arange(variables), np.diff(pattern.start))] = values[0]
+    matrix[pattern.row, np.repeat(np.arange(variables), np.diff(pattern.start))] = given.values[0]
     shared = variables - len(extra)
     mine = problem.assembly.coordinate_row
-    return matrix[mine, :shared], right[0, mine], matrix[extra, :shared], right[0, extra]
+    return matrix[mine, :shared], given.right[0, mine], matrix[extra, :shared], given.right[0, extra]
 
 
 def _emg(problem: TensionProblem, frame: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -83,6 +84,24 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
         elif name in needed:
             raise UnknownName("coordinate", name, torques.names, "the table of torques")
     return found
+
+
+class Balance(NamedTuple):
+    """A x = b of some frames, and what the muscles can pull with.
+
+    Attributes
+    ----------
+    values, right : (frames, entries) of A and (frames, rows) b, in the order of the pattern
+    active, passive, viscous : (frames, muscles) force per unit activation, passive elastic and viscous force [N]
+    torques : (frames, coordinates) of the rows, passive and viscous forces of muscles not taken off [N m or N]
+    """
+
+    values: Array
+    right: Array
+    active: Array
+    passive: Array
+    viscous: Array
+    torques: Array
 
 
 class TensionProblem:
@@ -172,14 +191,8 @@ class TensionProblem:
             upper = np.concatenate([upper, np.full(len(edges), np.inf), extra.upper])
         return Separable(shape.start, shape.row, shape.first, weight, exponent, lower, upper)
 
-    def balance(self, start: int, stop: int) -> tuple[Array, Array, Array, Array]:
-        """A and b of the frames start ... stop - 1, and what the muscles can pull with.
-
-        Returns
-        -------
-        values, right : (frames, entries) of A and (frames, rows) b, in the order of the pattern
-        active, passive : (frames, muscles) force per unit activation and passive elastic force [N]
-        """
+    def balance(self, start: int, stop: int) -> Balance:
+        """What the frames start ... stop - 1 have to balance."""
         assembly, part, frames = self.assembly, slice(start, stop), stop - start
         muscles = len(self._lower)
         c = np.ascontiguousarray(self.coordinates[part])
@@ -192,7 +205,6 @@ class TensionProblem:
         active *= self._enabled
         passive *= self._enabled
         viscous = self._viscosity * speeds
-        self._viscous[part] = viscous
         entries = [arms, actuator_entries(assembly, c)]
         forces = [active, np.broadcast_to(assembly.optimal_forces, (frames, len(assembly.optimal_forces)))]
         if self.contacts is not None:
@@ -203,34 +215,31 @@ class TensionProblem:
         slopes = self._slopes[part]
         arrays, links, together = assembly.tree.arrays, assembly.links, np.hstack(entries)
         fold(arrays, links, c, slopes, together, np.hstack(forces), self._tau[part], values, right)
-        self._balanced[part] = right[:, assembly.coordinate_row]
+        torques = right[:, assembly.coordinate_row]
         take_off(arrays, links, c, slopes, together, passive + viscous, right)
         if self.contacts is not None:
             shared, right[:, assembly.extra_row] = self.contacts.rows(part, places, pushes, turns)
             own = np.broadcast_to(-self.contacts.extra.unit, (frames, len(self.contacts.extra)))
             values[:, assembly.extra_place] = np.hstack([shared, own])
-        return values, right, active, passive
+        return Balance(values, right, active, passive, viscous, torques)
 
     def solve(self, start: int, stop: int) -> None:
         """Solve the frames start ... stop - 1."""
-        frames = len(self._time)
         margin = 0 if self.smooth is None else self.smooth.margin
-        begin, end = max(start - margin, 0), min(stop + margin, frames)
-        values, right, active, passive = self.balance(begin, end)
-        variables = len(self.separable.weight)
-        x, y = np.empty((end - begin, variables)), np.empty(right.shape)
-        imbalance, status = np.empty(end - begin), np.empty(end - begin, np.int8)
-        iterations = np.empty(end - begin, np.int64)
+        begin, end = max(start - margin, 0), min(stop + margin, len(self._time))
+        given = self.balance(begin, end)
+        frames, variables = end - begin, len(self.separable.weight)
+        controls = len(self._lower) + len(self.actuators)
+        x, y = np.empty((frames, variables)), np.empty(given.right.shape)
+        imbalance, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
         solve_separable(
             self.separable,
-            values,
-            right,
+            given.values,
+            given.right,
             np.zeros((1, variables)),
             self.wells if len(self.wells) == 1 else self.wells[begin:end],
-            no_links()
-            if self.smooth is None
-            else self.smooth.links(begin, end, len(self._lower) + self._reserves.shape[1]),
-            np.zeros(right.shape[1]),
+            no_links() if self.smooth is None else self.smooth.links(begin, end, controls),
+            np.zeros(given.right.shape[1]),
             x,
             y,
             imbalance,
@@ -238,20 +247,18 @@ class TensionProblem:
             status,
         )
         kept, part = slice(start - begin, stop - begin), slice(start, stop)
-        self._imbalance[part], self._iterations[part], self._status[part] = (
-            imbalance[kept],
-            iterations[kept],
-            status[kept],
-        )
-        self._store(part, x[kept], active[kept], passive[kept])
+        self._imbalance[part], self._iterations[part] = imbalance[kept], iterations[kept]
+        self._status[part] = status[kept]
+        self._store(part, x[kept], Balance(*(one[kept] for one in given)))
 
-    def _store(self, part: slice, x: Array, active: Array, passive: Array) -> None:
+    def _store(self, part: slice, x: Array, given: Balance) -> None:
         """Keep what was found in some frames."""
         muscles = len(self._lower)
-        controls = muscles + self._reserves.shape[1]
-        self._overstretched.append(np.flatnonzero((passive > self._strength).any(axis=0)))
+        controls = muscles + len(self.actuators)
+        self._overstretched.append(np.flatnonzero((given.passive > self._strength).any(axis=0)))
         self._activations[part] = x[:, :muscles]
-        self._forces[part] = active * x[:, :muscles] + passive + self._viscous[part]
+        self._forces[part] = given.active * x[:, :muscles] + given.passive + given.viscous
+        self._viscous[part], self._balanced[part] = given.viscous, given.torques
         self._reserves[part] = x[:, muscles:controls] * self.assembly.optimal_forces
         if self.contacts is not None:
             self.amplitudes[part] = x[:, controls : controls + self.amplitudes.shape[1]]

@@ -1,0 +1,305 @@
+"""Contact forces and tensions in one problem: Newton, the readable program, other solvers, measured wrenches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from walking import full, soles, task, walk
+
+from myomorph.io.osim import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.contacts import Cone, SharedWrench, Site
+from myomorph.model.errors import BadData, BadModel
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.emg import EmgTarget
+from myomorph.tension.frame_program import frame_program
+from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.terms import Program, solve_program
+
+FRAMES = slice(150, 1150, 90)
+
+
+@pytest.fixture(scope="module")
+def walker(data):
+    """A walk with hidden plates: model, motion, what the plates measured, torques without them."""
+    model, motion, loads = walk(data, FRAMES)
+    return model, motion, loads, inverse_dynamics(model, motion)
+
+
+@pytest.fixture(scope="module")
+def hidden(walker):
+    """The walk's tensions and contact forces, found together."""
+    model, motion, _, tau = walker
+    return solve_tension(model, motion, tau, contacts=task(model, motion))
+
+
+def residual(tension, letter: str) -> np.ndarray:
+    """Residual force ("F") or moment ("M") on the pelvis (frames, 3)."""
+    return np.column_stack([tension.reserves[:, tension.reserve_names.index(f"residual_{letter}{a}")] for a in "XYZ"])
+
+
+def acceleration_of_the_center(model, motion: Motion) -> np.ndarray:
+    """Second difference of the center of mass along q + v t + a t^2 / 2."""
+    tree, step = compile_tree(model), 1e-3
+
+    def center(t: float) -> np.ndarray:
+        values = motion.values + motion.velocities * t + 0.5 * motion.accelerations * t**2
+        moved = Motion(motion.time, motion.names, values)
+        return center_of_mass(tree, forward_kinematics(tree, tree.coordinates_of(moved)))
+
+    return (center(step) - 2.0 * center(0.0) + center(-step)) / step**2
+
+
+def test_contacts_and_residuals_carry_the_body_as_newton_asks(walker, hidden):
+    model, motion, _, _ = walker
+    mass = sum(body.mass for body in model.bodies)
+    wanted = mass * (acceleration_of_the_center(model, motion) - model.gravity)
+    given = hidden.contacts.forces.sum(axis=1) + residual(hidden, "F")
+    assert hidden.optimal.all()
+    np.testing.assert_allclose(given, wanted, atol=0.02)
+    # Residuals are dear enough that contacts carry the weight.
+    assert np.abs(residual(hidden, "F")).max() < 0.01 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])
+def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, formulation):
+    """Forces, centers of pressure and free torques are complete: with them as external loads nothing changes."""
+    model, motion, _, _ = walker
+    sites = [replace(one, cone=Cone(torsion=0.01)) for one in soles()]
+    sites[0] = replace(sites[0], points=[[0.0, 0.0, -0.02], [0.02, 0.0, 0.0], [0.0, 0.01, 0.02]])
+    found = solve_tension(
+        model,
+        motion,
+        inverse_dynamics(model, motion),
+        contacts=task(model, motion, sites, formulation=formulation),
+    )
+    for by in ("site", "body"):
+        again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches(by)))
+        np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
+        np.testing.assert_allclose(again.reserves, found.reserves, atol=1e-5)
+
+
+def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):
+    model = read_osim(data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"))
+    whole = differentiate(motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model), 3.0)
+    keep = np.array([150, 300, 420])
+    motion = Motion(
+        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
+    )
+    motion, _ = closed_motion(model, motion)
+    cone = Cone(direction=[0.0, 1.0, 0.0], frame="thorax", friction=np.inf)
+    sites = (Site("hand", "hand", [[0.0, -0.05, 0.0]], cone, "thorax"), Site("blade", "scapula", [[-0.05, -0.05, 0.0]]))
+    ask = ContactTask(sites, full(motion, sites), options=ContactOptions(smoothness=0.0))
+    found = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
+    assert found.optimal.all()
+    assert np.abs(found.contacts.forces).max() > 0.1
+    again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site")))
+    np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
+
+
+def clarabel_solution(problem: Program) -> np.ndarray:
+    """The program by an interior-point method for cones."""
+    clarabel = pytest.importorskip("clarabel")
+    n = len(problem.c)
+    H = np.diag(problem.H) if problem.H.ndim == 1 else problem.H
+    eye, low, high = sp.eye(n, format="csr"), np.isfinite(problem.lower), np.isfinite(problem.upper)
+    rows = sp.csc_matrix(sp.vstack([problem.A, problem.G, -eye[low], eye[high]]))
+    right = np.concatenate([problem.b, problem.h, -problem.lower[low], problem.upper[high]])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    equal = len(problem.b)
+    cones = [clarabel.ZeroConeT(equal), clarabel.NonnegativeConeT(len(right) - equal)]
+    return np.array(
+        clarabel.DefaultSolver(sp.csc_matrix(np.triu(H)), problem.c, rows, right, cones, settings).solve().x
+    )
+
+
+def cost(problem: Program, x: np.ndarray) -> float:
+    """1/2 x^T H x + c^T x."""
+    return float(0.5 * x @ (problem.H * x if problem.H.ndim == 1 else problem.H @ x) + problem.c @ x)
+
+
+def all_kinds_of_sites() -> tuple[Site, ...]:
+    """The soles with a cone of every kind."""
+    sites = list(soles())
+    sites[2] = replace(sites[2], cone=Cone(most=100.0, torsion=0.01))
+    sites[3] = replace(sites[3], cone=Cone(direction=None, most=80.0, grip=0.1))
+    sites[4] = replace(sites[4], cone=Cone(friction=np.inf))
+    sites[8] = replace(sites[8], cone=Cone(direction=[0.0, 1.0, 0.0], frame="calcn_l", friction=0.0))
+    return tuple(sites)
+
+
+def shared(loads, sites) -> SharedWrench:
+    """The right plate's wrench about the origin, its vertical force unknown in every third frame."""
+    right = [k for k, body in enumerate(loads.bodies) if body.endswith("_r")]
+    forces, torques = loads.forces[:, right], loads.torques[:, right]
+    moments = torques + np.cross(np.nan_to_num(loads.points[:, right]), forces)
+    forces = forces.sum(axis=1)
+    forces[::3, 1] = np.nan
+    return SharedWrench("plate", tuple(s.name for s in sites if s.name.endswith("_r")), forces, moments.sum(axis=1))
+
+
+@pytest.mark.parametrize("mode", ["soft", "equality", None])
+def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker, mode):
+    pytest.importorskip("piqp")
+    model, motion, loads, tau = walker
+    sites = all_kinds_of_sites()
+    emg = None
+    if mode:
+        told = np.random.default_rng(0).uniform(0.0, 1.0, (len(motion), 3))
+        told[::2, 1] = np.nan
+        emg = EmgTarget(("soleus_r", "tibant_l", "gaslat_r"), told, mode)
+    ask = task(model, motion, sites, [shared(loads, sites)])
+    problem, names = tension_problem(model, motion, tau, contacts=ask, emg=emg)
+    problem.solve(0, len(motion))
+    found = problem.result(names)
+    assert found.optimal.all()
+    for frame in range(0, len(motion), 3):
+        program = frame_program(problem, frame)
+        ours = np.concatenate(
+            [
+                found.activations[frame],
+                found.reserves[frame] / problem.assembly.optimal_forces,
+                problem.amplitudes[frame],
+            ]
+        )
+        for theirs in (solve_program(program).x, clarabel_solution(program)):
+            assert program.variables[: len(ours)][-1].startswith(sites[-1].name)
+            # Amplitudes at sites of little strength hardly count: forces are compared.
+            np.testing.assert_allclose(theirs[: len(model.muscles)], ours[: len(model.muscles)], atol=2e-4)
+            push = problem.contacts.amounts[frame] * (theirs[: len(ours)] - ours)[-problem.amplitudes.shape[1] :]
+            assert np.abs(push).max() < 0.2
+            if mode != "equality":
+                assert cost(program, ours) < cost(program, theirs) + 1e-5
+        assert np.abs(program.A[:, : len(ours)] @ ours - program.b).max() < 1e-5
+
+
+def test_a_wrench_measured_for_one_foot_is_what_its_sites_carry(walker):
+    model, motion, loads, tau = walker
+    sites = soles(Cone(torsion=0.02))
+    sure = replace(shared(loads, sites), force_sd=0.05, moment_sd=0.02)
+    found = solve_tension(model, motion, tau, contacts=task(model, motion, sites, [sure]))
+    right = [k for k, site in enumerate(sites) if site.group == "foot_r"]
+    carried = found.contacts.forces[:, right].sum(axis=1)
+    # Where the sole is down as a whole, it can carry any wrench that a plate measures.
+    down = np.min(found.contacts.strengths[:, right], axis=1) > 0.5
+    known = np.isfinite(sure.forces) & down[:, None]
+    assert known.any()
+    assert np.abs((carried - sure.forces)[known]).max() < 1.0
+    assert found.optimal.all()
+
+
+def test_no_site_carries_more_than_its_most(walker):
+    model, motion, _, tau = walker
+    sites = soles(Cone(most=150.0))
+    found = solve_tension(model, motion, tau, contacts=task(model, motion, sites))
+    assert found.optimal.all()
+    assert found.contacts.forces[..., 1].max() == pytest.approx(150.0, abs=1e-3)
+    grips = soles(Cone(direction=None, most=40.0))
+    held = solve_tension(model, motion, tau, contacts=task(model, motion, grips))
+    assert np.abs(held.contacts.forces).max() < 40.0 + 1e-3
+
+
+def test_forces_stay_in_their_cones_and_away_where_nothing_touches(walker, hidden):
+    forces, strengths = hidden.contacts.forces, hidden.contacts.strengths
+    assert np.all(forces[strengths == 0.0] == 0.0)
+    assert forces[..., 1].min() >= 0.0
+    assert np.all(np.hypot(forces[..., 0], forces[..., 2]) <= 0.8 * forces[..., 1] + 1e-9)
+    inside = hidden.contacts.points[..., 1][strengths > 0.9]
+    assert np.ptp(inside) < 0.1
+
+
+def test_a_frame_that_contacts_cannot_carry_is_marked_and_the_rest_goes_on(walker):
+    """Without residuals, a body that has no contact in one frame cannot be carried there."""
+    model, motion, _, tau = walker
+    sites = soles(Cone(direction=None, grip=0.1))
+    strengths = np.array(full(motion, sites).values)
+    strengths[4] = 0.0
+    names = tuple(site.name for site in sites)
+    helpers = [one for one in tension_problem(model, motion, tau)[0].actuators if one.name.startswith("reserve_")]
+    for smoothness in (0.0, 1.0):
+        ask = ContactTask(sites, Series(motion.time, names, strengths), options=ContactOptions(smoothness=smoothness))
+        found = solve_tension(model, motion, tau, actuators=helpers, contacts=ask)
+        assert found.summary() == {
+            "optimal": len(motion) - 1,
+            "infeasible": 1,
+            "not converged": 0,
+            "missing input": 0,
+        }
+        assert found.imbalance[4] > 100.0
+
+
+def test_missing_coordinates_do_not_spread(walker):
+    model, motion, _, _ = walker
+    values = np.array(motion.values)
+    values[3, 0] = np.nan
+    broken = Motion(motion.time, motion.names, values, velocities=motion.velocities, accelerations=motion.accelerations)
+    ask = task(model, motion)
+    whole = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
+    found = solve_tension(model, broken, inverse_dynamics(model, broken), contacts=ask)
+    kept = np.arange(len(motion)) != 3
+    assert np.isnan(found.contacts.forces[3]).all()
+    np.testing.assert_allclose(found.contacts.forces[kept], whole.contacts.forces[kept], atol=1e-6)
+
+
+def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
+    model, motion, _, tau = walker
+    ask = task(model, motion, formulation="sequential")
+    found = solve_tension(model, motion, tau, contacts=ask)
+    together, _ = tension_problem(model, motion, tau, contacts=task(model, motion))
+    roots = [name for name in together.assembly.rows if name.startswith("pelvis")]
+    for frame in (1, 5, 9):
+        whole = frame_program(together, frame)
+        rows = [whole.rows.index(name) for name in roots]
+        # Joints as ideal torques that cost nothing: their equations, and muscles with them, drop out.
+        muscles = np.arange(len(whole.c)) < len(model.muscles)
+        alone = replace(
+            whole,
+            A=whole.A[rows] * ~muscles,
+            b=whole.b[rows],
+            lower=np.where(muscles, 0.0, whole.lower),
+        )
+        z = clarabel_solution(alone)[-together.amplitudes.shape[1] :]
+        forces = together.contacts.forces_of(slice(frame, frame + 1), together.coordinates[frame : frame + 1], z[None])[
+            0
+        ]
+        np.testing.assert_allclose(found.contacts.forces[frame], forces[0], atol=0.1)
+
+
+def test_a_model_that_does_not_float_has_no_contacts_first(data):
+    model = read_osim(data("opensim-reference-small/arm26_bounds.osim"))
+    motion = differentiate(
+        motion_from_table(read_sto(data("opensim-reference-small/arm26_InverseKinematics.mot")), model), 6.0
+    )
+    sites = (Site("hand", "r_ulna_radius_hand", [[0.0, -0.3, 0.0]]),)
+    ask = ContactTask(sites, full(motion, sites), options=ContactOptions("sequential"))
+    with pytest.raises(BadModel, match="no body that floats"):
+        solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
+
+
+def test_contacts_that_do_not_fit_the_motion_are_refused(walker):
+    model, motion, loads, tau = walker
+    sites = soles()
+    ask = task(model, motion)
+    late = Series(motion.time + 0.5, ask.strengths.names, ask.strengths.values)
+    with pytest.raises(BadData, match="same times"):
+        solve_tension(model, motion, tau, contacts=replace(ask, strengths=late))
+    strong = Series(motion.time, ask.strengths.names, 2.0 * np.ones_like(ask.strengths.values))
+    with pytest.raises(BadData, match="expected 0 to 1"):
+        solve_tension(model, motion, tau, contacts=replace(ask, strengths=strong))
+    short = shared(loads, sites)
+    short = replace(short, forces=short.forces[1:], moments=short.moments[1:])
+    with pytest.raises(BadData, match="'plate' has"):
+        solve_tension(model, motion, tau, contacts=replace(ask, measured=(short,)))
+    with pytest.raises(BadData, match="no quadratic program"):
+        frame_program(tension_problem(model, motion, tau, TensionOptions(exponent=3.0), contacts=ask)[0], 0)
