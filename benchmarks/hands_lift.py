@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.hands_markers import with_plug_in_gait
+from myomorph.contact.held_objects import needed_wrench
 from myomorph.io.c3d import read_c3d
 from myomorph.io.models import read_model
-from myomorph.model.model import Model
+from myomorph.model.free_object import free_object
+from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Motion
+from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import KinematicsFit, inverse_kinematics
+from myomorph.muscles.scaling import default_path_lengths
 
 FOLDER = "lifting-box-15kg"
 GENERIC = "rajagopal-walk-emg/raw/Rajagopal2016.osim"
 LIFTS = ("stoop1", "stoop2")
-MASS = 81.68
+MASS, BOX_MASS = 81.68, 15.0
 CUTOFF = 6.0
+
+BOX_SIZE = (0.30, 0.236, 0.30)
+"""The height is twice that of the box's center over the floor; the other two are assumed [m]."""
+
+BOX_ACROSS = 0.012
+"""Place of the box to the right, from the center of pressure of the plate under it once it is gone [m]."""
+
+JOINT_TORQUES = {
+    "lumbar_extension": 250.0, "lumbar_bending": 150.0, "lumbar_rotation": 100.0,
+    "arm_flex": 90.0, "arm_add": 90.0, "arm_rot": 50.0, "elbow_flex": 70.0,
+    "pro_sup": 12.0, "wrist_flex": 15.0, "wrist_dev": 15.0,
+}  # fmt: skip
+"""What men's joints can do, of the order of isometric measurements (arm: Holzbaur et al. 2007) [N m].
+
+It is what a control of 1 stands for where the model has no muscles, so that an effort of joints counts as that of
+muscles does. The model's own 10 N m would make lifting so dear that forces that do not exist carry the box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +54,7 @@ class Recorded:
     markers : time from 0 [s]
     plate, plate_point : (frames, 3) force of the plate on the feet [N] and its center of pressure [m]
     unloaded : (frames, 3) force of the plate under the box on it, less that of the box at rest [N]
-    box : (frames, 3) of the box: forward, up [m], pitch [rad]
+    box : (frames, 3) of the box's center: forward, up [m], pitch [rad]
     bottom_up, top_down : (frames, 3) moments at L5/S1 by the laboratory [N m]
     """
 
@@ -75,7 +95,7 @@ def lifter(folder: Path) -> Calibration:
     generic = with_plug_in_gait(read_model(folder / GENERIC))
     trials = [recorded(folder, lift).markers for lift in LIFTS]
     static = _markers(folder / FOLDER / "neutral.c3d")
-    return calibrate(generic, trials, CalibrationOptions(static=static, mass=MASS))
+    return calibrate(generic, trials, CalibrationOptions(static=static, mass=MASS), path_lengths=default_path_lengths)
 
 
 @lru_cache(maxsize=4)
@@ -84,6 +104,37 @@ def tracked(folder: Path, lift: str) -> KinematicsFit:
     return inverse_kinematics(lifter(folder).model, recorded(folder, lift).markers)
 
 
-def moving(folder: Path, lift: str, cutoff: float = CUTOFF) -> tuple[Model, Motion]:
+def with_joint_torques(model: Model) -> Model:
+    """The model with torques of `JOINT_TORQUES` in place of its own actuators."""
+    torques = {one.name: JOINT_TORQUES.get(split_side(one.name)[0]) for one in model.coordinates}
+    return replace(
+        model,
+        actuators=tuple(
+            Actuator(f"joint_{name}", "coordinate", most, coordinate=name) for name, most in torques.items() if most
+        ),
+    )
+
+
+def man(folder: Path, lift: str) -> tuple[Model, Motion]:
     """The man's model and his motion with derivatives."""
-    return lifter(folder).model, differentiate(tracked(folder, lift).motion, cutoff)
+    return with_joint_torques(lifter(folder).model), differentiate(tracked(folder, lift).motion, CUTOFF)
+
+
+def box(folder: Path, lift: str) -> tuple[Model, Motion]:
+    """The box and its motion: recorded in the plane of the lift, at rest across it."""
+    forward, up, pitch = recorded(folder, lift).box.T
+    model = free_object("body", BOX_MASS, BOX_SIZE, gravity=lifter(folder).model.gravity)
+    values = np.zeros((len(up), 6))
+    values[:, 0], values[:, 1], values[:, 2], values[:, 5] = forward, up, BOX_ACROSS, -pitch
+    return model, differentiate(Motion(recorded(folder, lift).markers.time, model.coordinate_names, values), CUTOFF)
+
+
+def hands_measured(folder: Path, lift: str) -> Array:
+    """Force of the hands on the box (frames, 3), from the box's motion and the plate under it [N].
+
+    m (a - g) less what the plate carries, which is the box's weight and `Recorded.unloaded`.
+    """
+    model, motion = box(folder, lift)
+    carried = -BOX_MASS * model.gravity + recorded(folder, lift).unloaded
+    needed: Array = needed_wrench(model, motion, "body").forces[:, 0]
+    return needed - carried

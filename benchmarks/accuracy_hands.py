@@ -1,0 +1,185 @@
+"""Forces of hands and seat that nobody measured, beside what was: a box, a push rim, a chair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hands_lift import LIFTS, hands_measured, lifter, recorded
+from benchmarks.hands_lift_forces import WAYS, found, holding, left_floor
+from benchmarks.hands_seat import chair, leavings, solved
+from benchmarks.hands_spine import carried_moment, of_laboratory, point_of_laboratory, regressed_point, spine
+from benchmarks.hands_wheel import at_each_time, directions, hands_off, of_each_cycle, wheels
+from myomorph.model.spatial import Array
+from myomorph.tension.tension import Tension
+
+Row = dict[str, object]
+LIFTING = 0.3
+"""Time after the box left the floor that is called the lift-off [s]."""
+
+
+def measure_lift(folder: Path) -> Iterator[Row]:
+    """The hands' force on the box against the measured one, by phase."""
+    for lift in LIFTS:
+        time, truth = recorded(folder, lift).markers.time, hands_measured(folder, lift)
+        off = left_floor(folder, lift)
+        grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]
+        phases = {
+            "before holding": time < grasp,
+            "held on the floor": (time >= grasp) & (time < off),
+            "lift-off": (time >= off) & (time < off + LIFTING),
+            "carried": time >= off + LIFTING,
+        }
+        free = time >= off
+        for way, words in WAYS.items():
+            one = found(folder, lift, way)
+            error = one.hands - truth
+            yield {
+                "lift": lift,
+                "known": words,
+                **{f"up, {phase} [N]": _rms(error[during, 1]) for phase, during in phases.items()},
+                "forward, off the floor [N]": _rms(error[free, 0]),
+                "sideways [N]": _rms(error[free, 2]),
+                "mean up, off the floor [N]": float(one.hands[free, 1].mean()),
+                "measured [N]": float(truth[free, 1].mean()),
+                "feet, up [N]": _rms((one.feet - recorded(folder, lift).plate)[:, 1]),
+            }
+
+
+def measure_spine(folder: Path) -> Iterator[Row]:
+    """Moment at L5/S1: ours from below and, by the hands' forces found, from above, beside the laboratory's."""
+    for lift in LIFTS:
+        time = recorded(folder, lift).markers.time
+        below, above = of_laboratory(recorded(folder, lift))
+        passing, off = spine(folder, lift), time >= left_floor(folder, lift)
+        joint = next(one for one in lifter(folder).model.joints if one.child == "torso").parent_frame.translation
+        whole = np.ones(len(time), np.bool_)
+        ours = {"ours from below": (passing.from_below, whole)}
+        ours["ours from below, at the model's lumbar joint"] = (spine(folder, lift, joint).from_below, whole)
+        for way in ("body", "box", "hidden"):
+            moment = passing.from_above + carried_moment(passing, found(folder, lift, way))
+            ours[f"ours from above, hands by {WAYS[way]}"] = (moment, whole)
+        ours["the laboratory's from above, box off the floor"] = (above, off)
+        for words, (moment, during) in ours.items():
+            error = (moment - below)[during]
+            yield {
+                "lift": lift,
+                "moment": words,
+                "bending, RMS [N m]": _rms(error[:, 2]),
+                "mean error": float(error[:, 2].mean()),
+                "peak": float(np.abs(moment[during, 2]).max()),
+                "laboratory's peak": float(np.abs(below[during, 2]).max()),
+                "correlation": float(np.corrcoef(moment[during, 2], below[during, 2])[0, 1]),
+                "sideways, RMS": _rms(error[:, 0]),
+                "twisting, RMS": _rms(error[:, 1]),
+            }
+
+
+def measure_spine_point(folder: Path) -> Iterator[Row]:
+    """Where the laboratory takes its moment: the point of our pelvis that explains it best."""
+    model = lifter(folder).model
+    joint = next(one for one in model.joints if one.child == "torso").parent_frame.translation
+    regressed = regressed_point(model)
+    for lift in LIFTS:
+        best, left = point_of_laboratory(folder, lift)
+        yield {
+            "lift": lift,
+            "best point: forward, up, right [mm]": _millimetres(best),
+            "left, sideways, twisting, bending [N m]": ", ".join(f"{_rms(one):.1f}" for one in left.T),
+            "regressed L5/S1 [mm]": _millimetres(regressed),
+            "apart [mm]": 1e3 * float(np.linalg.norm(best - regressed)),
+            "model's lumbar joint [mm]": _millimetres(joint),
+        }
+
+
+def measure_rim(folder: Path) -> Iterator[Row]:
+    """The hand's moment about the axle from the wheel's angle alone; cycles in turn fitted and tested."""
+    for wheel in wheels(folder):
+        for words, told in (("every frame", at_each_time(wheel)), ("mean of each cycle", of_each_cycle(wheel))):
+            yield {
+                "recording": wheel.name,
+                "moment of": words,
+                "pushes": len(wheel.pushes),
+                "inertia [kg m^2]": told.inertia,
+                "resistance [N m]": told.resistance,
+                "RMS error [N m]": told.rms,
+                "spread of the measured [N m]": float(told.measured.std()),
+                "mean measured [N m]": float(told.measured.mean()),
+                "correlation": told.correlation,
+                "RMS told with hands off [N m]": hands_off(wheel, told) if words == "every frame" else "",
+            }
+
+
+def measure_rim_directions(folder: Path) -> Iterator[Row]:
+    """How much of the rim's force a wheel could tell at best."""
+    for wheel in wheels(folder):
+        mean = directions(wheel)
+        yield {
+            "recording": wheel.name,
+            **{f"{words} [N]": value for words, value in mean.items() if words != "share"},
+            "told at best": mean["share"],
+        }
+
+
+def measure_seat(folder: Path) -> Iterator[Row]:
+    """The seat's force while sitting and standing: by Newton's law, and found with the feet known or hidden."""
+    one = chair(folder)
+    ways: dict[str, tuple[Array, Tension | None]] = {"Newton's law alone": (one.newton, None)}
+    for words, plates in (("feet known", True), ("feet hidden", False)):
+        tension = solved(folder, plates)
+        assert tension.contacts is not None
+        ways[words] = tension.contacts.forces[:, 0], tension
+    place = np.column_stack([one.moment[:, 2], -one.moment[:, 0]]) / one.newton[:, 1:2]
+    sitting = one.ready[:, 0] > 0.5
+    for phase, during in {"sitting": sitting, "standing": one.ready[:, 0] == 0.0}.items():
+        for words, (force, solution) in ways.items():
+            error = (force - one.newton)[during]
+            yield {
+                "phase": phase,
+                "seat by": words,
+                "up, mean [N]": float(force[during, 1].mean()),
+                "up, RMS from Newton's [N]": _rms(error[:, 1]),
+                "forward, mean [N]": float(force[during, 0].mean()),
+                "forward, RMS from Newton's [N]": _rms(error[:, 0]),
+                "feet up by plates, mean [N]": float(one.feet.forces[during, :, 1].sum(axis=1).mean()),
+                "weight [N]": one.weight,
+                "residual forces, RMS [N]": _rms(_residuals(solution)[during]) if solution else "",
+                "off the middle, to the right [mm]": _millimetre(place[during, 1]) if during is sitting else "",
+            }
+
+
+def _residuals(tension: Tension) -> Array:
+    """Forces that hold the body up and do not exist (frames, 3) [N]."""
+    columns = [k for k, name in enumerate(tension.reserve_names) if name.startswith("residual_F")]
+    return tension.reserves[:, columns]
+
+
+def _millimetre(values: Array) -> float:
+    return 1e3 * float(np.median(values))
+
+
+def measure_seat_times(folder: Path) -> Iterator[Row]:
+    """When the seat is left and taken, by the seat's motion, by the force, and by the plates under the feet."""
+    found_all = leavings(chair(folder))
+    for words, rising in (("standing up", True), ("sitting down", False)):
+        some = [one for one in found_all if one.rising is rising]
+        force = np.array([one.motion - one.force for one in some])
+        plates = np.array([one.force - one.plates for one in some])
+        yield {
+            "event": words,
+            "times": len(some),
+            "motion later than force, mean [ms]": 1e3 * float(force.mean()),
+            "largest": 1e3 * float(np.abs(force).max()),
+            "force later than plates, mean [ms]": 1e3 * float(plates.mean()),
+            "largest, plates": 1e3 * float(np.abs(plates).max()),
+        }
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _millimetres(point: Array) -> str:
+    return ", ".join(f"{1e3 * one:.0f}" for one in point)

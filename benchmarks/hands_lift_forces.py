@@ -1,0 +1,116 @@
+"""The force that lifts the box, hidden and found again: from body and plate, with the box, and without the plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
+from myomorph.contact.held_objects import find_holds, needed_wrench
+from myomorph.contact.sites import body_sites, foot_sites
+from myomorph.contact.strengths import strengths
+from myomorph.model.contacts import SharedWrench, Site
+from myomorph.model.join import join_models, join_motions
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.contacts import ContactTask
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import Tension
+
+HANDS = ("hand_r", "hand_l")
+WAYS = {
+    "newton": "body and plate, Newton's law alone",
+    "body": "body and plate",
+    "box": "body, plate and box",
+    "hidden": "body and box, no plate",
+}
+LEAVES = 0.005
+"""The box has left the floor where it is that much higher than at rest [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lift:
+    """What was found of one lift.
+
+    Attributes
+    ----------
+    hands : (frames, 3) force of both hands on the box [N]
+    feet : (frames, 3) force of the floor on both feet [N]
+    tension : None where nothing was solved
+    """
+
+    hands: Array
+    feet: Array
+    tension: Tension | None
+
+
+def both(folder: Path, lift: str) -> tuple[Model, Motion]:
+    """Man and box as one model, and its motion."""
+    (body, motion), (thing, thing_motion) = man(folder, lift), box(folder, lift)
+    return join_models({"man": body, "box": thing}), join_motions({"man": motion, "box": thing_motion})
+
+
+def plate_on_feet(record: Recorded, time: Array) -> Wrenches:
+    """The plate's force, given to one foot: what it does to the rest of the body is the same."""
+    return Wrenches(
+        time, ("plate",), ("calcn_r",), record.plate[:, None], record.plate_point[:, None], np.zeros((len(time), 1, 3))
+    )
+
+
+def left_floor(folder: Path, lift: str) -> float:
+    """When the box leaves the floor [s]."""
+    record = recorded(folder, lift)
+    height = record.box[:, 1] - np.median(record.box[:20, 1])
+    return float(record.markers.time[np.flatnonzero(height > LEAVES)[0]])
+
+
+@lru_cache(maxsize=8)
+def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
+    """The hands' sites on the box, and how surely each holds it (frames, 2)."""
+    model, motion = both(folder, lift)
+    sites = tuple(replace(one, against="box_body") for one in body_sites(model, HANDS))
+    return sites, np.array(strengths(model, motion, sites, find_holds(model, motion, sites)).values)
+
+
+@lru_cache(maxsize=16)
+def found(folder: Path, lift: str, way: str) -> Lift:
+    """The hands' force in one of `WAYS`."""
+    body, motion = man(folder, lift)
+    record = recorded(folder, lift)
+    if way == "newton":
+        left = needed_wrench(body, motion, "pelvis", plate_on_feet(record, motion.time))
+        return Lift(-left.forces[:, 0], record.plate, None)
+    sites, held = holding(folder, lift)
+    feet = foot_sites(body)
+    standing = strengths(body, motion, feet).values
+    # Moments about the ground's origin; the free torque of the plate is not in the file.
+    moments = np.cross(record.plate_point, record.plate) * (1.0, np.nan, 1.0)
+    plate = (SharedWrench("plate", tuple(one.name for one in feet), record.plate, moments),)
+    if way == "body":
+        model, moving = body, motion
+        sites, ready = (*body_sites(body, HANDS), *feet), np.hstack([held, standing])
+    else:
+        model, moving = both(folder, lift)
+        thing, thing_motion = box(folder, lift)
+        floor = Site("floor_under_box", "body", _bottom())
+        resting = strengths(thing, thing_motion, (floor,)).values
+        feet = tuple(replace(one, body=f"man_{one.body}") for one in feet)
+        sites = (*sites, *feet, replace(floor, body="box_body"))
+        ready = np.hstack([held, standing, resting])
+    ready_at = Series(motion.time, tuple(one.name for one in sites), ready)
+    task = ContactTask(sites, ready_at, () if way == "hidden" else plate)
+    tension = solve_tension(model, moving, inverse_dynamics(model, moving), contacts=task)
+    assert tension.contacts is not None
+    forces = tension.contacts.forces
+    return Lift(-forces[:, :2].sum(axis=1), forces[:, 2 : 2 + len(feet)].sum(axis=1), tension)
+
+
+def _bottom() -> Array:
+    """Corners of the box's bottom (4, 3) [m]."""
+    x, y, z = (0.5 * one for one in BOX_SIZE)
+    return np.array([(i * x, -y, k * z) for i in (-1, 1) for k in (-1, 1)])

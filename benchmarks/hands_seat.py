@@ -1,0 +1,167 @@
+"""Standing up from a chair that was on no plate: the seat's force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.contact.assign import assign_bodies
+from myomorph.contact.held_objects import needed_wrench
+from myomorph.contact.plates import episodes
+from myomorph.contact.site_motion import site_motion
+from myomorph.contact.sites import body_sites, foot_sites
+from myomorph.contact.states import ContactStateOptions, find_contacts, hysteresis
+from myomorph.contact.strengths import StrengthOptions, strengths
+from myomorph.io.loads import read_external_loads
+from myomorph.io.models import read_model
+from myomorph.io.trc import read_trc
+from myomorph.model.contacts import Site
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import inverse_kinematics
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.contacts import ContactTask
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import Tension
+
+FOLDER = "opencap-subject4-multitask"
+CUTOFF = 6.0
+UNLOADED, LOADED = 0.05, 0.10
+"""The seat is left where it carries less than the first share of the weight, and taken above the second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chair:
+    """Standing up several times.
+
+    Attributes
+    ----------
+    feet : forces of the plates, by foot
+    seat : site on the pelvis
+    places : (frames, 3) of its middle [m]
+    soles : sites under the feet
+    ready : (frames, 1 + soles) how ready the seat and they are, by their height and speed alone
+    newton : (frames, 3) force that is left for the seat, and `moment` (frames, 3) about `places` [N], [N m]
+    """
+
+    model: Model
+    motion: Motion
+    feet: Wrenches
+    seat: Site
+    soles: tuple[Site, ...]
+    places: Array
+    ready: Array
+    newton: Array
+    moment: Array
+
+    @property
+    def weight(self) -> float:
+        """Of the body [N]."""
+        return float(self.model.mass * np.linalg.norm(self.model.gravity))
+
+
+@lru_cache(maxsize=1)
+def chair(folder: Path) -> Chair:
+    """The trial STS1 on the expert's model, its mass that of standing on the plates."""
+    here = folder / FOLDER
+    given = read_model(here / "models" / "manually_scaled.osim")
+    standing = read_external_loads(here / "grf" / "static1_external_forces.xml").forces[:, :, 1].sum(axis=1)
+    mass = float(np.median(standing) / np.linalg.norm(given.gravity))
+    model = scale(given, {}, mass, preserve_mass_distribution=True)
+    markers = read_trc(here / "markers" / "STS1.trc").markers
+    assert markers is not None
+    motion = differentiate(inverse_kinematics(model, markers).motion, CUTOFF)
+    plates = read_external_loads(here / "grf" / "STS1_external_forces.xml")
+    soles = foot_sites(model)
+    at = site_motion(model, motion, soles).places
+    by_foot = {
+        body: at[:, [k for k, one in enumerate(soles) if one.group == group]]
+        for body, group in (("calcn_r", "foot_r"), ("calcn_l", "foot_l"))
+    }
+    loads = resample_wrenches(plates, motion.time, CUTOFF)
+    # The third plate lies idle.
+    used = [k for k in range(len(loads.names)) if np.abs(loads.forces[:, k]).max() > 0.0]
+    unknown = Wrenches(
+        loads.time,
+        tuple(loads.names[k] for k in used),
+        ("",) * len(used),
+        *(getattr(loads, what)[:, used] for what in ("forces", "points", "torques")),
+    )
+    feet = assign_bodies(unknown, by_foot).wrenches
+    (seat,) = body_sites(model, ("seat",))
+    sites = (seat, *soles)
+    moving = site_motion(model, motion, sites)
+    # Of all heights of the seat those of sitting are the lowest; the soles tell how large the body is.
+    height = float(np.percentile(moving.lowest[:, 0], 25.0))
+    ready = np.hstack([_ready(model, motion, sites, height)[:, :1], _ready(model, motion, soles, None)])
+    left = needed_wrench(model, motion, "pelvis", feet)
+    places = moving.places[:, 0]
+    moment = left.torques[:, 0] + np.cross(left.points[:, 0] - places, left.forces[:, 0])
+    return Chair(model, motion, feet, seat, soles, places, ready, left.forces[:, 0], moment)
+
+
+def _ready(model: Model, motion: Motion, sites: tuple[Site, ...], height: float | None) -> Array:
+    """How ready sites are to carry force over a floor of that height (frames, sites)."""
+    touches = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
+    return np.array(strengths(model, motion, sites, touches, StrengthOptions(floor=height)).values)
+
+
+@lru_cache(maxsize=2)
+def solved(folder: Path, plates: bool) -> Tension:
+    """Tensions with the seat's force; the feet's is known by plates, or hidden too."""
+    one = chair(folder)
+    sites = (one.seat,) if plates else (one.seat, *one.soles)
+    ready = Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
+    torques = inverse_dynamics(one.model, one.motion, one.feet if plates else None)
+    return solve_tension(one.model, one.motion, torques, contacts=ContactTask(sites, ready))
+
+
+@dataclass(frozen=True)
+class Leaving:
+    """One time of leaving the seat (or of sitting down), as three signs tell it [s].
+
+    Attributes
+    ----------
+    motion : the seat's readiness falls below a half
+    force : what Newton's law leaves for it falls below `UNLOADED` of the weight
+    plates : the feet carry the weight
+    """
+
+    rising: bool
+    motion: float
+    force: float
+    plates: float
+
+
+def leavings(one: Chair) -> tuple[Leaving, ...]:
+    """All times of standing up and sitting down that the three signs agree on within half a second."""
+    time, up = one.motion.time, one.newton[:, 1] / one.weight
+    feet = one.feet.forces[:, :, 1].sum(axis=1) / one.weight
+    sat = {
+        "motion": hysteresis(one.ready[:, 0] > 0.5, one.ready[:, 0] < 0.5),
+        "force": hysteresis(up > LOADED, up < UNLOADED),
+        "plates": hysteresis(feet < 0.9, feet > 1.0),
+    }
+    found = []
+    for first, stop in episodes(sat["motion"]):
+        for frame, rising in ((stop, True), (first, False)):
+            if not 0 < frame < len(time):
+                continue
+            near = {name: _nearest(time, state, frame, rising) for name, state in sat.items()}
+            if all(abs(one - time[frame]) < 0.5 for one in near.values()):
+                found.append(Leaving(rising, **near))
+    return tuple(found)
+
+
+def _nearest(time: Array, state: np.ndarray, frame: int, rising: bool) -> float:
+    """The nearest time at which a state ends (rising) or begins."""
+    edges = [stop if rising else first for first, stop in episodes(state)]
+    inside = [one for one in edges if 0 < one < len(time)]
+    return float(time[min(inside, key=lambda one: abs(one - frame))]) if inside else np.inf
