@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mujoco_models import compiled
 from numpy.testing import assert_allclose
 
+from mujoco_models import compiled
 from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion, up_of
 from myomorph.contact.sites import body_poses, body_sites, feet_of, foot_sites
 from myomorph.io.loads import read_external_loads
