@@ -4,8 +4,8 @@
 
 by the primal simplex method for bounded variables on a dense tableau (Dantzig 1963, ch. 18; ratio test of Harris
 1973). It starts at any feasible point, such as the solution of the tension problem: variables strictly inside their
-bounds that are not basic may move either way. One function after the other begins where the last one ended, so that most
-take a few pivots.
+bounds that are not basic may move either way. One function after the other begins where the last one ended, so that
+most take a few pivots.
 """
 
 from __future__ import annotations

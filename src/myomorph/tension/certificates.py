@@ -1,0 +1,338 @@
+"""Certificates of the tension problem: that a frame is an optimum, and what the data leave open of contact forces.
+
+Physics gives many contact forces that would do. For each frame and group of sites,
+
+    low, high = least and greatest S x   over   A x = b,  lower <= x <= upper
+
+with S x the net force of the group: every force that equations of motion, cones, bounds of activations, what was
+measured and reserves no greater than used (and a tolerance) allow. What effort and EMG prefer is asked for apart: the
+same over all x whose cost is within a share of the one found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.rigid.frames import over_frames
+from myomorph.tension.actuators import RESIDUAL
+from myomorph.tension.contact_words import direction_words
+from myomorph.tension.dual import OPTIMAL
+from myomorph.tension.near_optimal import near_extremes
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.simplex import least_values
+from myomorph.tension.solved import SolvedFrames, solved_frames
+from myomorph.tension.tension import Tension
+
+ON_BOUND = 1e-7
+"""A variable nearer to a bound than this share of 1 + its size stands on it."""
+
+
+@dataclass(frozen=True)
+class CertificateOptions:
+    """What counts as left open.
+
+    Attributes
+    ----------
+    residual : what residuals at floating bodies may give beyond what they gave, as a share of the body's weight
+        [1, times 1 m for moments]
+    reserve : what reserves and actuators without bounds may give beyond what they gave [N m or N]
+    deviations : how far a measured force may be missed, in standard deviations, where it was not missed by more
+    near : share of the cost by which solutions may be worse that still count as near the optimum, 0 to leave out
+    by : "group": net forces of groups of sites; "site": forces of sites
+    """
+
+    residual: float = 0.01
+    reserve: float = 1.0
+    deviations: float = 2.0
+    near: float = 0.05
+    by: Literal["group", "site"] = "group"
+
+    def __post_init__(self) -> None:
+        for name in ("residual", "reserve", "deviations", "near"):
+            if not getattr(self, name) >= 0.0:
+                raise BadData(f"{name} of certificates is {getattr(self, name):g}: expected 0 or more")
+        if self.by not in ("group", "site"):
+            raise BadData(f"unknown intervals by '{self.by}': there are 'group', 'site'")
+
+
+@dataclass(frozen=True, eq=False)
+class Optimality:
+    """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and not by the solver.
+
+    Attributes
+    ----------
+    frames : (frames,) numbers in the motion
+    stationarity : greatest slope of the cost that neither balance nor a bound explains, as a share of 1 + the greatest
+        slope
+    balance : greatest |A x - b|, as a share of 1 + max |b|
+    bounds : greatest violation of a bound
+    complementarity : greatest product of a multiplier of a bound and the distance from it, as a share of the cost
+    """
+
+    frames: np.ndarray
+    stationarity: Array
+    balance: Array
+    bounds: Array
+    complementarity: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactIntervals:
+    """What the data leave open of contact forces, frame by frame.
+
+    Attributes
+    ----------
+    time, frames : (frames,) [s], numbers in the motion
+    groups : names
+    forces : (frames, groups, 3) net forces that were found, in ground [N]
+    low, high : (frames, groups, 3) least and greatest of each component that the data allow [N]; NaN where the frame
+        was not solved, infinite where nothing bounds them
+    normal, normal_low, normal_high : (frames, groups) the same of the force along the cones [N]
+    near_low, near_high : (frames, groups, 3) the same among solutions near the optimum; NaN where not asked for
+    direction : (frames, groups, 3) the unit combination of the forces that the data and effort determine least
+    spread : (frames,) how far forces may move along it until the cost has grown by the share `near` [N]
+    sentences : one a frame: what that direction is
+    """
+
+    time: Array
+    frames: np.ndarray
+    groups: tuple[str, ...]
+    forces: Array
+    low: Array
+    high: Array
+    normal: Array
+    normal_low: Array
+    normal_high: Array
+    near_low: Array
+    near_high: Array
+    direction: Array
+    spread: Array
+    sentences: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def of(self, group: str) -> tuple[Array, Array, Array]:
+        """Forces, least and greatest (frames, 3) of one group; raises `UnknownName`."""
+        from myomorph.model.model import index_of
+
+        k = index_of("contact group", group, self.groups, "the intervals")
+        return self.forces[:, k], self.low[:, k], self.high[:, k]
+
+
+def optimality(problem: TensionProblem, tension: Tension, frames: Sequence[int] | None = None) -> Optimality:
+    """Whether frames fulfil the conditions of an optimum; smoothness between frames takes part as it is in the cost."""
+    chosen = _chosen(tension, frames)
+    solved = solved_frames(problem, tension, chosen)
+    slope = solved.slope(solved.x) + _smooth_slope(problem, tension, solved)
+    low, high = solved.shared.lower, solved.shared.upper
+    near = ON_BOUND * (1.0 + np.abs(solved.x))
+    at_low, at_high = solved.x <= low + near, solved.x >= high - near
+    inside = ~(at_low | at_high)
+    found = np.full((4, len(chosen)), np.nan)
+    for k in np.flatnonzero(tension.status[chosen] == OPTIMAL):
+        A, x = solved.A[k], solved.x[k]
+        multipliers = np.linalg.lstsq(A[:, inside[k]].T, slope[k, inside[k]], rcond=None)[0]
+        left = slope[k] - A.T @ multipliers
+        unexplained = np.where(at_low[k], np.minimum(left, 0.0), left)
+        unexplained = np.where(at_high[k], np.maximum(unexplained, 0.0), unexplained)
+        unexplained = np.where(at_low[k] & at_high[k], 0.0, unexplained)
+        pressed = left - np.where(inside[k], left, unexplained)
+        away = np.where(np.isfinite(low) & at_low[k], x - low, np.where(at_high[k], high - x, 0.0))
+        found[0, k] = np.abs(unexplained).max() / (1.0 + np.abs(slope[k]).max())
+        found[1, k] = np.abs(A @ x - solved.b[k]).max() / (1.0 + np.abs(solved.b[k]).max())
+        found[2, k] = max(np.maximum(low - x, 0.0).max(), np.maximum(x - high, 0.0).max())
+        found[3, k] = np.abs(pressed * away).max() / (1e-6 + float(solved.cost(solved.x[k : k + 1])[0]))
+    return Optimality(chosen, *found)
+
+
+def contact_intervals(
+    problem: TensionProblem,
+    tension: Tension,
+    frames: Sequence[int] | None = None,
+    options: CertificateOptions | None = None,
+) -> ContactIntervals:
+    """What the data leave open of the contact forces of solved frames.
+
+    Parameters
+    ----------
+    problem, tension : as `tension_problem` sets it up, solved, and what it found
+    frames : numbers of the frames asked for, all by default
+
+    Raises
+    ------
+    BadData
+        where the problem has no contacts
+    """
+    options = options or CertificateOptions()
+    if problem.contacts is None:
+        raise BadData("there are no contacts whose forces could be left open: give contacts to the tension problem")
+    chosen = _chosen(tension, frames)
+    groups, members = _groups(problem, options.by)
+    parts = []
+    for start in range(0, max(len(chosen), 1), 64):
+        with threadpool_limits(1, "blas"):
+            parts.append(_part(problem, tension, chosen[start : start + 64], groups, members, options))
+    forces, low, high, near_low, near_high, normal = (
+        np.concatenate(one) for one in zip(*(p[:6] for p in parts), strict=True)
+    )
+    direction, spread = (np.concatenate(one) for one in zip(*(p[6:] for p in parts), strict=True))
+    up = -problem.assembly.tree.arrays.gravity
+    sentences = tuple(
+        direction_words(groups, one, float(size), options.near, up) for one, size in zip(direction, spread, strict=True)
+    )
+    return ContactIntervals(
+        tension.time[chosen], chosen, groups, forces, low[..., :3], high[..., :3], normal, low[..., 3], high[..., 3],
+        near_low, near_high, direction, spread, sentences,
+    )  # fmt: skip
+
+
+def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: CertificateOptions) -> tuple[Array, Array]:
+    """Bounds (frames, variables) of what the data leave open: see `CertificateOptions`."""
+    x, shared = solved.x, solved.shared
+    lower, upper = (np.tile(one, (len(solved), 1)) for one in (shared.lower, shared.upper))
+    weight = _weight(problem)
+    for k, one in enumerate(problem.actuators):
+        i = solved.muscles + k
+        bounded = np.isfinite([one.min_control, one.max_control]).all()
+        if bounded and not one.name.startswith(RESIDUAL):
+            continue
+        more = options.residual * weight if one.name.startswith(RESIDUAL) else options.reserve
+        reach = np.abs(x[:, i]) + more / one.optimal_force
+        lower[:, i], upper[:, i] = np.maximum(lower[:, i], -reach), np.minimum(upper[:, i], reach)
+    told = (solved.wells[:, 2] > 0.0) & (solved.wells[:, 1] > solved.wells[:, 0])
+    lower = np.where(told, np.maximum(lower, np.minimum(solved.wells[:, 0], x)), lower)
+    upper = np.where(told, np.minimum(upper, np.maximum(solved.wells[:, 1], x)), upper)
+    assert problem.contacts is not None
+    measured = solved.edges + np.flatnonzero(problem.contacts.extra.wrench >= 0)
+    reach = np.maximum(np.abs(x[:, measured]), options.deviations)
+    lower[:, measured], upper[:, measured] = -reach, reach
+    # A site that does not touch pushes nobody, whatever its amplitude.
+    silent = np.zeros(lower.shape, np.bool_)
+    silent[:, solved.controls : solved.edges] = problem.contacts.amounts[solved.frames] == 0.0
+    lower, upper = np.where(silent, x, lower), np.where(silent, x, upper)
+    return np.minimum(lower, x), np.maximum(upper, x)
+
+
+def group_functions(problem: TensionProblem, solved: SolvedFrames, members: Sequence[Array]) -> Array:
+    """Net force and force along the cones of groups, linear in the variables: (frames, groups, 4, variables) [N]."""
+    assert problem.contacts is not None
+    columns = problem.contacts.columns
+    _, _, pushes, _ = columns.evaluate(problem.coordinates[solved.frames])
+    amounts = problem.contacts.amounts[solved.frames]
+    found = np.zeros((len(solved), len(members), 4, solved.x.shape[1]))
+    edges = slice(solved.controls, solved.edges)
+    for g, mine in enumerate(members):
+        found[:, g, :3, edges] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
+        found[:, g, 3, edges] = np.where(mine, columns.normal, 0.0) * amounts
+    return found
+
+
+def _part(
+    problem: TensionProblem,
+    tension: Tension,
+    frames: np.ndarray,
+    groups: tuple[str, ...],
+    members: Sequence[Array],
+    options: CertificateOptions,
+) -> tuple[Array, ...]:
+    """Forces, low, high, near_low, near_high, normal, direction, spread of a few frames."""
+    solved = solved_frames(problem, tension, frames)
+    functions = group_functions(problem, solved, members)
+    lower, upper = open_bounds(problem, solved, options)
+    shape = (len(frames), len(groups))
+    found = np.einsum("fgin,fn->fgi", functions, solved.x)
+    least = np.full((*shape, 2, 4), np.nan)
+    good = np.flatnonzero(tension.status[frames] == OPTIMAL)
+
+    def extend(start: int, stop: int) -> None:
+        for k in good[start:stop]:
+            costs = np.stack([functions[k], -functions[k]], axis=1).reshape(-1, functions.shape[-1])
+            values, points = np.empty(len(costs)), np.empty(costs.shape)
+            least_values(solved.A[k], solved.x[k], lower[k], upper[k], costs, values, points)
+            least[k] = values.reshape(len(groups), 2, 4)
+
+    over_frames(extend, len(good), chunk=4)
+    low, high = least[:, :, 0] + 0.0, 0.0 - least[:, :, 1]
+    near = np.full((2, *shape, 3), np.nan)
+    if options.near > 0.0 and len(good):
+        near[:, good] = near_extremes(solved, good, functions[good, :, :3], options.near)
+    direction, spread = _least_determined(solved, good, functions[..., :3, :], options.near)
+    return found[..., :3], low, high, near[0], near[1], found[..., 3], direction, spread
+
+
+def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, near: float) -> tuple[Array, Array]:
+    """The direction in which forces give way most as the cost grows, and how far they go.
+
+    With D the inverse curvature of the variables that are off their bounds, forces S x give way by
+    C = S (D - D A^T (A D A^T)^-1 A D) S^T: the cost grows by a^2 / (2 v^T C v) along its first eigenvector v.
+    """
+    frames, groups = functions.shape[:2]
+    direction, spread = np.full((frames, groups, 3), np.nan), np.full(frames, np.nan)
+    if not len(good):
+        return direction, spread
+    x, A = solved.x[good], solved.A[good]
+    margin = ON_BOUND * (1.0 + np.abs(x))
+    inside = (x > solved.shared.lower + margin) & (x < solved.shared.upper - margin)
+    D = np.where(inside, 1.0 / solved.curvature(solved.x)[good], 0.0)
+    S = functions[good].reshape(len(good), -1, x.shape[1])
+    AD = A * D[:, None]
+    stiff = np.linalg.pinv(AD @ A.swapaxes(1, 2), rcond=1e-13, hermitian=True)
+    taken = AD @ S.swapaxes(1, 2)
+    C = (S * D[:, None]) @ S.swapaxes(1, 2) - taken.swapaxes(1, 2) @ stiff @ taken
+    size, vectors = np.linalg.eigh(0.5 * (C + C.swapaxes(1, 2)))
+    first = vectors[:, :, -1]
+    # The sign is free: the greatest part points along its axis.
+    greatest = np.take_along_axis(first, np.abs(first).argmax(axis=1)[:, None], axis=1)
+    direction[good] = (first * np.sign(greatest)).reshape(-1, groups, 3)
+    cost = solved.cost(solved.x)[good]
+    spread[good] = np.sqrt(2.0 * np.maximum(size[:, -1], 0.0) * near * cost)
+    return direction, spread
+
+
+def _groups(problem: TensionProblem, by: str) -> tuple[tuple[str, ...], list[Array]]:
+    """Names of groups in the order of their first site, and which edges belong to each."""
+    assert problem.contacts is not None
+    columns = problem.contacts.columns
+    labels = [site.group if by == "group" else site.name for site in columns.sites]
+    names = tuple(dict.fromkeys(labels))
+    return names, [np.array([labels[k] == name for k in columns.site]) for name in names]
+
+
+def _weight(problem: TensionProblem) -> float:
+    """Weight of the whole model, without gravity its mass times 9.81 m/s^2 [N]."""
+    model = problem.assembly.tree.model
+    return model.mass * (float(np.linalg.norm(model.gravity)) or 9.80665)
+
+
+def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:
+    if frames is None:
+        return np.arange(len(tension))
+    chosen = np.asarray(frames, np.int64)
+    if len(chosen) and not (chosen.min() >= 0 and chosen.max() < len(tension)):
+        raise BadData(f"frame {chosen.max()} is asked for, but the tensions have {len(tension)}")
+    return chosen
+
+
+def _smooth_slope(problem: TensionProblem, tension: Tension, solved: SolvedFrames) -> Array:
+    """Gradient of the smoothness between frames, (frames, variables)."""
+    found = np.zeros(solved.x.shape)
+    if problem.smooth is None or problem.contacts is None:
+        return found
+    scale, z = problem.smooth.scale, problem.amplitudes
+    for k, frame in enumerate(solved.frames):
+        for beside in (frame - 1, frame + 1):
+            if 0 <= beside < len(tension) and tension.status[beside] == OPTIMAL:
+                linked = (scale[frame] > 0.0) & (scale[beside] > 0.0)
+                apart = scale[frame] * z[frame] - scale[beside] * np.nan_to_num(z[beside])
+                stiffness = problem.smooth.stiffness[min(frame, beside)] * problem.contacts.cost
+                pull = np.where(linked, 2.0 * stiffness * scale[frame] * apart, 0.0)
+                found[k, solved.controls : solved.edges] += pull
+    return found

@@ -1,0 +1,102 @@
+"""Frames of a solved tension problem as dense arrays, for what is asked of the solution afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.spatial import Array
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.separable import Separable
+from myomorph.tension.tension import Tension
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedFrames:
+    """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.
+
+    Variables are activations, controls, amplitudes of contacts' edges, and those of the rows that contacts add.
+
+    Attributes
+    ----------
+    frames : (frames,) their numbers in the motion
+    A, b : (frames, rows, variables), (frames, rows)
+    x : (frames, variables), NaN where a frame was not solved
+    shared : weights, exponents and bounds of all frames
+    wells : (frames, 3, variables) as of `solve_separable`
+    values, right : as `TensionProblem.balance` gives them
+    muscles, controls, edges : where activations, controls, and amplitudes end among the variables
+    """
+
+    frames: NDArray[np.int64]
+    A: Array
+    b: Array
+    x: Array
+    shared: Separable
+    wells: Array
+    values: Array
+    right: Array
+    muscles: int
+    controls: int
+    edges: int
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def cost(self, x: Array) -> Array:
+        """Cost (frames, ...) of variables (frames, ..., n), smoothness between frames apart."""
+        wells = self.wells.reshape(len(self), 3, *(1,) * (x.ndim - 2), x.shape[-1])
+        below, above = np.maximum(wells[:, 0] - x, 0.0), np.maximum(x - wells[:, 1], 0.0)
+        pulled = np.where(wells[:, 2] > 0.0, wells[:, 2] * (below**2 + above**2), 0.0)
+        total: Array = (self.shared.weight * np.abs(x) ** self.shared.exponent + pulled).sum(axis=-1)
+        return total
+
+    def slope(self, x: Array) -> Array:
+        """Gradient of the cost, (frames, variables)."""
+        w, p = self.shared.weight, self.shared.exponent
+        drawn = np.where(x < self.wells[:, 0], x - self.wells[:, 0], np.maximum(x - self.wells[:, 1], 0.0))
+        pulled = np.where(self.wells[:, 2] > 0.0, 2.0 * self.wells[:, 2] * drawn, 0.0)
+        found: Array = p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
+        return found
+
+    def curvature(self, x: Array) -> Array:
+        """Second derivatives of the cost, (frames, variables), above 0."""
+        w, p = self.shared.weight, self.shared.exponent
+        outside = (x <= self.wells[:, 0]) | (x >= self.wells[:, 1])
+        pulled = np.where((self.wells[:, 2] > 0.0) & outside, 2.0 * self.wells[:, 2], 0.0)
+        # With p other than 2 the curvature at 0 is 0 or infinite: taken a little beside it.
+        found: Array = p * (p - 1.0) * w * np.maximum(np.abs(x), 1e-6) ** (p - 2.0) + pulled
+        return found
+
+
+def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.int64]) -> SolvedFrames:
+    """Frames of a problem that was solved.
+
+    Parameters
+    ----------
+    tension : what the problem found, of all its frames
+    frames : (frames,) which ones
+    """
+    shared, muscles = problem.separable, len(tension.muscles)
+    n, rows = len(shared.weight), len(problem.assembly.pattern.order)
+    column = np.repeat(np.arange(n), np.diff(shared.start))
+    A, b = np.zeros((len(frames), rows, n)), np.empty((len(frames), rows))
+    values = np.empty((len(frames), len(shared.row)))
+    for k, frame in enumerate(frames):
+        one, right = problem.balance(int(frame), int(frame) + 1)[:2]
+        values[k], b[k] = one[0], right[0]
+        A[k, shared.row, column] = one[0]
+    x = np.zeros((len(frames), n))
+    controls = muscles + tension.reserves.shape[1]
+    edges = controls + problem.amplitudes.shape[1]
+    x[:, :muscles] = tension.activations[frames]
+    x[:, muscles:controls] = tension.reserves[frames] / problem.assembly.optimal_forces
+    x[:, controls:edges] = problem.amplitudes[frames]
+    if problem.contacts is not None:
+        left = np.einsum("frn,fn->fr", A, x) - b
+        x[:, edges:] = left[:, problem.assembly.extra_row] / problem.contacts.extra.unit
+    wells = problem.wells if len(problem.wells) == 1 else problem.wells[frames]
+    wells = np.broadcast_to(wells, (len(frames), 3, n))
+    return SolvedFrames(frames, A, b, x, shared, wells, values, b, muscles, controls, edges)

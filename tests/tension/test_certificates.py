@@ -1,0 +1,254 @@
+"""What the data leave open of contact forces: bodies on legs whose intervals are known, HiGHS on a walk, optimality."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import find_contacts
+from myomorph.contact.strengths import strengths
+from myomorph.io.osim import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.contacts import Cone, SharedWrench, Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.frames import over_frames
+from myomorph.tension.certificates import (
+    CertificateOptions,
+    contact_intervals,
+    group_functions,
+    open_bounds,
+    optimality,
+)
+from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.solved import solved_frames
+from standing import WEIGHT, block, legs, standing_still
+
+EXACT = CertificateOptions(residual=0.0, reserve=0.0)
+
+
+def solved(model, motion, task, actuators=(), **more):
+    """The problem of a motion with contacts, solved, and what was found."""
+    problem, names = tension_problem(
+        model, motion, inverse_dynamics(model, motion), actuators=actuators, contacts=task, **more
+    )
+    over_frames(problem.solve, len(motion), None, problem.window)
+    return problem, problem.result(names)
+
+
+def intervals(sites, options=EXACT, measured=(), actuators=(), compliance=0.1):
+    model, motion = block(), standing_still(2)
+    task = ContactTask(
+        sites,
+        Series(motion.time, tuple(one.name for one in sites), np.ones((2, len(sites)))),
+        measured,
+        ContactOptions(compliance=compliance),
+    )
+    problem, tension = solved(model, motion, task, actuators)
+    assert tension.optimal.all()
+    return contact_intervals(problem, tension, [1], options)
+
+
+def test_two_legs_without_friction_are_determined():
+    """Levers: the legs stand 0.1 m and 0.3 m beside the mass center."""
+    found = intervals(legs([(-0.1, 0.0), (0.3, 0.0)], friction=0.0))
+    for group, share in (("leg0", 0.75), ("leg1", 0.25)):
+        force, low, high = found.of(group)
+        np.testing.assert_allclose(force[0], [0.0, share * WEIGHT, 0.0], atol=1e-6)
+        np.testing.assert_allclose(low, force, atol=1e-6)
+        np.testing.assert_allclose(high, force, atol=1e-6)
+    assert found.sentences == ("contact forces are determined",)
+
+
+def test_friction_lets_two_legs_press_against_each_other():
+    """Along the line between them up to what the cones allow; across it they would turn the body."""
+    found = intervals(legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.5, edges=4))
+    for group in found.groups:
+        _, low, high = found.of(group)
+        np.testing.assert_allclose(low[0], [-0.25 * WEIGHT, 0.5 * WEIGHT, 0.0], atol=1e-5)
+        np.testing.assert_allclose(high[0], [0.25 * WEIGHT, 0.5 * WEIGHT, 0.0], atol=1e-5)
+    assert found.sentences[0].startswith("shifting force between 'leg0' and 'leg1' along x")
+
+
+def test_a_table_on_four_legs_rocks():
+    """Legs at the corners of a square: F = W / 4 +- t, t up to W / 4; at a share s more cost up to W / 4 sqrt(s)."""
+    found = intervals(legs([(-0.2, -0.3), (0.2, -0.3), (0.2, 0.3), (-0.2, 0.3)], friction=0.0))
+    np.testing.assert_allclose(found.forces[0, :, 1], 0.25 * WEIGHT, rtol=1e-7)
+    np.testing.assert_allclose(found.low[0, :, 1], 0.0, atol=1e-6)
+    np.testing.assert_allclose(found.high[0, :, 1], 0.5 * WEIGHT, rtol=1e-7)
+    np.testing.assert_allclose(found.normal_high[0], 0.5 * WEIGHT, rtol=1e-7)
+    reach = 0.25 * WEIGHT * np.sqrt(0.05)
+    np.testing.assert_allclose(found.near_high[0, :, 1] - found.forces[0, :, 1], reach, rtol=0.02)
+    np.testing.assert_allclose(found.forces[0, :, 1] - found.near_low[0, :, 1], reach, rtol=0.02)
+    np.testing.assert_allclose(np.abs(found.direction[0, :, 1]), 0.5, atol=1e-6)
+    assert found.direction[0, 0, 1] * found.direction[0, 1, 1] < 0.0
+    np.testing.assert_allclose(found.spread[0], 2.0 * reach, rtol=1e-4)
+    assert "vertically" in found.sentences[0]
+
+
+def test_patches_let_weight_wander_as_far_as_their_edges_reach():
+    """Two feet 2a apart of half width h: one carries up to (a + h) / 2a of the weight, as its pressure goes inwards."""
+    a, h = 0.2, 0.05
+    feet = tuple(
+        Site(name, "block", np.array([[x - h, 0.0, 0.0], [x + h, 0.0, 0.0]]), Cone(friction=0.0))
+        for name, x in (("left", -a), ("right", a))
+    )
+    found = intervals(feet)
+    np.testing.assert_allclose(found.high[0, :, 1], WEIGHT * (a + h) / (2.0 * a), rtol=1e-7)
+    np.testing.assert_allclose(found.low[0, :, 1], WEIGHT * (a - h) / (2.0 * a), rtol=1e-7)
+
+
+def test_what_is_measured_and_what_is_bounded_narrows_the_interval():
+    corners = [(-0.2, -0.3), (0.2, -0.3), (0.2, 0.3), (-0.2, 0.3)]
+    narrow = legs(corners, friction=0.0, most=0.4 * WEIGHT)
+    bounded = intervals(narrow)
+    np.testing.assert_allclose(bounded.high[0, :, 1], 0.4 * WEIGHT, rtol=1e-6)
+    np.testing.assert_allclose(bounded.low[0, :, 1], 0.1 * WEIGHT, rtol=1e-6)
+    told = np.full((2, 3), np.nan)
+    told[:, 1] = 0.3 * WEIGHT
+    plate = SharedWrench("plate", ("leg0",), told, np.full((2, 3), np.nan), force_sd=4.0)
+    found = intervals(legs(corners, friction=0.0), measured=(plate,))
+    missed = abs(found.forces[0, 0, 1] - 0.3 * WEIGHT)
+    reach = max(8.0, missed)
+    np.testing.assert_allclose(found.high[0, 0, 1], 0.3 * WEIGHT + reach, rtol=1e-6)
+    np.testing.assert_allclose(found.low[0, 0, 1], 0.3 * WEIGHT - reach, rtol=1e-6)
+    np.testing.assert_allclose(found.high[0, 1, 1], 0.2 * WEIGHT + reach, rtol=1e-6)
+
+
+def test_what_residuals_may_give_widens_the_interval():
+    """1 % of the weight in force, and as much times 1 m in moment: levers of 0.2 m make 2.5 % of it at each leg."""
+    sites = legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.0)
+    found = intervals(sites, CertificateOptions(residual=0.01), actuators=None)
+    widest = 0.5 * 0.01 + 0.01 / 0.4
+    np.testing.assert_allclose((found.high - found.forces)[0, :, 1], widest * WEIGHT, rtol=0.02)
+    alone = intervals(sites, CertificateOptions(residual=0.0), actuators=None)
+    assert (alone.high - alone.low)[0, :, 1].max() < 0.01 * WEIGHT
+
+
+def test_a_site_that_does_not_touch_carries_nothing():
+    model, motion = block(), standing_still(1)
+    sites = legs([(-0.2, 0.0), (0.2, 0.0), (0.0, 0.1)], friction=0.0)
+    task = ContactTask(sites, Series(motion.time, ("leg0", "leg1", "leg2"), np.array([[1.0, 1.0, 0.0]])))
+    found = contact_intervals(*solved(model, motion, task), options=EXACT)
+    np.testing.assert_array_equal(found.low[0, 2], 0.0)
+    np.testing.assert_array_equal(found.high[0, 2], 0.0)
+
+
+@pytest.fixture(scope="module")
+def walk(data) -> tuple[Model, Motion, ContactTask]:
+    """Frames of a walk whose plates are hidden, contacts from kinematics."""
+    model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
+    keep = np.arange(200, 1000, 40)
+    motion = Motion(
+        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
+    )
+    sites = foot_sites(model)
+    return model, motion, ContactTask(sites, strengths(model, motion, sites, find_contacts(model, motion, sites)))
+
+
+def test_intervals_of_a_walk_are_those_of_highs(walk):
+    model, motion, task = walk
+    problem, tension = solved(model, motion, task, None)
+    assert tension.optimal.all()
+    options = CertificateOptions()
+    found = contact_intervals(problem, tension, None, options)
+    assert (found.low <= found.forces + 1e-6).all()
+    assert (found.high >= found.forces - 1e-6).all()
+    assert (found.near_low <= found.forces + 1e-6).all()
+    assert (found.near_high >= found.forces - 1e-6).all()
+    # Near the optimum less is open than at all.
+    width = found.high - found.low
+    assert (found.near_high - found.near_low).sum() < 0.5 * width.sum()
+    frames = np.arange(0, len(motion), 7)
+    dense = solved_frames(problem, tension, frames)
+    lower, upper = open_bounds(problem, dense, options)
+    columns = problem.contacts.columns
+    members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in found.groups]
+    functions = group_functions(problem, dense, members)
+    for k, frame in enumerate(frames):
+        for g in range(len(found.groups)):
+            for i, kind in ((0, 0), (1, 1), (2, 2), (3, 3)):
+                cost = functions[k, g, i]
+                both = [
+                    linprog(
+                        sign * cost,
+                        A_eq=dense.A[k],
+                        b_eq=dense.A[k] @ dense.x[k],
+                        bounds=np.column_stack([lower[k], upper[k]]),
+                        method="highs",
+                    )
+                    for sign in (1.0, -1.0)
+                ]
+                low, high = (
+                    (found.low[frame, g, i], found.high[frame, g, i])
+                    if kind < 3
+                    else (found.normal_low[frame, g], found.normal_high[frame, g])
+                )
+                assert low == pytest.approx(both[0].fun, abs=2e-3)
+                assert high == pytest.approx(-both[1].fun, abs=2e-3)
+
+
+def test_solved_frames_are_optima_and_others_are_not(walk):
+    model, motion, task = walk
+    free = replace(task, options=replace(task.options, smoothness=0.0))
+    problem, tension = solved(model, motion, free, None)
+    found = optimality(problem, tension)
+    assert found.stationarity.max() < 1e-7
+    assert found.balance.max() < 1e-8
+    assert found.bounds.max() == 0.0
+    assert found.complementarity.max() < 1e-9
+    moved = np.array(tension.reserves)
+    moved[:, 0] += 5.0
+    spoiled = optimality(problem, replace(tension, reserves=moved))
+    assert spoiled.stationarity.min() > 1e-3
+    assert spoiled.balance.min() > 1e-3
+
+
+def test_smoothness_takes_part_in_optimality(walk, data):
+    """Frames 10 ms apart, of which the cost of each change has its part."""
+    model, _, _ = walk
+    whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
+    keep = np.arange(400, 500, 10)
+    motion = Motion(
+        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
+    )
+    sites = foot_sites(model)
+    task = ContactTask(sites, strengths(model, motion, sites, find_contacts(model, motion, sites)))
+    problem, tension = solved(model, motion, task, None)
+    assert optimality(problem, tension).stationarity.max() < 1e-3
+    rough, _ = solved(model, motion, replace(task, options=replace(task.options, smoothness=0.0)), None)
+    # The smooth solution is none of the problem without smoothness.
+    assert optimality(rough, tension_of(rough, problem, tension)).stationarity.max() > 1e-3
+
+
+def tension_of(rough, problem, tension):
+    """A solution as if the other problem had found it."""
+    rough.amplitudes[:] = problem.amplitudes
+    return tension
+
+
+def test_what_cannot_be_asked_is_named(walk):
+    model, motion, task = walk
+    problem, tension = solved(model, motion, task, None)
+    with pytest.raises(BadData, match="frame 99 is asked for"):
+        contact_intervals(problem, tension, [99])
+    with pytest.raises(BadData, match="there are 'group', 'site'"):
+        CertificateOptions(by="foot")
+    found = contact_intervals(problem, tension, [0], CertificateOptions(near=0.0, by="site"))
+    assert len(found.groups) == len(task.sites)
+    assert np.isnan(found.near_low).all()
+    with pytest.raises(UnknownName, match="unknown contact group 'hand'"):
+        found.of("hand")
+    bare, names = tension_problem(model, motion, inverse_dynamics(model, motion))
+    over_frames(bare.solve, len(motion))
+    with pytest.raises(BadData, match="there are no contacts"):
+        contact_intervals(bare, bare.result(names))
