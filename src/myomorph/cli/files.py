@@ -19,10 +19,22 @@ def info_command(file: Annotated[Path, Parameter(help="Model, recording or table
     return 0
 
 
-def report_command(folder: Annotated[Path, Parameter(help="Folder of results.")], /) -> int:
+def report_command(
+    folder: Annotated[Path, Parameter(help="Folder of results.")],
+    /,
+    *,
+    preset: Annotated[
+        str,
+        Parameter(help="How to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it fits."),
+    ] = "",
+    times: Annotated[
+        tuple[float, ...],
+        Parameter(help="Instants to picture [s]; those of events by default.", consume_multiple=True),
+    ] = (),
+) -> int:
     """Make report.html of a folder of results."""
     from myomorph.study.reporting import report_folder
 
-    for path in report_folder(folder):
+    for path in report_folder(folder, preset=preset, times=times):
         said(f"wrote {path}")
     return 0

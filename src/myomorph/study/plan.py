@@ -17,6 +17,7 @@ from myomorph.study.settings import (
     Differentiation,
     EmgUse,
     Measured,
+    ReportOptions,
     Setting,
     Side,
     TensionTables,
@@ -65,6 +66,7 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
         "ik": kinematics,
         "id": (*filters, *settings_of(TorqueTable)),
         "muscles": filters,
+        "report": settings_of(ReportOptions),
         "tension": (*filters, *(one for options in tension for one in settings_of(options))),
     }
 
@@ -80,6 +82,7 @@ class _Trial(Strict):
     emg: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
     time: tuple[float, float] | None = None
 
 
@@ -226,6 +229,8 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
             loads = _companion(folder, trial.loads, markers, "loads", f"{where}: loads", problems, remarks)
             emg = _companion(folder, trial.emg, markers, "emg", f"{where}: emg", problems, remarks)
             check_time(trial.time or subject.time, f"{where}: time", problems)
+            for name, span in trial.phases.items():
+                check_time(span, f"{where}: phase '{name}'", problems)
             if loads is not None and loads.suffix.lower() != ".xml" and not trial.bodies:
                 if trial.loads is None:
                     del remarks[remarks_before:]
@@ -250,6 +255,7 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
                 actuators=shared["actuators"],
                 contacts=_contacts(trial.contacts or subject.contacts, folder, where, problems),
                 measured=trial.measured or subject.measured,
+                phases=MappingProxyType(dict(trial.phases)),
                 mass=subject.mass,
                 time=trial.time or subject.time,
             )

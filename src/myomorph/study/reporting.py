@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -19,8 +19,10 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Series
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
-from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
+from myomorph.muscles.path import compile_paths
+from myomorph.report.given import Note, Phase, ReportInput, SourceFile, Step, Truth
 from myomorph.report.page import report_page
+from myomorph.report.presets import preset_of
 from myomorph.study import contact_store
 from myomorph.study import stored as store
 from myomorph.study.inputs import open_model
@@ -54,12 +56,16 @@ class ShownTension:
     solved: np.ndarray
 
 
-def report_folder(folder: str | Path, take: Take | None = None) -> list[Path]:
+def report_folder(
+    folder: str | Path, take: Take | None = None, preset: str = "", times: Sequence[float] = ()
+) -> list[Path]:
     """Make `report.html` of every folder of results in a folder, or of the folder itself.
 
     Parameters
     ----------
     take : the recording, where it is at hand; else the model is read again from where it was
+    preset : how to look at the motion, see `presets`; "" as the results say
+    times : instants to picture [s], () for those of events
 
     Returns
     -------
@@ -70,24 +76,27 @@ def report_folder(folder: str | Path, take: Take | None = None) -> list[Path]:
     BadFile
         where there are no results, or the model they were made with is gone
     """
+    if preset:
+        preset_of(preset)
     folder = Path(folder)
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
     if take is not None:
-        return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], take.model)]
+        return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], preset, times, take.model)]
     if (folder / STORE).is_file():
         return [remake_report(folder)]
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
     if not homes:
         raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
-    return [_write(home, sorted(home.glob(f"*{STORED}"))) for home in homes]
+    return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times) for home in homes]
 
 
-def _write(home: Path, paths: Sequence[Path], model: Model | None = None) -> Path:
+def _write(home: Path, paths: Sequence[Path], preset: str, times: Sequence[float], model: Model | None = None) -> Path:
     """The report of the results in one folder, whole or not at all."""
     found = joined([read_result(path, leave_out=("moment_arm",)) for path in paths])
-    text = report_page(report_input(found, model or model_of(found)))
+    given = report_input(found, model or model_of(found))
+    text = report_page(replace(given, preset=preset or given.preset, times=tuple(times)))
     temporary = home / f".{REPORT}.part"
     temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, home / REPORT)
@@ -185,15 +194,24 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         situation=contact_store.get_situation(found),
         root_note=facts.get("root_note", ""),
         lengths=_lengths(found),
-        driven=tuple(dict.fromkeys(arms)),
+        driven=tuple(dict.fromkeys(arms)) or _driven(model),
         tension=None if tension is None else shown_tension(tension, found),
         overstretched=() if tension is None else tension.overstretched,
         emg=store.get_emg(found),
         emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
         events=store.get_events(found) or None,
+        preset=facts.get("preset", ""),
+        phases=tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items()),
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
         warnings=tuple(warnings),
     )
+
+
+def _driven(model: Model) -> tuple[str, ...]:
+    """Coordinates that at least one muscle crosses, where no step wrote moment arms."""
+    if not model.muscles:
+        return ()
+    return tuple(model.coordinate_names[j] for j in sorted(set(compile_paths(model).arm_coordinate.tolist())))
 
 
 def _residuals(tension: Tension | None) -> Series | None:

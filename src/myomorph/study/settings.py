@@ -90,6 +90,19 @@ class TensionTables:
     reactions: Literal["none", "child", "parent", "ground"] = "none"
 
 
+@dataclass(frozen=True)
+class ReportOptions:
+    """How a report looks at a motion.
+
+    Attributes
+    ----------
+    preset : kind of motion, which says what panels, muscles and phases are shown: taichi, tap, drum, judo, gait, lift;
+        chosen by what the recording shows where it is not told
+    """
+
+    preset: str = ""
+
+
 def settings_of(options: type) -> tuple[Setting, ...]:
     """Settings of an option dataclass: every field that a number, a text or a switch can give.
 

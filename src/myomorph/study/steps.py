@@ -24,7 +24,7 @@ from myomorph.study import stored as store
 from myomorph.study.inputs import about, has_mass
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, Stored, provenance_of
-from myomorph.study.settings import Differentiation, EmgUse, TensionTables, TorqueTable, plain_settings
+from myomorph.study.settings import Differentiation, EmgUse, ReportOptions, TensionTables, TorqueTable, plain_settings
 
 if TYPE_CHECKING:
     from myomorph.model.contacts import Contacts
@@ -57,6 +57,8 @@ class Take:
     real, assumed, simulated : sentences for the first lines of the report
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
     sources : inputs by their hashes
+    report : how the report looks at the motion
+    phases : parts of the motion that the report tells apart, name to start and end [s]
     parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
         model or what makes the model of an object
     """
@@ -90,6 +92,8 @@ class Take:
     truth: Mapping[str, Series] = field(default_factory=lambda: MappingProxyType({}))
     sources: tuple[Source, ...] = ()
     warnings: tuple[str, ...] = ()
+    report: ReportOptions = field(default_factory=ReportOptions)
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -202,6 +206,8 @@ def _put_take(writer: ResultWriter, take: Take) -> None:
         "root_note": take.root_note,
         "notes": json.dumps({"real": take.real, "assumed": take.assumed, "simulated": take.simulated}),
         "warnings": json.dumps(take.warnings),
+        "preset": take.report.preset,
+        "phases": json.dumps({name: list(span) for name, span in take.phases.items()}),
         "parts": json.dumps(dict(take.parts)),
         "emg_muscles": json.dumps({channel: list(names) for channel, names in take.emg_muscles.items()}),
     }

@@ -17,7 +17,16 @@ from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
 from myomorph.study.emg_files import open_emg
 from myomorph.study.results import file_source, value_source
-from myomorph.study.settings import Differentiation, EmgUse, Measured, Side, TensionTables, TorqueTable, with_settings
+from myomorph.study.settings import (
+    Differentiation,
+    EmgUse,
+    Measured,
+    ReportOptions,
+    Side,
+    TensionTables,
+    TorqueTable,
+    with_settings,
+)
 from myomorph.study.steps import Take
 
 if TYPE_CHECKING:
@@ -43,6 +52,7 @@ class FileTake:
     emg_side : side of channels whose names tell none
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
+    phases : parts of the motion that the report tells apart, name to start and end [s]
     mass : of the subject [kg]
     time : start and end [s]
     """
@@ -63,6 +73,7 @@ class FileTake:
     actuators: Path | None = None
     contacts: str = ""
     measured: Measured | None = None
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     mass: float | None = None
     time: tuple[float, float] | None = None
 
@@ -167,6 +178,8 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         **contact_parts(files, settings, model),
         emg_use=with_settings(EmgUse(), settings.get("tension", {})),
         tables=with_settings(TensionTables(), settings.get("tension", {})),
+        report=report_options(settings),
+        phases=files.phases,
         actuators=_actuators(files, model),
         sources=tuple(sources),
         warnings=(
@@ -282,6 +295,16 @@ def tension_options(settings: Settings) -> Any:
     from myomorph.tension.solve import TensionOptions
 
     return with_settings(TensionOptions(), settings["tension"])
+
+
+def report_options(settings: Settings) -> ReportOptions:
+    """How the report looks at motions; raises `UnknownName` where there is no such preset."""
+    from myomorph.report.presets import preset_of
+
+    options = with_settings(ReportOptions(), settings.get("report", {}))
+    if options.preset:
+        preset_of(options.preset)
+    return options
 
 
 def contact_parts(files: FileTake, settings: Settings, model: Model) -> dict[str, Any]:

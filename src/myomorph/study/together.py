@@ -154,6 +154,8 @@ def join_takes(together: Together, parts: Mapping[str, Part], settings: Settings
         emg_options=next((one.emg_options for one in takes if one.emg_options is not None), None),
         emg_use=first.emg_use,
         tables=first.tables,
+        report=first.report,
+        phases=first.phases,
         plates=tuple({plate.name: plate for one in takes for plate in one.plates}.values()),
         real=tuple(dict.fromkeys(text for one in takes for text in one.real)),
         assumed=tuple(dict.fromkeys(text for one in takes for text in one.assumed)),
