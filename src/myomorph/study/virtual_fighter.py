@@ -1,0 +1,309 @@
+"""A simulated fighter: a body of 29 degrees of freedom moved by 62 muscles, as a fragment of MJCF.
+
+Masses are shares of the whole as de Leva (1996) gives them for men. Muscles run straight between points that were laid
+by hand so that each joint can turn both ways; they are no anatomy. Axes: x forward, y up, z right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+
+HEIGHT = 1.75
+"""Of the body whose measures stand below [m]."""
+
+Point = tuple[str, float, float, float]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A body: its joints on its parent, and what it is made of.
+
+    Attributes
+    ----------
+    place : (3,) of its origin in the parent's frame [m]
+    joints : names of hinges and their axes in order
+    share : of the body's mass
+    center : (3,) mass center [m]
+    size : (3,) half sizes of the box whose inertia it has [m]
+    """
+
+    name: str
+    parent: str
+    place: tuple[float, float, float]
+    joints: tuple[tuple[str, tuple[int, int, int]], ...]
+    share: float
+    center: tuple[float, float, float]
+    size: tuple[float, float, float]
+
+
+X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+MIDDLE = (
+    Segment("pelvis", "", (0.0, 0.0, 0.0), (), 0.112, (-0.01, 0.05, 0.0), (0.08, 0.09, 0.15)),
+    Segment(
+        "torso",
+        "pelvis",
+        (-0.03, 0.12, 0.0),
+        (("lumbar_flexion", Z), ("lumbar_bending", X), ("lumbar_rotation", Y)),
+        0.392,
+        (0.02, 0.27, 0.0),
+        (0.09, 0.26, 0.15),
+    ),
+)
+SIDED = (
+    Segment(
+        "thigh",
+        "pelvis",
+        (0.0, 0.0, 0.09),
+        (("hip_flexion", Z), ("hip_adduction", X), ("hip_rotation", Y)),
+        0.142,
+        (0.0, -0.17, 0.0),
+        (0.06, 0.21, 0.06),
+    ),
+    Segment("shank", "thigh", (0.0, -0.42, 0.0), (("knee_angle", Z),), 0.043, (0.0, -0.18, 0.0), (0.04, 0.2, 0.04)),
+    Segment(
+        "foot",
+        "shank",
+        (0.0, -0.42, 0.0),
+        (("ankle_angle", Z), ("subtalar_angle", X)),
+        0.014,
+        (0.05, -0.04, 0.0),
+        (0.12, 0.03, 0.04),
+    ),
+    Segment(
+        "upperarm",
+        "torso",
+        (0.03, 0.38, 0.18),
+        (("arm_flex", Z), ("arm_add", X), ("arm_rot", Y)),
+        0.027,
+        (0.0, -0.14, 0.0),
+        (0.04, 0.14, 0.04),
+    ),
+    Segment(
+        "forearm", "upperarm", (0.0, -0.28, 0.0), (("elbow_flex", Z),), 0.022, (0.0, -0.15, 0.0), (0.03, 0.17, 0.03)
+    ),
+)
+GRIP = (0.0, -0.32, 0.0)
+"""Middle of the fist in the forearm [m]."""
+SOLE = {"heel_in": (-0.06, -0.035), "heel_out": (-0.06, 0.035), "toe_in": (0.18, -0.05), "toe_out": (0.18, 0.05)}
+"""Corners of the right sole: x and z in the foot's frame [m]."""
+SOLE_HEIGHT = 0.075
+"""Of the ankle above the sole [m]."""
+LEG = 0.42 + 0.42 + SOLE_HEIGHT
+"""From the hip to the mat, straight [m]."""
+BALL = 0.01
+"""Radius of the balls that the soles stand on [m]."""
+
+HEAD = ((0.03, 0.62, 0.0), (0.09, 0.12, 0.08))
+"""Where the head is seen on the trunk, and its half sizes [m]; its mass is part of the trunk's."""
+FIBER_SHARE = 0.6
+"""Share of a muscle's path in the first pose that is optimal fiber; the rest is tendon."""
+RANGE = (0.75, 1.05)
+"""Lengths of fibers at the ends of MuJoCo's range of lengths, in optimal ones."""
+
+# Name, maximum isometric force [N] and points of the right side (body; a * before it takes the left one's).
+SIDE_MUSCLES: tuple[tuple[str, float, tuple[Point, ...]], ...] = (
+    ("glut_max", 2200, (("pelvis", -0.10, 0.06, 0.05), ("pelvis", -0.085, -0.03, 0.07), ("thigh", -0.025, -0.2, 0.03))),
+    ("glut_med", 2000, (("pelvis", -0.02, 0.11, 0.10), ("thigh", -0.005, -0.03, 0.065))),
+    ("glut_ant", 1000, (("pelvis", 0.05, 0.09, 0.12), ("thigh", 0.01, -0.03, 0.065))),
+    ("glut_post", 1000, (("pelvis", -0.09, 0.09, 0.07), ("thigh", -0.02, -0.03, 0.065))),
+    ("iliopsoas", 2200, (("pelvis", -0.02, 0.12, 0.04), ("pelvis", 0.05, 0.0, 0.08), ("thigh", -0.01, -0.06, 0.0))),
+    ("add_mag", 2000, (("pelvis", -0.04, -0.06, 0.02), ("thigh", 0.0, -0.22, 0.01))),
+    ("add_long", 900, (("pelvis", 0.04, -0.03, 0.02), ("thigh", 0.01, -0.2, 0.0))),
+    ("rotators", 900, (("pelvis", -0.10, 0.02, 0.02), ("thigh", -0.015, 0.0, 0.05))),
+    ("rect_fem", 1300, (("pelvis", 0.04, 0.04, 0.1), ("thigh", 0.055, -0.39, 0.0), ("shank", 0.05, -0.04, 0.0))),
+    ("vasti", 5000, (("thigh", 0.04, -0.2, 0.01), ("thigh", 0.055, -0.39, 0.0), ("shank", 0.05, -0.04, 0.0))),
+    ("semimem", 1800, (("pelvis", -0.06, -0.05, 0.07), ("shank", -0.035, -0.06, -0.02))),
+    ("bifem", 1400, (("pelvis", -0.06, -0.05, 0.08), ("shank", -0.035, -0.06, 0.03))),
+    ("gastroc", 2500, (("thigh", -0.03, -0.4, 0.0), ("foot", -0.055, -0.03, 0.0))),
+    ("soleus", 4500, (("shank", -0.02, -0.1, 0.0), ("foot", -0.055, -0.035, 0.0))),
+    ("tib_ant", 1600, (("shank", 0.03, -0.1, 0.01), ("shank", 0.035, -0.38, -0.01), ("foot", 0.07, -0.02, -0.025))),
+    ("peroneus", 1600, (("shank", 0.0, -0.1, 0.03), ("shank", -0.02, -0.41, 0.03), ("foot", 0.0, -0.055, 0.035))),
+    ("tib_post", 2000, (("shank", -0.01, -0.1, 0.0), ("shank", -0.02, -0.41, -0.025), ("foot", 0.03, -0.05, -0.025))),
+    ("erector", 3500, (("pelvis", -0.08, 0.06, 0.04), ("torso", -0.06, 0.15, 0.04))),
+    ("rect_abd", 1200, (("pelvis", 0.07, 0.0, 0.03), ("torso", 0.11, 0.2, 0.04))),
+    ("ext_obl", 1400, (("pelvis", 0.08, 0.02, 0.03), ("torso", 0.06, 0.15, 0.13))),
+    ("int_obl", 1400, (("pelvis", 0.0, 0.1, 0.12), ("torso", 0.11, 0.15, 0.02))),
+    ("quad_lumb", 900, (("pelvis", -0.04, 0.09, 0.1), ("torso", -0.02, 0.12, 0.08))),
+    ("delt_ant", 1400, (("torso", 0.09, 0.41, 0.15), ("upperarm", 0.015, -0.12, 0.02))),
+    ("delt_mid", 1800, (("torso", 0.03, 0.43, 0.21), ("upperarm", 0.0, -0.12, 0.035))),
+    ("supraspin", 900, (("torso", 0.0, 0.42, 0.08), ("upperarm", 0.0, 0.025, 0.03))),
+    ("delt_post", 1200, (("torso", -0.04, 0.40, 0.15), ("upperarm", -0.01, -0.12, 0.025))),
+    ("pectoralis", 1400, (("torso", 0.13, 0.30, 0.03), ("upperarm", 0.01, -0.10, -0.01))),
+    ("latissimus", 1400, (("torso", -0.06, 0.14, 0.08), ("torso", -0.05, 0.28, 0.15), ("upperarm", 0, -0.07, -0.015))),
+    ("infraspin", 1800, (("torso", -0.07, 0.34, 0.10), ("upperarm", 0.0, -0.01, 0.035))),
+    ("subscap", 1800, (("torso", -0.02, 0.35, 0.06), ("upperarm", 0.03, -0.01, -0.005))),
+    ("biceps", 1000, (("torso", 0.06, 0.41, 0.165), ("upperarm", 0.03, -0.12, 0.0), ("forearm", 0.015, -0.045, 0.0))),
+    ("brachialis", 1200, (("upperarm", 0.02, -0.15, 0.0), ("forearm", 0.015, -0.04, 0.0))),
+    ("triceps", 2200, (("torso", 0.0, 0.35, 0.16), ("upperarm", -0.03, -0.25, 0.0), ("forearm", -0.028, 0.015, 0.0))),
+)  # fmt: skip
+MARKED = {
+    "pelvis": ((0.08, 0.09, 0.12), (0.08, 0.09, -0.12), (-0.1, 0.09, 0.04), (-0.1, 0.09, -0.04)),
+    "torso": ((0.12, 0.2, 0.0), (-0.08, 0.3, 0.0), (0.03, 0.42, 0.15), (0.03, 0.42, -0.15)),
+    "thigh": ((0.07, -0.15, 0.03), (0.0, -0.3, 0.07), (0.0, -0.4, -0.05)),
+    "shank": ((0.05, -0.1, 0.02), (0.03, -0.28, 0.04), (0.0, -0.42, 0.045)),
+    "foot": ((-0.06, -0.03, 0.0), (0.12, -0.03, 0.05), (0.13, -0.03, -0.04)),
+    "upperarm": ((0.04, -0.1, 0.03), (0.0, -0.2, 0.05), (0.03, -0.27, -0.02)),
+    "forearm": ((0.03, -0.1, 0.02), (0.02, -0.24, 0.03), (-0.01, -0.25, -0.03)),
+}
+"""Places of markers on bodies, of the right side for those that come twice [m]."""
+
+
+@dataclass(frozen=True)
+class Build:
+    """How one fighter differs from the tables.
+
+    Attributes
+    ----------
+    mass : [kg]
+    height : [m]
+    strength : of all muscles, as a factor
+    strengths : of single muscles by name, factors beside that
+    paths : lengths of muscles' paths by name where their fibers have their optimal length [m]; muscles of no length
+        where it is empty
+    """
+
+    mass: float = 75.0
+    height: float = HEIGHT
+    strength: float = 1.0
+    strengths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    paths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def size(self) -> float:
+        """Of lengths, against the tables."""
+        return self.height / HEIGHT
+
+
+def segments() -> Iterator[Segment]:
+    """All segments, parents first, both sides named."""
+    yield from MIDDLE
+    for side, sign in (("r", 1.0), ("l", -1.0)):
+        for one in SIDED:
+            parent = one.parent if one.parent in ("pelvis", "torso") else f"{one.parent}_{side}"
+            # Mirrored axes: the same sign means the same movement on both sides.
+            joints = tuple(
+                (f"{name}_{side}", axis if axis == Z else tuple(int(sign) * x for x in axis))
+                for name, axis in one.joints
+            )
+            place = (one.place[0], one.place[1], sign * one.place[2])
+            yield Segment(f"{one.name}_{side}", parent, place, joints, one.share, one.center, one.size)  # type: ignore[arg-type]
+
+
+def muscle_points() -> dict[str, tuple[float, tuple[Point, ...]]]:
+    """Strength [N] and points of all muscles by name, both sides."""
+    found = {}
+    for name, force, points in SIDE_MUSCLES:
+        for side, sign in (("r", 1.0), ("l", -1.0)):
+            placed = tuple((_sided(body, side), x, y, sign * z) for body, x, y, z in points)
+            found[f"{name}_{side}"] = (float(force), placed)
+    return found
+
+
+def sole_points(side: str) -> dict[str, Array]:
+    """Corners of a sole in the foot's frame by name (3,) [m], for a body of `HEIGHT`."""
+    sign = 1.0 if side == "r" else -1.0
+    return {name: np.array([x, -SOLE_HEIGHT, sign * z]) for name, (x, z) in SOLE.items()}
+
+
+def marker_points() -> dict[str, tuple[str, Array]]:
+    """Body and place (3,) of all markers by name [m], for a body of `HEIGHT`."""
+    found = {}
+    for body, places in MARKED.items():
+        sides = (("", 1.0),) if body in ("pelvis", "torso") else (("r", 1.0), ("l", -1.0))
+        for side, sign in sides:
+            for k, (x, y, z) in enumerate(places):
+                whole = _sided(body, side) if side else body
+                found[f"{whole}_{k + 1}"] = (whole, np.array([x, y, sign * z]))
+    return found
+
+
+def _sided(body: str, side: str) -> str:
+    return body if body in ("pelvis", "torso") else f"{body}_{side}"
+
+
+def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], turn: float) -> tuple[str, str, str]:
+    """The fighter as text: its tree of bodies, its tendons and its actuators.
+
+    Parameters
+    ----------
+    prefix : before every name
+    place : of the pelvis in ground [m]
+    turn : about the vertical [rad]
+    """
+    s = build.size
+    children: dict[str, list[Segment]] = {}
+    for one in segments():
+        children.setdefault(one.parent, []).append(one)
+    sites: dict[str, list[str]] = {one.name: [] for one in segments()}
+    for name, (body, place_on) in marker_points().items():
+        sites[body].append(f'<site name="{prefix}marker_{name}" pos="{_text(s * place_on)}"/>')
+    for side in "rl":
+        sites[f"forearm_{side}"].append(f'<site name="{prefix}grip_{side}" pos="{_text(s * np.array(GRIP))}"/>')
+    tendons, actuators = [], []
+    for name, (force, points) in muscle_points().items():
+        path = []
+        for k, (body, *at) in enumerate(points):
+            sites[body].append(f'<site name="{prefix}{name}-{k}" pos="{_text(s * np.array(at))}"/>')
+            path.append(f'<site site="{prefix}{name}-{k}"/>')
+        tendons.append(f'<spatial name="{prefix}{name}_tendon">{"".join(path)}</spatial>')
+        strength = force * build.strength * build.strengths.get(name, 1.0)
+        actuators.append(_muscle(f"{prefix}{name}", strength, build.paths.get(name, 0.0)))
+
+    def tree(one: Segment) -> str:
+        inner = [_joints(one, prefix), _inertial(one, build), *_geoms(one, prefix, s), *sites[one.name]]
+        inner += [tree(child) for child in children.get(one.name, [])]
+        if one.parent:
+            start = f'pos="{_text(s * np.array(one.place))}"'
+        else:
+            start = f'pos="{_text(np.array(place))}" euler="0 {turn!r} 0"'
+        return f'<body name="{prefix}{one.name}" {start}>{"".join(inner)}</body>'
+
+    return tree(MIDDLE[0]), "".join(tendons), "".join(actuators)
+
+
+def _joints(one: Segment, prefix: str) -> str:
+    if not one.joints:
+        return f'<freejoint name="{prefix}{one.name}"/>'
+    return "".join(f'<joint name="{prefix}{name}" axis="{_text(np.array(axis))}"/>' for name, axis in one.joints)
+
+
+def _inertial(one: Segment, build: Build) -> str:
+    mass = one.share * build.mass
+    square = (build.size * np.array(one.size)) ** 2
+    moments = mass / 3.0 * (square.sum() - square)
+    place = build.size * np.array(one.center)
+    return f'<inertial mass="{mass!r}" pos="{_text(place)}" diaginertia="{_text(moments)}"/>'
+
+
+def _geoms(one: Segment, prefix: str, s: float) -> list[str]:
+    """What is seen of a segment, and what of a foot stands on the mat."""
+    shown = [(one.center, one.size), *([HEAD] if one.name == "torso" else [])]
+    geoms = [
+        f'<geom class="shown" pos="{_text(s * np.array(at))}" size="{_text(s * np.array(size))}"/>'
+        for at, size in shown
+    ]
+    if one.name.startswith("foot"):
+        for k, at in sole_points(one.name[-1]).items():
+            geoms.append(f'<geom name="{prefix}{one.name}_{k}" class="sole" pos="{_text(s * at + (0.0, BALL, 0.0))}"/>')
+    return geoms
+
+
+def _muscle(name: str, force: float, path: float) -> str:
+    """A muscle without dynamics of activation: its control is its activation."""
+    fiber = FIBER_SHARE * path
+    low, high = (path + (one - 1.0) * fiber for one in RANGE)
+    parameters = f"{RANGE[0]} {RANGE[1]} {force!r} 200 0.4 1.8 8 1.0 1.4"
+    return (
+        f'<general name="{name}" tendon="{name}_tendon" class="muscle" gainprm="{parameters}" biasprm="{parameters}" '
+        f'lengthrange="{low!r} {high!r}"/>'
+    )
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(one)) for one in values)
