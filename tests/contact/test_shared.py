@@ -1,0 +1,138 @@
+"""What plates tell of several sites: two feet on one, one foot on several, walks with a plate for every foot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from myomorph.contact.shared import SharedOptions, assign_feet, shared_wrenches
+from myomorph.contact.site_motion import rest_on_floor, site_motion
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import find_contacts
+from myomorph.io.loads import read_external_loads
+from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.errors import BadData
+from myomorph.model.series import ForcePlate, Motion
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+
+WALK = "rajagopal-walk-emg"
+
+
+@pytest.fixture(scope="module")
+def walk(data):
+    model = read_model(data(f"{WALK}/subject_walk_scaled.osim"))
+    whole = motion_from_table(read_sto(data(f"{WALK}/coordinates.sto")), model)
+    motion = differentiate(Motion(whole.time[::10], whole.names, whole.values[::10]), 6.0)
+    wrenches = resample_wrenches(read_external_loads(data(f"{WALK}/grf_walk.xml")), motion.time, 20.0)
+    sites, _ = rest_on_floor(model, motion, foot_sites(model), 0.0)
+    return model, motion, sites, wrenches, find_contacts(model, motion, sites)
+
+
+def plate_of(wrenches, columns, corners, name="plate"):
+    """A plate with an outline that measured some wrenches together, on the clock of these."""
+    force = wrenches.forces[:, columns].sum(axis=1)
+    moment = (wrenches.torques + np.cross(wrenches.points, wrenches.forces))[:, columns].sum(axis=1)
+    firm = force[:, 1] > 20.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        point = np.column_stack([moment[:, 2], np.zeros(len(force)), -moment[:, 0]]) / force[:, 1:2]
+    point = np.where(firm[:, None], point, np.nan)
+    return ForcePlate(name, 2, corners, force, point, moment - np.cross(np.nan_to_num(point), force))
+
+
+def box(x0, x1, z0, z1):
+    return np.array([[x1, 0.0, z1], [x0, 0.0, z1], [x0, 0.0, z0], [x1, 0.0, z0]], dtype=float)
+
+
+def test_two_feet_on_one_plate_share_it(walk):
+    """In double support both feet's sites are on the wrench; in single support only those of one foot."""
+    model, motion, sites, wrenches, contacts = walk
+    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    found = shared_wrenches(model, motion, sites, contacts, (plate,), motion.time)
+    states = contacts.states(motion.time).values > 0.0
+    total = np.zeros(len(motion))
+    for one in found:
+        known = np.isfinite(one.forces).all(axis=1)
+        members = [k for k, site in enumerate(sites) if site.name in one.sites]
+        total[known] += 1
+        assert states[np.ix_(known, members)].all()
+        others = [k for k in range(len(sites)) if k not in members]
+        assert not states[np.ix_(known, others)].any()
+        assert_allclose(one.forces[known], plate.forces[known], atol=1e-9)
+        moment = plate.torques + np.cross(np.nan_to_num(plate.points), plate.forces)
+        assert_allclose(one.moments[known], moment[known], atol=1e-6)
+    assert total.max() == 1
+    assert {name[-1] for one in found for name in one.sites} == {"r", "l"}
+    assert any({name[-1] for name in one.sites} == {"r", "l"} for one in found)
+
+
+def test_wrenches_that_name_bodies_belong_to_their_foot(walk):
+    model, motion, sites, wrenches, contacts = walk
+    found = shared_wrenches(model, motion, sites, contacts, wrenches)
+    assert len({one.name for one in found}) == len(found)
+    for one in found:
+        side = "r" if one.name.startswith("Right") else "l"
+        assert all(name.endswith(f"_{side}") for name in one.sites)
+
+
+def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
+    """The right foot's force is split over two plates whose border it stands on: the parts are joined again."""
+    model, motion, sites, wrenches, contacts = walk
+    places = site_motion(model, motion, sites).places
+    right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
+    loaded = wrenches.forces[:, 0, 1] > 0.3 * model.mass * 9.81
+    middle = places[loaded][:, right, 0].mean()
+    halves = replace(
+        wrenches,
+        names=("rear", "front"),
+        bodies=("", ""),
+        forces=np.repeat(0.5 * wrenches.forces[:, :1], 2, axis=1),
+        torques=np.repeat(0.5 * wrenches.torques[:, :1], 2, axis=1),
+        points=np.repeat(wrenches.points[:, :1], 2, axis=1),
+    )
+    plates = tuple(
+        plate_of(halves, [k], box(*span, -5.0, 5.0), name)
+        for k, (name, span) in enumerate((("rear", (-5.0, middle)), ("front", (middle, 5.0))))
+    )
+    found = shared_wrenches(model, motion, sites, contacts, plates, motion.time, SharedOptions(margin=0.3))
+    both = [one for one in found if one.name.startswith("rear + front")]
+    assert both
+    for one in both:
+        known = np.isfinite(one.forces).all(axis=1)
+        assert_allclose(one.forces[known], wrenches.forces[known, 0], atol=1e-9)
+    narrow = shared_wrenches(model, motion, sites, contacts, plates, motion.time, SharedOptions(margin=0.0))
+    assert {one.name.split(" (")[0] for one in narrow} == {"rear", "front"}
+    for one in narrow:
+        known = np.isfinite(one.forces).all(axis=1)
+        members = [k for k, site in enumerate(sites) if site.name in one.sites]
+        ahead = places[known][:, members, 0] > middle
+        assert ahead.all() if one.name.startswith("front") else not ahead.any()
+
+
+def test_unloaded_plates_tell_nothing(walk):
+    model, motion, sites, wrenches, contacts = walk
+    empty = replace(wrenches, forces=0.0 * wrenches.forces, torques=0.0 * wrenches.torques)
+    assert shared_wrenches(model, motion, sites, contacts, empty) == ()
+
+
+def test_plates_are_given_to_feet(walk):
+    model, motion, sites, wrenches, _ = walk
+    crossed = replace(wrenches, names=("one", "two"), bodies=("talus_r", "talus_r"))
+    loaded = (crossed.forces[..., 1] > 20.0)[..., None]
+    crossed = replace(crossed, forces=np.where(loaded, crossed.forces, 0.0))
+    found = assign_feet(model, motion, sites, crossed)
+    assert dict(zip(found.wrenches.names, found.wrenches.bodies, strict=True)) == {"one": "calcn_r", "two": "calcn_l"}
+
+
+def test_clocks_must_be_given_and_agree(walk):
+    model, motion, sites, wrenches, contacts = walk
+    plate = plate_of(wrenches, [0], box(-5.0, 5.0, -5.0, 5.0))
+    with pytest.raises(BadData, match="give plate_time"):
+        shared_wrenches(model, motion, sites, contacts, (plate,))
+    short = resample_wrenches(wrenches, motion.time[:-5])
+    with pytest.raises(BadData, match="resample them"):
+        shared_wrenches(model, motion, sites, contacts, short)
