@@ -26,6 +26,9 @@ from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 if TYPE_CHECKING:
     from myomorph.study.contact_step import ContactSetting
 
+OBJECT_RESIDUAL = 0.01
+"""Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
+
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
 
 
@@ -118,7 +121,14 @@ def _write_contacts(
 
 
 def added_actuators(take: Take, options: TensionOptions) -> tuple[Actuator, ...]:
-    """Actuators beside the model's own: those of a file, or a weak reserve for every free coordinate."""
+    """Actuators beside the model's own: those of a file, or a weak reserve for every free coordinate.
+
+    What holds an object is weaker still: nothing but its contacts does.
+    """
     if take.actuators is not None:
         return take.actuators
-    return default_reserves(take.model, options.reserve, options.residual)
+    objects = {f"{name}_{name}" for name, told in take.parts.items() if isinstance(told, dict)}
+    return tuple(
+        replace(one, optimal_force=OBJECT_RESIDUAL * one.optimal_force) if one.body in objects else one
+        for one in default_reserves(take.model, options.reserve, options.residual)
+    )
