@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from arm_files import table_text
 
+from arm_files import table_text
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim import read_osim
 from myomorph.io.sto import read_sto
