@@ -23,6 +23,9 @@ STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 TOLERANCE = 1e-9
 """Imbalance, relative to 1 + max |b|, at which a frame is solved."""
 
+PATIENCE = 25
+"""Passes over linked frames without a new least change, after which they are no longer over-relaxed."""
+
 SLACKS = (1e-16, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-15)
 """Slack per multiplier, relative to the row's stiffness: first try, then from large to small."""
 
@@ -323,7 +326,7 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
     """Solve frame after frame, each starting from the multipliers of the one before.
 
     Where frames are linked, the solution of each alone is where passes over all of them begin, each frame given
-    those beside it: block successive over-relaxation (Young 1954) towards the joint optimum.
+    those beside it: projected successive over-relaxation by blocks (Young 1954, Cryer 1971) towards the joint optimum.
 
     Parameters
     ----------
@@ -345,7 +348,7 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
     # With p > 2 the multipliers of a variable near 0 fall under the rounding of the others.
     accepted = 10.0 * TOLERANCE if steepest <= 2.0 else 1e-6
     linked = links.scale.shape[1]
-    last, over = np.inf, links.over
+    least, since, over = np.inf, 0, links.over
     # How far what a frame is drawn to has moved since it was solved: where little, its solution stands.
     drift = np.zeros(frames)
     for sweep in range(links.sweeps + 1 if linked else 1):
@@ -384,7 +387,9 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
             for g in range(linked):
                 change = links.scale[frame, g] * x[frame, links.first + g] - links.amount[frame, g]
                 most = max(most, abs(change))
-                links.amount[frame, g] += change if sweep == 0 else over * change
+                relaxed = links.amount[frame, g] + (change if sweep == 0 else over * change)
+                # Projected (Cryer 1971): what is beyond a bound of 0 would be handed round for ever.
+                links.amount[frame, g] = max(relaxed, 0.0) if S.lower[links.first + g] == 0.0 else relaxed
             moved = max(moved, most)
             for beside in (frame - 1, frame + 1):
                 if sweep > 0 and 0 <= beside < frames:
@@ -392,7 +397,7 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
         if sweep > 0 and moved <= links.tolerance:
             break
         # Over-relaxation that does not pay is given up: plain passes always approach the optimum.
-        if sweep > 1 and moved > last:
+        if sweep > 0 and moved < least:
+            least, since = moved, sweep
+        elif sweep > since + PATIENCE:
             over = 1.0
-        if sweep > 0:
-            last = moved

@@ -20,8 +20,8 @@ from myomorph.tension.separable import Links
 FELT = 1e-3
 """Share of a change beyond a window's margins that may still be felt inside it."""
 
-CLOSE = 1e-4
-"""Passes over a window end when no amplitude changes by more [body weights]."""
+CLOSE = 5e-4
+"""Passes over a window end when no force is further from where they lead [body weights]."""
 
 REFERENCE = 0.01
 """Time between frames for which the smoothness is stated [s]."""
@@ -50,7 +50,9 @@ class Smoothing:
         """Links of the frames begin ... end - 1, whose edges' amplitudes begin at variable `first`."""
         scale = np.ascontiguousarray(self.scale[begin:end])
         stiffness = np.ascontiguousarray(self.stiffness[begin : end - 1])
-        return Links(first, scale, np.zeros_like(scale), stiffness, self.over, self.sweeps, CLOSE)
+        # Changes shrink by over - 1 from pass to pass, so what is left to come is change / (2 - over).
+        tolerance = CLOSE * (2.0 - self.over)
+        return Links(first, scale, np.zeros_like(scale), stiffness, self.over, self.sweeps, tolerance)
 
 
 def smoothing(contacts: ContactTerms, time: Array) -> Smoothing | None:

@@ -1,0 +1,119 @@
+"""EMG in the tension problem: soft targets, equalities with slack, any exponent, and channels that do not fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from walking import task, walk
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.emg import EmgTarget
+from myomorph.tension.frame_program import frame_program
+from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.terms import solve_program
+
+MUSCLES = ("soleus_r", "tibant_l", "gaslat_r", "recfem_r")
+
+
+@pytest.fixture(scope="module")
+def walker(data):
+    """Frames of the walk, their torques with the plates, and activations that EMG may tell."""
+    model, motion, loads = walk(data, slice(150, 1150, 100))
+    told = np.random.default_rng(3).uniform(0.02, 0.8, (len(motion), len(MUSCLES)))
+    return model, motion, inverse_dynamics(model, motion, loads), told
+
+
+def optimality(problem, found, exponent: float) -> float:
+    """Greatest relative slope of the cost that no balance and no bound explains."""
+    worst = 0.0
+    for frame in range(len(found)):
+        given = problem.balance(frame, frame + 1)
+        shape, n = problem.assembly.pattern, len(problem.separable.weight)
+        A = np.zeros((len(shape.order), n))
+        A[shape.row, np.repeat(np.arange(n), np.diff(shape.start))] = given.values[0]
+        x = np.concatenate([found.activations[frame], found.reserves[frame] / problem.assembly.optimal_forces])
+        slope = exponent * np.sign(x) * np.abs(x) ** (exponent - 1.0)
+        wells = problem.wells[frame]
+        beyond = x - np.clip(x, wells[0], wells[1])
+        slope += 2.0 * wells[2] * np.where(wells[2] > 0.0, beyond, 0.0)
+        inside = (x > problem.separable.lower + 1e-7) & (x < problem.separable.upper - 1e-7)
+        y = np.linalg.lstsq(A[:, inside].T, slope[inside], rcond=None)[0]
+        left = slope - A.T @ y
+        at_low, at_high = x <= problem.separable.lower + 1e-7, x >= problem.separable.upper - 1e-7
+        left = np.where(at_low, np.minimum(left, 0.0), np.where(at_high, np.maximum(left, 0.0), left))
+        worst = max(worst, float(np.abs(left).max() / (1.0 + np.abs(slope).max())))
+    return worst
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0, 3.0])
+@pytest.mark.parametrize("mode", ["soft", "equality"])
+def test_the_conditions_of_an_optimum_hold_with_emg_for_any_exponent(walker, exponent, mode):
+    model, motion, tau, told = walker
+    emg = EmgTarget(MUSCLES, told, mode)
+    options = TensionOptions(exponent=exponent)
+    problem, names = tension_problem(model, motion, tau, options, emg=emg)
+    problem.solve(0, len(motion))
+    found = problem.result(names)
+    assert found.optimal.all()
+    assert optimality(problem, found, exponent) < 1e-5
+
+
+@pytest.mark.parametrize("mode", ["soft", "equality"])
+def test_emg_without_contacts_is_the_readable_program(walker, mode):
+    model, motion, tau, told = walker
+    told = told.copy()
+    told[::2, 1] = np.nan
+    emg = EmgTarget(MUSCLES, told, mode)
+    problem, names = tension_problem(model, motion, tau, emg=emg)
+    problem.solve(0, len(motion))
+    found = problem.result(names)
+    for frame in range(0, len(motion), 3):
+        theirs = solve_program(frame_program(problem, frame)).x[: len(model.muscles)]
+        np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-4)
+
+
+def test_a_soft_target_draws_and_an_equality_holds(walker):
+    """Activations that balance the torques too, but at another cost, are told of."""
+    model, motion, tau, _ = walker
+    columns = [model.muscle_names.index(name) for name in MUSCLES]
+    free = solve_tension(model, motion, tau)
+    told = solve_tension(model, motion, tau, TensionOptions(exponent=4.0)).activations[:, columns]
+    soft = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, weight=1.0))
+    held = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, "equality", slack=0.03))
+    missed = [np.abs(one.activations[:, columns] - told) for one in (free, soft, held)]
+    assert missed[0].max() > 0.08
+    assert missed[1].mean() < 0.7 * missed[0].mean()
+    assert missed[2].max() < 0.03 + 1e-3
+    assert missed[2].max() > 0.03 - 1e-3
+
+
+def test_what_emg_does_not_tell_changes_nothing(walker):
+    model, motion, tau, told = walker
+    free = solve_tension(model, motion, tau)
+    silent = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, np.full_like(told, np.nan)))
+    np.testing.assert_allclose(silent.activations, free.activations, atol=1e-9)
+    itself = free.activations[:, [model.muscle_names.index(name) for name in MUSCLES]]
+    same = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, itself, "equality"))
+    np.testing.assert_allclose(same.activations, free.activations, atol=1e-7)
+
+
+def test_emg_reaches_contact_forces(walker):
+    """In double support nothing but effort divides the load: a calf that is told to work carries more."""
+    model, motion, _, _ = walker
+    tau = inverse_dynamics(model, motion)
+    ask = task(model, motion)
+    free = solve_tension(model, motion, tau, contacts=ask)
+    calf = EmgTarget(("soleus_r",), np.full((len(motion), 1), 0.5), weight=100.0)
+    told = solve_tension(model, motion, tau, contacts=ask, emg=calf)
+    assert np.abs(told.contacts.forces - free.contacts.forces).max() > 20.0
+
+
+def test_emg_that_does_not_fit_is_refused_by_name(walker):
+    model, motion, tau, told = walker
+    with pytest.raises(UnknownName, match="soleus_x"):
+        solve_tension(model, motion, tau, emg=EmgTarget(("soleus_x",), told[:, :1]))
+    with pytest.raises(BadData, match="EMG has"):
+        solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told[1:]))
+    with pytest.raises(BadData, match="twice"):
+        solve_tension(model, motion, tau, emg=EmgTarget(("soleus_r", "soleus_r"), told[:, :2]))
