@@ -79,7 +79,7 @@ def test_a_soft_target_draws_and_an_equality_holds(walker):
     columns = [model.muscle_names.index(name) for name in MUSCLES]
     free = solve_tension(model, motion, tau)
     told = solve_tension(model, motion, tau, TensionOptions(exponent=4.0)).activations[:, columns]
-    soft = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, weight=1.0))
+    soft = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told))
     held = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, "equality", slack=0.03))
     missed = [np.abs(one.activations[:, columns] - told) for one in (free, soft, held)]
     assert missed[0].max() > 0.08
