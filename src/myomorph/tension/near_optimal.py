@@ -81,7 +81,7 @@ def _costs(solved: SolvedFrames, good: np.ndarray, x: Array) -> Array:
 
 
 def _solve(solved: SolvedFrames, good: np.ndarray, tilt: Array) -> Array:
-    """The x of least cost(x) + tilt^T x for every frame and tilt, (frames, many, variables); NaN where there is none."""
+    """The x of least cost(x) + tilt^T x, (frames, many, variables) of tilts alike; NaN where there is none."""
     frames, many, n = tilt.shape
     x = np.empty((frames, many, n))
     targets = -0.5 * tilt / solved.shared.weight

@@ -1,0 +1,136 @@
+"""Contacts that cannot carry the motion: which frames, and the smallest relaxation that would make them able to.
+
+What carries a subject as a whole is in the equations of motion of its root, where muscles have no part. Where the
+contacts leave more there than residuals may give, a linear program asks for the least that would have to be allowed,
+
+    minimise  sum_k c_k |r_k|   subject to  E z + sum_k D_k r_k + R w = b,   z >= 0,  |w| <= limits
+
+with relaxations r: force at a site that is said not to touch, force across a cone beyond its friction, force beyond a
+site's greatest, a pull at a site that only pushes, and, dearest, a residual. The sum of sizes (1-norm) makes few of
+them differ from 0, so that the answer has a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.tension.actuators import floating_joints
+from myomorph.tension.dual import MISSING
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.relaxation_program import Roots, smallest_relaxation
+from myomorph.tension.relaxation_words import Allowance, what_lacks, what_would_do
+from myomorph.tension.tension import Tension
+
+
+@dataclass(frozen=True)
+class RelaxationOptions:
+    """When contacts do not carry the motion.
+
+    Attributes
+    ----------
+    residual : residual force at a root from which a frame is marked, as a share of the model's weight (Hicks et al.
+        2015 ask for less than that of the greatest external force)
+    moment : residual moment, as a share of the weight times the height of the center of mass above the floor
+    named : relaxations smaller than this share of the weight are not named beside greater ones
+    """
+
+    residual: float = 0.05
+    moment: float = 0.05
+    named: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("residual", "moment", "named"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} of relaxations is {getattr(self, name):g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """A frame whose contacts cannot carry the motion.
+
+    Attributes
+    ----------
+    force, moment : (3,) what contacts leave at the roots together, in ground; moments about the bodies' mass centers
+        [N], [N m]
+    touching : sites that may carry force
+    allowances : what would do, greatest first
+    size : sum of all their sizes, over the weight of the model
+    sentence : all that in one line
+    """
+
+    frame: int
+    time: float
+    force: Array
+    moment: Array
+    touching: tuple[str, ...]
+    allowances: tuple[Allowance, ...]
+    size: float
+    sentence: str
+
+
+def relaxations(
+    problem: TensionProblem, tension: Tension, options: RelaxationOptions | None = None
+) -> tuple[Relaxation, ...]:
+    """Frames whose contacts cannot carry the motion, and the smallest relaxation of each.
+
+    Frames that lack input are left out; a model that does not float has none.
+
+    Parameters
+    ----------
+    problem, tension : as `tension_problem` sets it up with contacts, solved, and what it found
+
+    Raises
+    ------
+    BadData
+        where the problem has no contacts
+    """
+    options = options or RelaxationOptions()
+    if problem.contacts is None:
+        raise BadData("there are no contacts that could carry the motion: give contacts to the tension problem")
+    held = {name for joint in floating_joints(problem.assembly.tree.model) for name in joint.coordinates}
+    if not held or not held <= set(problem.assembly.rows):
+        return ()
+    roots = Roots(problem, problem.contacts)
+    limits = (options.residual * roots.weight, options.moment * roots.weight * roots.center)
+    left = roots.left.reshape(len(tension), -1, 2, 3)
+    worst = np.linalg.norm(left, axis=3).max(axis=1)
+    marked = np.flatnonzero((tension.status != MISSING) & ((worst[:, 0] > limits[0]) | (worst[:, 1] > limits[1])))
+    found = []
+    for frame in marked.tolist():
+        allowed = smallest_relaxation(roots, frame, limits)
+        force, moment = left[frame].sum(axis=0)
+        sites = problem.contacts.columns.sites
+        touching = tuple(one.name for k, one in enumerate(sites) if problem.contacts.strengths[frame, k] > 0.0)
+        named = tuple(one for one in allowed if one.size > options.named * roots.weight) or allowed[:1]
+        time = float(tension.time[frame])
+        lacking = what_lacks(touching, force, moment, roots.up)
+        would = what_would_do(named) if named else "contact forces of other effort would do"
+        size = sum(one.size for one in allowed) / roots.weight
+        found.append(Relaxation(frame, time, force, moment, touching, named, size, f"{time:.2f} s: {lacking}: {would}"))
+    return tuple(found)
+
+
+def relaxation_lines(found: Sequence[Relaxation]) -> tuple[str, ...]:
+    """One line for each run of neighbouring frames that the same would help: that of the frame that lacks most."""
+    runs: list[list[Relaxation]] = []
+    for one in found:
+        last = runs[-1][-1] if runs else None
+        if last is not None and one.frame == last.frame + 1 and _names(one) == _names(last):
+            runs[-1].append(one)
+        else:
+            runs.append([one])
+    lines = []
+    for run in runs:
+        worst = max(run, key=lambda one: one.size)
+        span = f"{run[0].time:.2f} to {run[-1].time:.2f} s, worst at " if len(run) > 1 else ""
+        lines.append(span + worst.sentence)
+    return tuple(lines)
+
+
+def _names(one: Relaxation) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted((part.kind, part.where) for part in one.allowances))

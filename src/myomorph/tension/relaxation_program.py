@@ -1,0 +1,268 @@
+"""The linear program of the smallest relaxation, on the equations of motion of the bodies that float."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.model import GROUND
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import Poses, center_of_mass, forward_kinematics
+from myomorph.tension.actuators import body_directions, compile_body_actuators, default_reserves, floating_joints
+from myomorph.tension.contact_columns import GRAVITY, ContactColumns, compile_contacts
+from myomorph.tension.contact_rows import ContactTerms
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.relaxation_words import Allowance, Kind
+from myomorph.tension.simplex import extremes
+
+COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
+"""Cost of one newton, of a residual's newton meter too; of a contact besides its height over the center of mass's."""
+
+STILL = np.zeros(3)
+
+
+@dataclass(eq=False)
+class Roots:
+    """The equations of motion of all bodies that float, in all frames.
+
+    Attributes
+    ----------
+    bodies : the bodies that float
+    up, weight : against gravity, and of the whole model [N]
+    residuals : (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
+    edges : (frames, rows, edges) of unit forces at the edges of the sites' cones
+    axes : (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
+    heights : (frames, sites) of the middles above the floor [m]; the floor is where touching sites are in the median
+    center : height of the center of mass above the floor, the median [m]
+    z : (frames, edges) forces found [N]
+    left : (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
+    """
+
+    problem: TensionProblem
+    contacts: ContactTerms
+    poses: Poses = field(init=False)
+    bodies: tuple[str, ...] = field(init=False)
+    up: Array = field(init=False)
+    weight: float = field(init=False)
+    residuals: Array = field(init=False)
+    edges: Array = field(init=False)
+    axes: Array = field(init=False)
+    heights: Array = field(init=False)
+    center: float = field(init=False)
+    z: Array = field(init=False)
+    left: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        tree, columns, c = self.problem.assembly.tree, self.contacts.columns, self.problem.coordinates
+        roots = floating_joints(tree.model)
+        self.bodies = tuple(joint.child for joint in roots)
+        self._rows = [tree.model.coordinate_names.index(name) for joint in roots for name in joint.coordinates]
+        self.poses = forward_kinematics(tree, c)
+        gravity = float(np.linalg.norm(tree.model.gravity))
+        self.weight = tree.model.mass * (gravity or GRAVITY)
+        self.up = -tree.model.gravity / gravity if gravity > 0.0 else np.eye(3)[1]
+        self.residuals = self._residuals()
+        self.edges = self._dense(columns)
+        middles = [Site(s.name, s.body, s.points.mean(axis=0)[None], Cone(None), s.against) for s in columns.sites]
+        between = compile_contacts(tree, middles)
+        self.axes = self._dense(between)
+        _, places, _, _ = between.evaluate(c)
+        heights = places @ self.up
+        touching = self.contacts.strengths > 0.0
+        floor = float(np.median(heights[touching] if touching.any() else np.nanmin(heights, axis=1)))
+        self.heights = np.maximum(heights - floor, 0.0)
+        self.center = max(float(np.nanmedian(center_of_mass(tree, self.poses) @ self.up - floor)), 1e-3)
+        self.z = np.nan_to_num(self.problem.amplitudes * self.contacts.amounts)
+        missing = self._needed() - np.einsum("fre,fe->fr", self.edges, self.z)
+        self.left = np.linalg.solve(self.residuals, missing[..., None])[..., 0]
+
+    def direction(self, frame: int, site: int) -> Array:
+        """A cone's direction in ground (3,)."""
+        cone = self.contacts.columns.sites[site].cone
+        assert cone.direction is not None
+        if cone.frame == GROUND:
+            return np.array(cone.direction)
+        turned: Array = self.poses.rotations[frame, self.problem.assembly.tree.body_index[cone.frame]] @ cone.direction
+        return turned
+
+    def _dense(self, columns: ContactColumns) -> Array:
+        entries, _, _, _ = columns.evaluate(self.problem.coordinates)
+        owner = np.repeat(np.arange(len(columns)), np.diff(columns.arrays.first))
+        return self._spread(entries, columns.arrays.coordinate, owner, len(columns))
+
+    def _residuals(self) -> Array:
+        tree, c = self.problem.assembly.tree, self.problem.coordinates
+        added = [one for one in default_reserves(tree.model, 1.0, 1.0) if one.kind != "coordinate"]
+        P = compile_body_actuators(tree, added)
+        entries = np.empty((len(c), len(P.coordinate)))
+        body_directions(tree.arrays, P, np.array(c, order="C"), entries)
+        return self._spread(entries, P.coordinate, np.repeat(np.arange(len(added)), np.diff(P.start)), len(added))
+
+    def _spread(self, entries: Array, coordinate: np.ndarray, owner: np.ndarray, count: int) -> Array:
+        found = np.zeros((len(entries), len(self._rows), count))
+        for i, j in enumerate(self._rows):
+            mine = coordinate == j
+            found[:, i, owner[mine]] = entries[:, mine]
+        return found
+
+    def _needed(self) -> Array:
+        """(frames, rows) what has to act there in all."""
+        names, assembly = self.problem.assembly.tree.model.coordinate_names, self.problem.assembly
+        rows = assembly.coordinate_row[[assembly.rows.index(names[j]) for j in self._rows]]
+        frames = len(self.problem.coordinates)
+        parts = [self.problem.balance(k, min(k + 64, frames))[1][:, rows] for k in range(0, frames, 64)]
+        return np.concatenate(parts) if parts else np.zeros((0, len(rows)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """A variable of the program.
+
+    Attributes
+    ----------
+    kind, place : what it relaxes, and the number of the edge, site, or component of a residual
+    given : whether it is allowed anyway
+    push : (3,) force of one unit, for those at sites [1]
+    column : (rows,) generalized forces of one unit
+    price : of one unit's size
+    low, high, at : bounds, and where the program begins
+    """
+
+    kind: Kind
+    place: int
+    given: bool
+    push: Array
+    column: Array
+    price: float
+    low: float
+    high: float
+    at: float
+
+
+def smallest_relaxation(roots: Roots, frame: int, limits: tuple[float, float]) -> tuple[Allowance, ...]:
+    """The relaxation of least cost of one frame, greatest allowance first.
+
+    Parameters
+    ----------
+    limits : of residual force and moment [N], [N m]
+    """
+    columns = [*_residuals(roots, frame, limits), *_edges(roots, frame), *_beyond_cones(roots, frame)]
+    matrix = np.array([one.column for one in columns]).T
+    rows, count = matrix.shape
+    limited = _limited(roots, frame)
+    # Each greatest force: sum of normal forces = what is allowed + what is beyond.
+    A = np.zeros((rows + len(limited), count + 2 * len(limited)))
+    A[:rows, :count] = matrix
+    start = np.array([one.at for one in columns])
+    normals = [_normals(roots, columns, k) for k in limited]
+    for r, k in enumerate(limited):
+        most, now = roots.contacts.columns.sites[k].cone.most, float(normals[r] @ start)
+        A[rows + r, :count] = normals[r]
+        A[rows + r, count + 2 * r : count + 2 * r + 2] = -1.0
+        still = np.zeros(rows)
+        columns.append(_Column("most", k, True, STILL, still, 0.0, -most, most, min(now, most)))
+        columns.append(_Column("most", k, False, STILL, still, COSTS["most"], 0.0, np.inf, max(now - most, 0.0)))
+    x, low, high, price = (np.array([getattr(one, name) for one in columns]) for name in ("at", "low", "high", "price"))
+    _, points = extremes(A, x, np.minimum(low, x), np.maximum(high, x), price[None])
+    return _allowances(roots, frame, columns, points[0])
+
+
+def _residuals(roots: Roots, frame: int, limits: tuple[float, float]) -> list[_Column]:
+    """What residuals give within their limits, and what would go beyond."""
+    found = []
+    for i, amount in enumerate(roots.left[frame]):
+        # A box inside the ball of the limit.
+        most = limits[(i // 3) % 2] / np.sqrt(3.0)
+        given = float(np.clip(amount, -most, most))
+        column = roots.residuals[frame, :, i]
+        found.append(_Column("residual", i, True, STILL, column, 0.0, -most, most, given))
+        for sign in (1.0, -1.0):
+            push, over = sign * np.eye(3)[i % 3], max(sign * (amount - given), 0.0)
+            found.append(_Column("residual", i, False, push, sign * column, COSTS["residual"], 0.0, np.inf, over))
+    return found
+
+
+def _edges(roots: Roots, frame: int) -> list[_Column]:
+    """Forces inside the cones of sites that touch, and of those that do not."""
+    columns = roots.contacts.columns
+    _, _, pushes, _ = columns.evaluate(roots.problem.coordinates[frame : frame + 1])
+    found = []
+    for e in range(len(columns)):
+        k = int(columns.site[e])
+        touches = bool(roots.contacts.strengths[frame, k] > 0.0)
+        price = COSTS["contact"] + float(roots.heights[frame, k]) / roots.center
+        price = 0.0 if touches else price * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
+        ways = (1.0, -1.0) if columns.lower[e] < 0.0 else (1.0,)
+        for sign in ways:
+            at = max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0
+            found.append(
+                _Column(
+                    "contact", e, touches, sign * pushes[0, e], sign * roots.edges[frame, :, e], price, 0.0, np.inf, at
+                )
+            )
+    return found
+
+
+def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
+    """Forces across cones beyond friction, and pulls, at the middles of sites that touch."""
+    found = []
+    for k in np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist():
+        cone = roots.contacts.columns.sites[k].cone
+        if cone.direction is None:
+            continue
+        direction, middle = roots.direction(frame, k), roots.axes[frame, :, 3 * k : 3 * k + 3]
+        ways: list[tuple[Kind, Array]] = [("pull", -direction)]
+        if np.isfinite(cone.friction):
+            one = np.linalg.svd(direction[None])[2][1:]
+            ways += [("friction", sign * across) for across in one for sign in (1.0, -1.0)]
+        for kind, push in ways:
+            found.append(_Column(kind, k, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0))
+    return found
+
+
+def _limited(roots: Roots, frame: int) -> list[int]:
+    """Sites that touch and have a greatest force along a direction."""
+    sites = roots.contacts.columns.sites
+    touching = np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist()
+    return [k for k in touching if sites[k].cone.direction is not None and np.isfinite(sites[k].cone.most)]
+
+
+def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:
+    """Force along a site's cone of one unit of each variable."""
+    owner, normal = roots.contacts.columns.site, roots.contacts.columns.normal
+    mine = [one.kind == "contact" and int(owner[one.place]) == site for one in columns]
+    return np.array([normal[one.place] if own else 0.0 for one, own in zip(columns, mine, strict=True)])
+
+
+def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> tuple[Allowance, ...]:
+    """What of a solution goes beyond what is allowed anyway, added up by kind and place."""
+    sites, owner = roots.contacts.columns.sites, roots.contacts.columns.site
+    sums, forces = np.zeros((len(sites), 3)), dict[tuple[Kind, int], Array]()
+    residual = np.zeros((len(roots.bodies), 2, 3))
+    for one, amount in zip(columns, x, strict=True):
+        place = int(owner[one.place]) if one.kind == "contact" else one.place
+        if one.kind == "residual":
+            residual.reshape(-1, 3)[place // 3] += 0.0 if one.given else amount * one.push
+            continue
+        sums[place] += amount * one.push
+        if not one.given:
+            push = amount * (np.array([1.0, 0.0, 0.0]) if one.kind == "most" else one.push)
+            forces[one.kind, place] = forces.get((one.kind, place), STILL) + push
+    found = []
+    for (kind, k), force in forces.items():
+        needed = 0.0
+        if kind == "contact":
+            needed = float(roots.heights[frame, k])
+        elif kind == "friction":
+            direction = roots.direction(frame, k)
+            along = float(sums[k] @ direction)
+            across = float(np.linalg.norm(sums[k] - along * direction))
+            needed = across / along if along > 1e-6 * roots.weight else np.inf
+        found.append(Allowance(kind, sites[k].name, float(np.linalg.norm(force)), 0.0, needed))
+    for body, (force, moment) in zip(roots.bodies, residual, strict=True):
+        found.append(Allowance("residual", body, float(np.linalg.norm(force)), float(np.linalg.norm(moment))))
+    kept = [one for one in found if one.size > 1e-9 * roots.weight]
+    return tuple(sorted(kept, key=lambda one: -one.size))

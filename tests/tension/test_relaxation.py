@@ -1,0 +1,164 @@
+"""Contacts that cannot carry the motion: the frame is marked, and what would do is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import find_contacts
+from myomorph.contact.strengths import strengths
+from myomorph.io.osim import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.errors import BadData
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.frames import over_frames
+from myomorph.tension.contacts import ContactTask
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.relaxation import RelaxationOptions, relaxation_lines, relaxations
+from standing import MASS, WEIGHT, block, legs, standing_still
+
+STRICT = RelaxationOptions(residual=1e-6, moment=1e-6)
+TWO = ((-0.6, 0.0), (0.6, 0.0))
+
+
+def found(sites, touching=1.0, accelerations=None, options=STRICT, actuators=None, frames=2):
+    """Relaxations of a block that stands, or accelerates as told."""
+    model, motion = block(), standing_still(frames)
+    if accelerations is not None:
+        motion = replace(motion, accelerations=np.tile(accelerations, (frames, 1)))
+    ready = np.broadcast_to(touching, (frames, len(sites)))
+    task = ContactTask(sites, Series(motion.time, tuple(one.name for one in sites), ready))
+    torques = inverse_dynamics(model, motion)
+    problem, names = tension_problem(model, motion, torques, actuators=actuators, contacts=task)
+    over_frames(problem.solve, frames, None, problem.window)
+    return relaxations(problem, problem.result(names), options)
+
+
+def test_a_body_that_its_contacts_carry_is_not_marked():
+    assert found(legs(TWO), options=None) == ()
+
+
+def test_flight_declared_as_contact_is_no_error():
+    """Free fall needs no force: sites that may carry some then carry none."""
+    assert found(legs(TWO), accelerations=[0.0, -9.80665, 0.0, 0.0, 0.0, 0.0], options=None) == ()
+
+
+@pytest.mark.parametrize("actuators", [None, ()])
+def test_weight_that_nothing_carries_names_the_nearest_site(actuators):
+    """With residuals, and without any, where the frame is infeasible."""
+    low = Site("low", "block", np.array([[0.0, 0.012, 0.0]]))
+    high = Site("high", "block", np.array([[0.0, 0.3, 0.0]]))
+    ground = Site("ground", "block", np.array([[0.5, 0.0, 0.0]]))
+    ready = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    one = found((high, low, ground), ready, actuators=actuators)[0]
+    assert one.frame == 0
+    np.testing.assert_allclose(one.force, [0.0, WEIGHT, 0.0], rtol=1e-3, atol=1e-3)
+    assert [(part.kind, part.where) for part in one.allowances] == [("contact", "low")]
+    assert one.allowances[0].force == pytest.approx(WEIGHT, rel=1e-5)
+    assert one.size == pytest.approx(1.0, rel=1e-5)
+    assert one.sentence == (
+        "0.00 s: no site may touch, but 490 N upward are needed: contact of 'low' (12 mm above the floor) would do"
+    )
+
+
+def test_a_cone_that_excludes_the_needed_force_tells_the_friction_it_needs():
+    """5 m/s^2 along x on legs far apart: 5 / 9.80665 of the weight across the cones."""
+    one = found(legs(TWO, friction=0.3, edges=4), accelerations=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0]
+    assert {part.kind for part in one.allowances} == {"friction"}
+    missing = 5.0 * MASS - 0.3 * WEIGHT
+    assert sum(part.force for part in one.allowances) == pytest.approx(missing, rel=1e-4)
+    assert "friction of" in one.sentence
+    assert np.linalg.norm(one.force) < missing + 1.0
+
+
+def test_a_greatest_force_that_is_too_small_is_told_by_how_much():
+    one = found(legs(TWO, friction=0.0, most=0.3 * WEIGHT))[0]
+    assert {(part.kind, part.where) for part in one.allowances} == {("most", "leg0"), ("most", "leg1")}
+    assert [part.force for part in one.allowances] == pytest.approx([0.2 * WEIGHT] * 2, rel=1e-4)
+    assert "98 N more at 'leg0' than its greatest force" in one.sentence
+
+
+def test_what_can_only_push_is_asked_to_pull():
+    """Downwards by 15 m/s^2: gravity does 9.8 of it."""
+    one = found(legs([(0.0, 0.0)]), accelerations=[0.0, -15.0, 0.0, 0.0, 0.0, 0.0])[0]
+    assert [(part.kind, part.where) for part in one.allowances] == [("pull", "leg0")]
+    assert one.allowances[0].force == pytest.approx(15.0 * MASS - WEIGHT, rel=1e-4)
+    assert "a pull of 260 N at 'leg0'" in one.sentence
+
+
+def test_a_moment_that_no_contact_can_make_comes_from_nowhere():
+    """A point cannot turn what stands on it about the vertical."""
+    one = found(legs([(0.0, 0.0)]), accelerations=[0.0, 0.0, 0.0, 0.0, 30.0, 0.0])[0]
+    assert [(part.kind, part.where) for part in one.allowances] == [("residual", "block")]
+    assert one.allowances[0].moment == pytest.approx(60.0, rel=1e-3)
+    assert one.sentence.endswith("60 N m at 'block' from nowhere would do")
+
+
+def test_a_tilted_cone_and_a_grip_are_taken_as_they_are():
+    """A rope that pulls up carries the block; what hangs on it is not marked."""
+    rope = Site("rope", "block", np.array([[0.0, 1.5, 0.0]]), Cone(friction=0.0))
+    assert found((rope,), options=None) == ()
+    slanted = Site("rope", "block", np.array([[0.0, 1.5, 0.0]]), Cone(np.array([1.0, 1.0, 0.0]), friction=0.0))
+    one = found((slanted,))[0]
+    assert any(part.kind == "friction" for part in one.allowances)
+
+
+def test_runs_of_frames_make_one_line():
+    lines = relaxation_lines(found(legs([(0.0, 0.0)]), 0.0, frames=5))
+    assert len(lines) == 1
+    assert lines[0].startswith("0.00 to 0.04 s, worst at 0.0")
+
+
+def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
+    """The stance foot's contacts are taken away in two frames: these are marked, and its sites named."""
+    model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
+    keep = np.arange(300, 900, 50)
+    motion = Motion(
+        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
+    )
+    sites = foot_sites(model)
+    ready = strengths(model, motion, sites, find_contacts(model, motion, sites))
+    groups = np.array([one.group for one in sites])
+    standing = {g: ready.values[:, groups == g].max(axis=1) > 0.5 for g in set(groups)}
+    alone = {
+        g: np.flatnonzero(standing[g] & ~np.any([standing[h] for h in standing if h != g], axis=0)) for g in standing
+    }
+    foot = max(alone, key=lambda g: len(alone[g]))
+    gone = alone[foot][:2]
+    values = np.array(ready.values)
+    values[np.ix_(gone, np.flatnonzero(groups == foot))] = 0.0
+    values[gone] = np.where(groups == foot, 0.0, values[gone])
+    results = {}
+    for name, given in (("whole", ready.values), ("forgotten", values)):
+        task = ContactTask(sites, Series(motion.time, ready.names, given))
+        problem, names = tension_problem(model, motion, inverse_dynamics(model, motion), contacts=task)
+        over_frames(problem.solve, len(motion), None, problem.window)
+        tension = problem.result(names)
+        assert tension.optimal.all()
+        results[name] = relaxations(problem, tension)
+    assert not {one.frame for one in results["whole"]} & set(gone.tolist())
+    for one in results["forgotten"]:
+        if one.frame in gone:
+            named = {part.where for part in one.allowances if part.kind == "contact"}
+            assert named
+            assert named <= {s.name for s in sites if s.group == foot}
+    assert set(gone.tolist()) <= {one.frame for one in results["forgotten"]}
+
+
+def test_contacts_are_needed():
+    model, motion = block(), standing_still(1)
+    task = ContactTask(legs(TWO), Series(motion.time, ("leg0", "leg1"), np.ones((1, 2))))
+    problem, names = tension_problem(model, motion, inverse_dynamics(model, motion), contacts=task)
+    over_frames(problem.solve, 1)
+    problem.contacts = None
+    with pytest.raises(BadData, match="there are no contacts"):
+        relaxations(problem, problem.result(names))
+    with pytest.raises(BadData, match="expected above 0"):
+        RelaxationOptions(residual=0.0)
