@@ -72,6 +72,9 @@ COMMANDS = {
         "myomorph viscosity shoulder.toml --out shoulder",
     ),
     "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
+    "view": Command(
+        "view", "Show results in a web page: the body moves, with its muscles and forces.", "myomorph view demo"
+    ),
 }
 
 HELP = """From markers, force plates and EMG to the forces inside one body.

@@ -11,7 +11,7 @@ from myomorph.model.spatial import Array
 from myomorph.report.image import ACTIVATION, base64_text
 from myomorph.report.pictures import plain_color
 from myomorph.report.scene import Scene
-from myomorph.report.shapes import coarser
+from myomorph.report.shapes import reduced
 
 MOST_FRAMES = 150
 MOST_BYTES = 2_500_000
@@ -95,19 +95,7 @@ def _short(values: Array) -> list[float]:
 
 def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
     """Surfaces with as many triangles as a browser draws smoothly, and their bodies."""
-    total = sum(len(solid.surface.faces) for solid in scene.solids)
-    shrunk = [solid.surface for solid in scene.solids]
-    if total > MOST_TRIANGLES:
-        extents = [float(np.linalg.norm(np.ptp(solid.surface.vertices, axis=0))) for solid in scene.solids]
-        # Small bones get smaller cells, or fingers and ribs would vanish before a pelvis looks coarse.
-        cells = [(extent / scene.size) ** 0.7 * scene.size * 0.012 for extent in extents]
-        for attempt in range(10):
-            shrunk = [
-                one if len(one.faces) < 60 else coarser(one, cell * 1.25**attempt)
-                for one, cell in zip((solid.surface for solid in scene.solids), cells, strict=True)
-            ]
-            if sum(len(one.faces) for one in shrunk) <= MOST_TRIANGLES:
-                break
+    shrunk = reduced([solid.surface for solid in scene.solids], scene.size, MOST_TRIANGLES)
     told = []
     bodies = []
     for solid, surface in zip(scene.solids, shrunk, strict=True):

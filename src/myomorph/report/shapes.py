@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +13,9 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+
+FINEST = 0.012
+"""Cells that surfaces are made coarser by at first, as a share of the body's size, for a part as large as the body."""
 
 
 def primitive(mesh: Mesh) -> Surface | None:
@@ -43,7 +47,7 @@ def _scaled(surface: Surface, factors: Array) -> Surface:
     return Surface(surface.vertices * factors, surface.faces)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def _ball(rings: int = 10, sides: int = 14) -> Surface:
     """Unit sphere: rings around z, both middle rings on one side of the equator so that it can be pulled apart."""
     polar = np.linspace(0.0, np.pi, rings)
@@ -67,6 +71,14 @@ def _rod(sides: int = 10) -> Surface:
     up = np.array([0.0, 0.0, 1.0])
     points = np.concatenate([0.0 * ring + up, ring + up, ring - up, 0.0 * ring - up])
     return Surface(points, _quads(4, sides))
+
+
+def tube(sides: int = 6) -> Surface:
+    """Side of a unit cylinder along z, from -1 to 1: open, for the ends of a muscle lie in bones."""
+    around = np.arange(sides) * 2.0 * np.pi / sides
+    ring = np.stack([np.cos(around), np.sin(around), np.zeros(sides)], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    return Surface(np.concatenate([ring + up, ring - up]), _quads(2, sides))
 
 
 @lru_cache(maxsize=1)
@@ -98,6 +110,11 @@ def stick(start: Array, end: Array, radius: float) -> Surface:
     profile = 1.0 - 0.45 * np.clip((ball[:, 2:] + 1.0) / 2.0, 0.0, 1.0)
     local = np.concatenate([ball[:, :2] * radius * profile, ball[:, 2:] * length / 2], axis=1)
     return Surface(local @ axes + start + along / 2, _ball().faces)
+
+
+def sphere(radius: float, rings: int = 6, sides: int = 8) -> Surface:
+    """A ball around the origin."""
+    return _scaled(_ball(rings, sides), np.full(3, radius))
 
 
 def capsule(start: Array, end: Array, radius: float) -> Surface:
@@ -151,18 +168,42 @@ def coarser(surface: Surface, cell: float) -> Surface:
     """
     if not len(surface.faces):
         return surface
-    keys = np.floor((surface.vertices - surface.vertices.min(axis=0)) / cell).astype(np.int64)
-    _, owner = np.unique(keys, axis=0, return_inverse=True)
-    owner = owner.reshape(-1)
+    cells = np.floor((surface.vertices - surface.vertices.min(axis=0)) / cell).astype(np.int64)
+    _, owner = np.unique(_one_number(cells), return_inverse=True)
     count = np.bincount(owner)
     points = np.stack([np.bincount(owner, surface.vertices[:, i]) / count for i in range(3)], axis=1)
     faces = owner[surface.faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    _, first = np.unique(_one_number(np.sort(faces, axis=1)), return_index=True)
     faces = faces[np.sort(first)]
     used, renumbered = np.unique(faces, return_inverse=True)
     return Surface(points[used], renumbered.reshape(-1, 3))
+
+
+def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface]:
+    """Copies of the surfaces of a body of a size [m] that together have no more triangles than a screen needs."""
+    shrunk = list(surfaces)
+    if sum(len(one.faces) for one in shrunk) <= most:
+        return shrunk
+    extents = [float(np.linalg.norm(np.ptp(one.vertices, axis=0))) for one in surfaces]
+    # Small bones get smaller cells, or fingers and ribs would vanish before a pelvis looks coarse.
+    cells = [(extent / size) ** 0.7 * size * FINEST for extent in extents]
+    for attempt in range(20):
+        shrunk = [
+            one if len(one.faces) < 60 else coarser(one, cell * 1.25**attempt)
+            for one, cell in zip(surfaces, cells, strict=True)
+        ]
+        if sum(len(one.faces) for one in shrunk) <= most:
+            break
+    return shrunk
+
+
+def _one_number(rows: np.ndarray) -> np.ndarray:
+    """Rows (n, 3) of counts from 0 as one number each, in the rows' order."""
+    wide = rows.max(axis=0, initial=0) + 1
+    number: np.ndarray = (rows[:, 0] * wide[1] + rows[:, 1]) * wide[2] + rows[:, 2]
+    return number
 
 
 def normals(surface: Surface) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
@@ -42,6 +43,9 @@ def open_server(port: int | None, title: str) -> Any:
             raise BadData(f"port {port}: expected 1 to 65535")
         # Viser would go on to the next port without a word.
         with socket.socket() as probe:
+            if os.name == "posix":
+                # A page that has just ended does not hold its port.
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((HOST, port))
             except OSError as error:
@@ -74,6 +78,26 @@ def add_floor(page: Any, name: str, up: Array, height: float, side: float = 30.0
         section_color=(190, 192, 190),
         position=tuple(float(one) for one in height * up),
     )
+
+
+def add_lights(page: Any, scene: Scene) -> None:
+    """Even light from above, and a lamp from ahead and the right: viser's own bleach what is colored."""
+    page.configure_default_lights(False)
+    page.configure_environment_map(None)
+    page.add_light_hemisphere(
+        "/lights/sky",
+        sky_color=(255, 255, 255),
+        ground_color=(176, 170, 160),
+        intensity=1.7,
+        position=tuple(float(one) for one in scene.up),
+    )
+    for name, place, intensity in (
+        ("key", 0.7 * scene.forward + 0.8 * scene.right + 1.2 * scene.up, 1.7),
+        ("fill", -0.8 * scene.forward - 0.6 * scene.right + 0.6 * scene.up, 0.7),
+    ):
+        page.add_light_directional(
+            f"/lights/{name}", intensity=intensity, position=tuple(float(one) for one in 5.0 * place)
+        )
 
 
 class Links:
@@ -113,9 +137,9 @@ def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
     )
 
 
-def view_from(scene: Scene, middle: Array, direction: Array) -> Array:
-    """Where a camera sees the whole body around `middle` from a direction [m]."""
-    place: Array = middle + 1.05 * scene.size * direction / np.linalg.norm(direction)
+def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1.05) -> Array:
+    """Where a camera sees the body around `middle` from a direction, at a distance in sizes of the body [m]."""
+    place: Array = middle + distance * scene.size * direction / np.linalg.norm(direction)
     return place
 
 

@@ -1,0 +1,236 @@
+"""Bodies in the space of a page: what is made once, and what moves from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.report.replay_body import Instant, PlayedBody, Tubes
+from myomorph.report.scene import Solid
+from myomorph.report.shapes import coarser, reduced, sphere, tube
+from myomorph.report.web_page import BONE, Links
+
+LAYERS: Mapping[str, str] = MappingProxyType(
+    {
+        "bones": "Bones",
+        "muscles": "Muscles",
+        "measured": "Plate forces",
+        "estimated": "Contact forces",
+        "recorded": "Markers",
+        "modelled": "Model markers",
+        "center": "Center of mass",
+        "floor": "Floor",
+    }
+)
+"""What can be shown or hidden, and how it is called."""
+
+COLORS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
+    {
+        "measured": (26, 148, 117),
+        "estimated": (233, 138, 21),
+        "recorded": (38, 92, 214),
+        "modelled": (230, 72, 150),
+        "center": (30, 30, 34),
+    }
+)
+"""Of layers that have one; markers as in OpenSim, blue as measured and pink as modelled."""
+
+BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
+"""Colors of the bones of the first body, the second, ..."""
+
+MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
+MOST_LABELS = 6
+DETAIL, MOST_TRIANGLES = 0.003, 60_000
+"""Smallest detail of bones that is kept, as a share of the body's size, and triangles at most."""
+
+
+class ShownBody:
+    """One body on a page.
+
+    Parameters
+    ----------
+    page : `viser`'s scene
+    root : name of the node that everything hangs on
+    number : of the body, which gives its color
+    """
+
+    def __init__(self, page: Any, root: str, body: PlayedBody, number: int = 0):
+        self.body, self._page, self._root = body, page, root
+        self.node = page.add_frame(root, show_axes=False)
+        scene = body.scene
+        first = body.at(int(np.flatnonzero(body.known)[0]))
+        surfaces = [coarser(one.surface, DETAIL * scene.size) for one in scene.solids]
+        surfaces = reduced(surfaces, scene.size, MOST_TRIANGLES)
+        solids = [Solid(one.body, surface) for one, surface in zip(scene.solids, surfaces, strict=True)]
+        self._links = Links(page, root, solids, BONES[number % len(BONES)])
+        self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
+        self._layers["bones"] = list(self._links.handles.values())
+        if len(first.tubes.positions):
+            self._tubes = self._add_tubes(first.tubes)
+        size = scene.size
+        for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
+            if count:
+                self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
+        if np.isfinite(body.centers).any():
+            self._layers["center"] = [self._add_balls("center", 1, CENTER_RADIUS * size), *self._add_trace()]
+        self._arrows = {name: self._add_arrows(name) for name in ("measured", "estimated")}
+        self._add_plates()
+        self._visible = dict.fromkeys(LAYERS, True)
+        self._labels: list[Any] = []
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Those that this body has."""
+        given = self.body.given
+        forces = {"measured": given.wrenches is not None, "estimated": given.contact_forces is not None}
+        return tuple(name for name in LAYERS if self._layers[name] or forces.get(name, name == "floor"))
+
+    def toggle(self, layer: str, visible: bool) -> None:
+        """Show a layer, or hide it."""
+        self._visible[layer] = visible
+        if layer in self._arrows and visible:
+            return  # Arrows appear with the next frame that has a force.
+        for handle in (*self._layers[layer], *([self._arrows[layer]] if layer in self._arrows else ())):
+            handle.visible = visible
+
+    def draw(self, instant: Instant) -> None:
+        """Move everything to where it is at an instant; what is hidden stays as it was."""
+        if self._visible["bones"]:
+            self._links.pose(instant.rotations, instant.origins)
+        if self._visible["muscles"] and self._layers["muscles"]:
+            self._tubes.batched_positions = instant.tubes.positions
+            self._tubes.batched_wxyzs = instant.tubes.wxyzs
+            self._tubes.batched_scales = instant.tubes.scales
+            self._tubes.batched_colors = instant.tubes.colors
+        for name, places in (("recorded", instant.recorded), ("modelled", instant.modelled)):
+            if self._visible[name] and self._layers[name]:
+                self._place(self._layers[name][0], places)
+        if self._visible["center"] and self._layers["center"]:
+            self._place(self._layers["center"][0], instant.center[None])
+        for name, points in (("measured", instant.measured), ("estimated", instant.estimated)):
+            if self._visible[name]:
+                self._arrows[name].visible = bool(len(points))
+                if len(points):
+                    self._arrows[name].points = points.astype(np.float32)
+
+    def label(self, texts: Mapping[int, str], frame: int) -> None:
+        """Name muscles at their middles, by their indices; nothing takes the names away."""
+        while len(self._labels) > len(texts):
+            self._labels.pop().remove()
+        for k, (muscle, text) in enumerate(texts.items()):
+            place = self.body.middle_of(frame, muscle)
+            if k == len(self._labels):
+                name = f"{self._root}/label{k}"
+                self._labels.append(self._page.add_label(name, text, position=place, anchor="bottom-left"))
+            self._labels[k].text, self._labels[k].position = text, place
+
+    def on_muscle(self, told: Any) -> None:
+        """Call `told(index of the muscle)` where a muscle is clicked."""
+        if self._layers["muscles"]:
+            owner = self.body.tube_muscles
+            self._tubes.on_click(lambda event: told(int(owner[event.instance_index])))
+
+    def _add_tubes(self, shown: Tubes) -> Any:
+        unit = tube()
+        handle = self._page.add_batched_meshes_simple(
+            f"{self._root}/muscles",
+            unit.vertices.astype(np.float32),
+            unit.faces.astype(np.uint32),
+            batched_wxyzs=shown.wxyzs,
+            batched_positions=shown.positions,
+            batched_scales=shown.scales,
+            batched_colors=shown.colors,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._layers["muscles"] = [handle]
+        return handle
+
+    def _add_balls(self, name: str, count: int, radius: float) -> Any:
+        ball = sphere(radius)
+        return self._page.add_batched_meshes_simple(
+            f"{self._root}/{name}",
+            ball.vertices.astype(np.float32),
+            ball.faces.astype(np.uint32),
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            batched_positions=np.zeros((count, 3)),
+            batched_scales=np.zeros(count),
+            batched_colors=np.tile(np.array(COLORS[name], dtype=np.uint8), (count, 1)),
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    @staticmethod
+    def _place(handle: Any, places: Array) -> None:
+        seen = np.asarray(np.isfinite(places).all(axis=1))
+        handle.batched_positions = np.where(seen[:, None], places, 0.0).astype(np.float32)
+        handle.batched_scales = seen.astype(np.float32)
+
+    def _add_trace(self) -> list[Any]:
+        """The path of the center of mass in space, and its shadow on the floor."""
+        scene = self.body.scene
+        path = self.body.centers[:: max(len(self.body.centers) // TRACE_STEPS, 1)]
+        path = path[np.isfinite(path).all(axis=1)]
+        if len(path) < 2:
+            return []
+        shadow = path + (scene.floor + 0.002 - path @ scene.up)[:, None] * scene.up
+        return [
+            self._lines("trace", np.stack([path[:-1], path[1:]], axis=1), COLORS["center"], 2.0),
+            self._lines("shadow", np.stack([shadow[:-1], shadow[1:]], axis=1), (120, 120, 126), 1.5),
+        ]
+
+    def _add_arrows(self, name: str) -> Any:
+        size = self.body.scene.size
+        return self._page.add_arrows(
+            f"{self._root}/{name}",
+            np.array([[np.zeros(3), self.body.scene.up]]),
+            COLORS[name],
+            shaft_radius=0.006 * size,
+            head_radius=0.015 * size,
+            head_length=0.045 * size,
+            visible=False,
+        )
+
+    def _add_plates(self) -> None:
+        corners = [one.corners[outline(one.corners)] for one in self.body.given.plates]
+        if not corners:
+            return
+        lift = 0.001 * self.body.scene.up
+        edges = np.concatenate([np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in corners]) + lift
+        self._layers["floor"].append(self._lines("plates", edges, (70, 78, 84), 2.5))
+        faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+        sheet = self._page.add_mesh_simple(
+            f"{self._root}/sheets",
+            (np.concatenate(corners) + lift).astype(np.float32),
+            np.concatenate([faces + 4 * k for k in range(len(corners))]),
+            color=(150, 164, 172),
+            opacity=0.45,
+            side="double",
+            cast_shadow=False,
+        )
+        self._layers["floor"].append(sheet)
+
+    def _lines(self, name: str, points: Array, color: tuple[int, int, int], width: float) -> Any:
+        return self._page.add_line_segments(
+            f"{self._root}/{name}",
+            points.astype(np.float32),
+            np.array(color, dtype=np.uint8),
+            thickness=width,
+            thickness_units="screen",
+        )
+
+
+def outline(corners: Array) -> list[int]:
+    """Corners of a plate in the order of its outline, whatever order they are given in."""
+    middle = corners.mean(axis=0)
+    x = corners[0] - middle
+    y = np.cross(np.cross(x, corners[1] - middle), x)
+    across = [axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in (x, y)]
+    angles = np.arctan2((corners - middle) @ across[1], (corners - middle) @ across[0])
+    return [int(one) for one in np.argsort(angles)]
