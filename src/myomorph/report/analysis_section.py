@@ -8,7 +8,7 @@ from myomorph.model.series import Series
 from myomorph.model.spatial import Array
 from myomorph.report.chart import Limit, Line, number, scaled_unit
 from myomorph.report.contact_graph import contact_graph, graph_rows
-from myomorph.report.contact_panel import contact_force_section
+from myomorph.report.contact_panel import between_tracks, contact_force_section
 from myomorph.report.estimated_forces import acting_forces
 from myomorph.report.figures import STYLE
 from myomorph.report.maps import floor_plot
@@ -19,7 +19,7 @@ from myomorph.report.prepared import Prepared
 from myomorph.report.relation_tables import phase_section, relation_section
 from myomorph.report.scene import make_scene
 from myomorph.report.section import Figure, Grid, Section
-from myomorph.report.strip import even_times, nearest_frames, picture_strip
+from myomorph.report.strip import even_times, fitting, nearest_frames, picture_strip
 from myomorph.report.tracks import WIDTH, Backdrop, Track, draw_track, phase_names, time_axis
 
 LONGEST_SCORE = 120.0
@@ -27,6 +27,7 @@ MOST_STRIPES = 60
 MUSCLE_ROW = 31
 THIN = 8.0
 ORDINAL = ("first", "second", "third", "fourth")
+PERSONS = ("third", "second", "fourth")
 CUT_WORDS = {
     "given": "Phases are those given.",
     "events": "Phases lie between events.",
@@ -72,8 +73,9 @@ def _backdrop(prepared: Prepared, analysis: MotionAnalysis) -> Backdrop:
 def _score(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Section:
     """Pictures, height, contacts and muscles under each other, as figures 5.2 to 5.8 of [D]."""
     rows = [phase_names(behind), _pictures(prepared, analysis, behind)]
-    for i, person in enumerate(analysis.persons):
-        rows.append(_height(person, behind, ORDINAL[i % 4] if len(analysis.persons) > 1 else "middle"))
+    if analysis.persons:
+        rows.append(_heights(analysis, behind))
+    rows += between_tracks(prepared, behind, analysis.who)
     graph = graph_rows(analysis.contacts, analysis.who) if analysis.contacts is not None else ()
     rows.append(contact_graph(graph, behind, analysis.who))
     for person in analysis.persons:
@@ -82,6 +84,8 @@ def _score(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Se
     legend = []
     if analysis.activations is not None or any(one.side for one in graph):
         legend = [("right", "right"), ("left dotted", "left")]
+    if len(analysis.persons) > 1:
+        legend += _names(analysis)
     if any(_measured(prepared, person) for person in analysis.persons):
         legend.append(("emg", "EMG"))
     return Section(
@@ -118,6 +122,10 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
     if not len(good):
         return ""
     wanted = given.times or even_times(behind.span, analysis.preset.pictures)
+    if not given.times:
+        frames = nearest_frames(motion.time, good, wanted)
+        count = fitting(make_scene(given.model, motion, frames, given.surfaces), analysis.preset.pictures)
+        wanted = even_times(behind.span, count)
     wanted = tuple(one for one in wanted if behind.span[0] - 1e-6 <= one <= behind.span[1] + 1e-6)
     if not wanted:
         return ""
@@ -129,13 +137,21 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
     return picture_strip(scene, behind)
 
 
-def _height(person: Person, behind: Backdrop, style: str) -> str:
-    height = person.center.values[:, 0]
-    factor, unit = scaled_unit("m", height)
-    levels = [Limit(factor * person.still, "at rest")] if np.isfinite(person.still) else []
-    name = f"{person.who.name}: height of COG" if person.who.name else "Height of COG"
-    line = Line(person.center.time, factor * height, style, "height")
-    return draw_track(Track(name, unit, [line], 86, levels=levels), behind)
+def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
+    """Height of every person's center of gravity, of a single one with that of its first rest."""
+    factor, unit = scaled_unit("m", *(one.center.values[:, 0] for one in analysis.persons))
+    lines = [
+        Line(one.center.time, factor * one.center.values[:, 0], style, one.who.name or "height")
+        for one, style in zip(analysis.persons, _styles(analysis), strict=True)
+    ]
+    still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
+    levels = [Limit(factor * still, "at rest")] if np.isfinite(still) else []
+    return draw_track(Track("Height of COG", unit, lines, 86, levels=levels), behind)
+
+
+def _styles(analysis: MotionAnalysis) -> list[str]:
+    """Style of every person's lines."""
+    return [PERSONS[i % 3] for i in range(len(analysis.persons))] if len(analysis.persons) > 1 else ["middle"]
 
 
 def _measured(prepared: Prepared, person: Person) -> bool:
@@ -173,28 +189,28 @@ def _center(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> S
     if not analysis.persons:
         return None
     drawn = []
-    for i, person in enumerate(analysis.persons):
-        style = ORDINAL[i % 4] if len(analysis.persons) > 1 else "middle"
-        for k, axis in enumerate(analysis.axes):
-            values = person.center.values[:, k]
-            name = f"{person.who.name}: {axis}" if person.who.name else axis.capitalize()
-            drawn.append(draw_track(Track(name, "m", [Line(person.center.time, values, style, axis)], 84), behind))
+    for k, axis in enumerate(analysis.axes):
+        lines = [
+            Line(one.center.time, one.center.values[:, k], style, one.who.name or axis)
+            for one, style in zip(analysis.persons, _styles(analysis), strict=True)
+        ]
+        drawn.append(draw_track(Track(axis.capitalize(), "m", lines, 84), behind))
     figures = [Figure("".join([phase_names(behind), *drawn, time_axis(behind)]), "full")]
     for path in (_path(prepared, analysis), _upright_path(analysis)):
         if path:
             figures.append(Figure(path, "medium", _path_caption(analysis) if len(figures) == 1 else SECOND_CAPTION))
-    lead = [_standing(person) for person in analysis.persons]
-    lead.append(_repeats(analysis))
     return Section(
         "center-of-gravity",
         "Center of gravity",
-        " ".join(one for one in lead if one),
-        tuple((ORDINAL[i % 4], one.who.name) for i, one in enumerate(analysis.persons))
-        if len(analysis.persons) > 1
-        else (),
+        " ".join(_told(analysis, person) for person in analysis.persons),
+        tuple(_names(analysis)) if len(analysis.persons) > 1 else (),
         tuple(figures),
         (_center_grid(analysis),),
     )
+
+
+def _names(analysis: MotionAnalysis) -> list[tuple[str, str]]:
+    return [(style, one.who.name) for one, style in zip(analysis.persons, _styles(analysis), strict=True)]
 
 
 def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
@@ -240,7 +256,7 @@ def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, 
     stages = analysis.cutting.stages
     if len(points) > 1 or not 2 <= len(stages) <= len(ORDINAL):
         return [
-            (person.who.name or "center of gravity", ORDINAL[i % 4], one)
+            (person.who.name or "center of gravity", "first" if len(points) == 1 else PERSONS[i % 3], one)
             for i, (person, one) in enumerate(zip(analysis.persons, points, strict=True))
         ]
     time = analysis.persons[0].center.time
@@ -266,37 +282,27 @@ def _path_caption(analysis: MotionAnalysis) -> str:
     return told
 
 
-def _standing(person: Person) -> str:
-    """How low the center of gravity is, against the model's default posture and the first rest."""
+def _told(analysis: MotionAnalysis, person: Person) -> str:
+    """How low a center of gravity is, and which of its axes repeat, as one sentence."""
     rest, mean = person.standing
-    who = f"{person.who.name}: " if person.who.name else ""
     told = []
     if np.isfinite(mean) and rest > 0.1 * mean:
         less = 100 * (mean - rest)
-        way = "lower" if less < 0 else "higher"
         told.append(
-            f"{who}on average {number(100 * mean, 0.1)} cm over the lowest joint, {number(abs(less), 0.1)} cm {way} "
-            "than in the model's default posture."
+            f"on average {number(100 * mean, 0.1)} cm over the lowest joint, {number(abs(less), 0.1)} cm "
+            f"{'lower' if less < 0 else 'higher'} than in the model's default posture"
         )
     if np.isfinite(person.still):
         less = 1000 * (float(np.nanmean(person.center.values[:, 0])) - person.still)
-        way = "below" if less < 0 else "above"
-        told.append(f"{who}its mean height is {number(abs(less), 1.0)} mm {way} that of the rest at the start.")
-    return " ".join(one[:1].upper() + one[1:] for one in told)
-
-
-def _repeats(analysis: MotionAnalysis) -> str:
-    """Which axes repeat, after how long, how often and how surely."""
-    told = []
-    for person in analysis.persons:
-        who = f"{person.who.name}: " if person.who.name else ""
-        found = [
-            f"{axis} every {number(one.period)} s ({number(one.cycles)} periods, {_sure(one)} sure)"
-            for axis, one in zip(analysis.axes, person.periods, strict=True)
-            if one.periodic
-        ]
-        told.append(f"{who}it repeats {'; '.join(found)}." if found else f"{who}no axis has a period.")
-    return " ".join(one[:1].upper() + one[1:] for one in told)
+        told.append(f"{number(abs(less), 1.0)} mm {'below' if less < 0 else 'above'} the rest at the start")
+    repeats = [
+        f"{axis} every {number(one.period)} s ({number(one.cycles)} periods, {_sure(one)} sure)"
+        for axis, one in zip(analysis.axes, person.periods, strict=True)
+        if one.periodic
+    ]
+    told.append(f"repeating along {' and '.join(repeats)}" if repeats else "without a period along any axis")
+    sentence = (f"{person.who.name}: " if person.who.name else "") + "; ".join(told) + "."
+    return sentence[:1].upper() + sentence[1:]
 
 
 def _sure(one: Periodicity) -> str:

@@ -111,7 +111,7 @@ def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
         limb = limb_of(site, who) if site else Limb("", "", "")
         label = row_label(site, who) if site else printed(surface)
         if site and surface != GROUND:
-            label += f" on {surface.replace('_', ' ')}"
+            label += f" on {row_label(surface, who).lower()}"
         place = given.sites.index(site) if site else len(found)
         found.append((limb, place, Row(label, limb.side, tuple(touches))))
     order = {"right": 0, "left": 1, "": 2}

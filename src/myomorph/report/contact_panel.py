@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from myomorph.model.model import GROUND
 from myomorph.model.spatial import Array
 from myomorph.report.chart import Limit, Line, number
-from myomorph.report.estimated_forces import SITUATIONS, Group, groups_of, situation_of
+from myomorph.report.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
 from myomorph.report.figures import axis_names
 from myomorph.report.given import ReportInput
 from myomorph.report.maps import floor_plot
@@ -25,7 +26,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     if forces is None or not len(forces) or not forces.sites:
         return None
     groups = groups_of(forces, given.wrenches, who)
-    figures = [Figure(_components(prepared, groups, behind), "full")]
+    figures = [Figure(_components(prepared, groups, behind, who), "full")]
     floor = _floor(prepared, groups)
     if floor:
         figures.append(Figure(floor, "full"))
@@ -42,6 +43,19 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     )
 
 
+def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
+    """Size of the forces that pass between bodies, a row for all of them; none where none does."""
+    forces = prepared.given.contact_forces
+    if forces is None or all(one.against == GROUND for one in forces.sites):
+        return []
+    lines = [
+        Line(forces.time, np.linalg.norm(one.forces, axis=1), ORDINAL[i % len(ORDINAL)], one.label)
+        for i, one in enumerate(one for one in groups_of(forces, None, who) if one.against != GROUND)
+    ]
+    title = lines[0].label if len(lines) == 1 else "Forces between bodies"
+    return [draw_track(Track(title, "N", lines, 66, low=0.0), behind)]
+
+
 def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
     """Centers of pressure from above, those measured in grey beneath those estimated."""
     given = prepared.given
@@ -51,7 +65,7 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
     flip = -1.0 if k == 1 else 1.0
     first, second = [i for i in range(3) if i != k]
     paths: list[tuple[str, str, Array]] = []
-    pressed = forces.wrenches("group")
+    pressed = group_forces(forces)
     for label, style, wrenches in (("measured", "measured", given.wrenches), ("", "", pressed)):
         if wrenches is None:
             continue
@@ -60,6 +74,8 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
             shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
             points = wrenches.points[:, i][:, [first, second]] * np.array([1.0, flip])
             group = next((one for one in groups if one.name == name), None)
+            if not label and (group is None or group.against != GROUND):
+                continue
             told = label or (group.label if group else name)
             paths.append(
                 (told, style or (group.style if group else "middle"), np.where(shown[:, None], points, np.nan))
@@ -72,7 +88,7 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     given = prepared.given
     told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
-    pairs = [one.label for one in groups if " on " in one.label]
+    pairs = [one for one in groups if one.against != GROUND]
     if pairs:
         told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
     if any(one.measured is not None for one in groups):
@@ -87,7 +103,7 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     return " ".join(told)
 
 
-def _components(prepared: Prepared, groups: Sequence[Group], behind: Backdrop) -> str:
+def _components(prepared: Prepared, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]) -> str:
     given = prepared.given
     forces = given.contact_forces
     assert forces is not None
@@ -103,7 +119,11 @@ def _components(prepared: Prepared, groups: Sequence[Group], behind: Backdrop) -
             lines.append(Line(forces.time, one.forces @ vector, one.style, one.label))
             if given.intervals is not None and one.name in given.intervals.names:
                 bands.append(_interval(prepared, one, vector))
-        weight = [Limit(prepared.weight, "body weight")] if prepared.weight and i == 0 else []
+        weight = (
+            [Limit(prepared.weight, "body weight" if len(who) < 2 else "weight of all")]
+            if prepared.weight and i == 0
+            else []
+        )
         rows.append(draw_track(Track(name.capitalize(), "N", lines, 118 if i == 0 else 92, bands, weight), behind))
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
 
@@ -162,7 +182,7 @@ def _difference(estimate: Array, known: Array) -> str:
         return "–"
     rms = float(np.sqrt(np.mean((estimate[both] - known[both]) ** 2)))
     span = float(np.ptp(known[both]))
-    return f"{number(rms)} N" + (f" ({100 * rms / span:.0f} % of its range)" if span > 1e-9 else "")
+    return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
 
 
 def _uncarried_grid(given: ReportInput) -> Grid:

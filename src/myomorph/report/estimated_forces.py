@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -48,7 +48,7 @@ def acting_forces(given: ReportInput) -> Wrenches | None:
     forces = given.contact_forces
     if forces is None or not len(forces) or not forces.sites:
         return given.wrenches
-    estimated = forces.wrenches("group")
+    estimated = group_forces(forces)
     measured = given.wrenches
     if measured is None or not len(measured.names):
         return estimated
@@ -65,6 +65,14 @@ def acting_forces(given: ReportInput) -> Wrenches | None:
     return Wrenches(time, names, (*estimated.bodies, *(measured.bodies[k] for k in others)), *stacked)
 
 
+def group_forces(forces: ContactForces) -> Wrenches:
+    """One force a group of sites, at its center of pressure, whatever bodies they are on; its opposite on the other."""
+    first: dict[str, str] = {}
+    for one in forces.sites:
+        first.setdefault(one.group, one.body)
+    return replace(forces, sites=tuple(replace(one, body=first[one.group]) for one in forces.sites)).wrenches("group")
+
+
 def _at(time: Array, clock: Array, values: Array) -> Array:
     """Columns (samples, n, 3) at other times, by the straight line between samples; NaN outside."""
     flat = values.reshape(len(values), -1)
@@ -79,6 +87,7 @@ class Group:
     Attributes
     ----------
     style : of the style sheet
+    against : what is touched
     forces : (frames, 3) as estimated [N]
     measured : (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was measured
     """
@@ -86,7 +95,7 @@ class Group:
     name: str
     label: str
     style: str
-    bodies: tuple[str, ...]
+    against: str
     forces: Array
     measured: Array | None
 
@@ -109,7 +118,7 @@ def groups_of(forces: ContactForces, measured: Wrenches | None, who: Sequence[Su
         style = side if side and sides.count(side) == 1 else ORDINAL[i % len(ORDINAL)]
         against = forces.sites[own[0]].against
         label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
-        found.append(Group(name, label, style, bodies, forces.forces[:, own].sum(axis=1), known))
+        found.append(Group(name, label, style, against, forces.forces[:, own].sum(axis=1), known))
     return tuple(found)
 
 

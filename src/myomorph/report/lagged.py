@@ -90,7 +90,7 @@ def correlate(rows: Series, columns: Series, options: LagOptions | None = None) 
     tries = 1.0 + 4.0 * reach / count * freedom
     chance = -np.expm1(tries * np.log1p(-np.minimum(single, 1.0 - 1e-12)))
     chance[np.isnan(values)] = np.nan
-    related = _discovered(chance, options.discoveries)
+    related = discovered(chance, options.discoveries)
     return Correlations(rows.names, columns.names, values, best * step, freedom, chance, related)
 
 
@@ -143,7 +143,7 @@ def _chance(values: Array, freedom: Array) -> Array:
     return found
 
 
-def _discovered(chance: Array, share: float) -> np.ndarray:
+def discovered(chance: Array, share: float) -> np.ndarray:
     """Pairs that stay within the share of false discoveries, by Benjamini and Hochberg's step."""
     known = np.sort(chance[np.isfinite(chance)])
     if not known.size:

@@ -13,6 +13,7 @@ from myomorph.report.contact_graph import Limb, limb_states, measured_contacts, 
 from myomorph.report.figures import axis_names, weighted
 from myomorph.report.lagged import Correlations, correlate
 from myomorph.report.limb_muscles import named_muscles
+from myomorph.report.locking import Locking, lock
 from myomorph.report.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
 from myomorph.report.periodicity import NONE, Periodicity, find_period
 from myomorph.report.prepared import Prepared
@@ -60,6 +61,8 @@ class MotionAnalysis:
     activations : (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
     measures : of every stage, of the first person
     relations : rows contacts and muscles, columns `axes`, of the first person
+    rhythm : the axis whose period is the longest of the first person's, -1 where none repeats
+    locking : contacts and muscles against that period, None where it comes too seldom
     """
 
     preset: Preset
@@ -75,6 +78,8 @@ class MotionAnalysis:
     activations: Series | None
     measures: tuple[StageMeasures, ...]
     relations: Correlations | None
+    rhythm: int
+    locking: Locking | None
 
     @property
     def who(self) -> tuple[Subject, ...]:
@@ -99,7 +104,8 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     persons = _persons(prepared, who, preset)
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
-    period = _period(persons)
+    rhythm = _rhythm(persons)
+    period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
     cutting = cut(
         Cuttable(prepared.span, clock, prepared.events, tuple(one.label for one in limbs), touching, nothing, period),
@@ -110,9 +116,15 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     center = persons[0].center if persons else None
     own = _of_first(activations, persons)
     measures = tuple(measure(stage, center, own, clock, touching) for stage in cutting.stages)
-    relations = None
-    if center is not None:
-        relations = _relations(center, own, clock, limbs, touching)
+    relations, locking = None, None
+    rows = _rows(own, clock, limbs, touching)
+    if center is not None and rows is not None and len(rows) > 1:
+        moved = leveled(center)
+        relations = correlate(rows, moved)
+        if rhythm >= 0:
+            locking = lock(
+                rows, Series(moved.time, moved.names[rhythm : rhythm + 1], moved.values[:, [rhythm]]), period
+            )
     return MotionAnalysis(
         preset,
         bool(given.preset),
@@ -127,6 +139,8 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         activations,
         measures,
         relations,
+        rhythm,
+        locking,
     )
 
 
@@ -186,10 +200,10 @@ def _still(center: Series) -> float:
     return float(part[:, 0].mean()) if float(np.ptp(part, axis=0).max()) < STILL_SPEED * STILL_TIME else float("nan")
 
 
-def _period(persons: tuple[Person, ...]) -> float:
-    """The surest period of the first person's center of gravity [s]; of axes alike the longest, a whole cycle."""
-    periods = [one for one in persons[0].periods if one.periodic] if persons else []
-    return max((one.period for one in periods), default=float("nan"))
+def _rhythm(persons: tuple[Person, ...]) -> int:
+    """Axis of the first person's center of gravity with the longest period, a whole cycle; -1 where none has one."""
+    periods = [one.period if one.periodic else -1.0 for one in persons[0].periods] if persons else []
+    return int(np.argmax(periods)) if max(periods, default=-1.0) > 0.0 else -1
 
 
 def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:
@@ -228,19 +242,16 @@ def _of_first(activations: Series | None, persons: tuple[Person, ...]) -> Series
     return Series(activations.time, tuple(label for _, label in kept), values)
 
 
-def _relations(
-    center: Series, activations: Series | None, clock: Array, limbs: tuple[Limb, ...], touching: np.ndarray | None
-) -> Correlations | None:
-    """Contacts and muscles against the center of gravity, whose straight line is taken off."""
-    moved = leveled(center)
+def _rows(
+    activations: Series | None, clock: Array, limbs: tuple[Limb, ...], touching: np.ndarray | None
+) -> Series | None:
+    """Contacts and muscles as columns of one series."""
     rows: list[Series] = []
     if touching is not None and limbs:
         rows.append(Series(clock, tuple(one.label for one in limbs), touching.astype(np.float64)))
     if activations is not None and activations.names:
         rows.append(activations)
-    if not rows:
-        return None
-    return correlate(rows[0] if len(rows) == 1 else _joined(rows), moved)
+    return rows[0] if len(rows) == 1 else _joined(rows) if rows else None
 
 
 def _joined(rows: list[Series]) -> Series:

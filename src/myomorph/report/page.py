@@ -15,7 +15,7 @@ from myomorph.model.series import Motion, Series
 from myomorph.report.chart import number
 from myomorph.report.estimated_forces import acting_forces
 from myomorph.report.given import Note, ReportInput, SourceFile, Step, Truth
-from myomorph.report.pictures import pictures
+from myomorph.report.pictures import pictures, proportion
 from myomorph.report.player import frames_to_play, player
 from myomorph.report.prepared import Prepared, prepare
 from myomorph.report.references import Reference, references
@@ -27,7 +27,8 @@ from myomorph.report.tables import Verdict
 
 __all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
 
-KEY_INSTANTS = 6
+KEY_INSTANTS, FEW_INSTANTS = 6, 3
+WIDE = 1.2
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 
 
@@ -275,6 +276,9 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     chosen = _key_frames(motion, good, prepared)
     forces = acting_forces(given)
     still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, forces)
+    if proportion(still, "side") > WIDE:
+        chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
+        still = make_scene(given.model, motion, [one for one, _ in chosen], given.surfaces, activations, forces)
     drawn = pictures(still)
     instants = []
     for i, (frame, label) in enumerate(chosen):

@@ -59,20 +59,32 @@ def pictures(
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
+    framed = {name: _framing(scene, corners, _axes(scene, name)) for name in views}
+    scale = min(min(height / max(tall, 1e-6), widest / max(wide, 1e-6)) for _, wide, tall in framed.values())
     found = []
-    for name in views:
-        turn = np.deg2rad(VIEWS[name])
-        ahead, aside = np.cos(turn), np.sin(turn)
-        axes = np.stack(
-            [ahead * scene.forward - aside * scene.right, scene.up, ahead * scene.right + aside * scene.forward]
-        )
-        centers, width, scale = _framing(scene, corners, axes, height, widest)
+    for name, (centers, wide, tall) in framed.items():
+        width, high = max(int(np.ceil(wide * scale)), 40), max(int(np.ceil(tall * scale)), 40)
         for frame in range(len(scene.time)):
-            view = View(axes, centers[frame], scale * SHRINK, width * SHRINK, height * SHRINK)
+            view = View(_axes(scene, name), centers[frame], scale * SHRINK, width * SHRINK, high * SHRINK)
             canvas = Canvas(view)
             _draw(canvas, scene, frame, shading, colors)
-            found.append(Picture(frame, name, png(canvas.picture(SHRINK)), width, height))
+            found.append(Picture(frame, name, png(canvas.picture(SHRINK)), width, high))
     return found
+
+
+def proportion(scene: Scene, view: str) -> float:
+    """Width over height of the scene's pictures from one view."""
+    _, wide, tall = _framing(scene, _corners(scene), _axes(scene, view))
+    return wide / max(tall, 1e-6)
+
+
+def _axes(scene: Scene, view: str) -> Array:
+    """Rows: to the right of the picture, up in it, towards the viewer."""
+    turn = np.deg2rad(VIEWS[view])
+    ahead, aside = np.cos(turn), np.sin(turn)
+    return np.stack(
+        [ahead * scene.forward - aside * scene.right, scene.up, ahead * scene.right + aside * scene.forward]
+    )
 
 
 def plain_color(scene: Scene) -> tuple[float, float, float]:
@@ -95,19 +107,17 @@ def _corners(scene: Scene) -> Array:
     return np.concatenate(clouds, axis=1)
 
 
-def _framing(scene: Scene, corners: Array, axes: Array, height: int, widest: int) -> tuple[Array, int, float]:
-    """Middle of every picture, the width of all and pixels per meter."""
+def _framing(scene: Scene, corners: Array, axes: Array) -> tuple[Array, float, float]:
+    """Middle of every picture (frames, 3), and the width and the height that hold all of them [m]."""
     across, upward = corners @ axes[0], corners @ axes[1]
     middle = (np.nanmin(across, axis=1) + np.nanmax(across, axis=1)) / 2
     wide = float((np.nanmax(across, axis=1) - np.nanmin(across, axis=1)).max()) * 1.06
     low, high = min(float(np.nanmin(upward)), scene.floor), float(np.nanmax(upward))
-    tall = (high - low) * 1.05
-    scale = min(height / max(tall, 1e-6), widest / max(wide, 1e-6))
     depth = np.nanmean(corners @ axes[2], axis=1)
     centers = (
         middle[:, None] * axes[0] + np.full((len(middle), 1), (low + high) / 2) * axes[1] + depth[:, None] * axes[2]
     )
-    return centers, max(int(np.ceil(wide * scale)), 40), scale
+    return centers, wide, (high - low) * 1.05
 
 
 def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array], paint: Array | None) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.report.chart import number
+from myomorph.report.lagged import Correlations
+from myomorph.report.locking import Locking
 from myomorph.report.motion_analysis import MotionAnalysis, Person
-from myomorph.report.motion_phases import StageMeasures
 from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.sided_table import Cell, sided_table
 
@@ -26,53 +27,61 @@ def phase_section(analysis: MotionAnalysis, how: str) -> Section | None:
         lead += " Those with the same contacts are taken together; range and variance are those within one."
     if who:
         lead += f" Center of gravity and muscles are those of {who}."
-    return Section("phases", "Phases", lead, (), tuple(figures), (_phase_grid(analysis),))
+    grids = (_center_grid(analysis), _doing_grid(analysis))
+    return Section("phases", "Phases", lead, (), tuple(figures), tuple(one for one in grids if one.rows))
 
 
-def _phase_grid(analysis: MotionAnalysis) -> Grid:
+def _center_grid(analysis: MotionAnalysis) -> Grid:
+    """When every phase is, and its center of gravity."""
     total = sum(one.stage.duration for one in analysis.measures)
-    center = bool(analysis.persons)
-    muscles = analysis.activations is not None and center and bool(analysis.persons[0].muscles)
     head = ["Phase", "From – to", "Lasts"]
-    short = [axis.rpartition("(")[2].rstrip(")") for axis in analysis.axes]
-    if center:
-        head += ["Mean height", f"Range {', '.join(short)}", f"Variance {', '.join(short)}"]
-    if muscles:
-        head += ["Activation, mean", "peak", "most active"]
-    if analysis.limbs and analysis.cutting.by != "contacts":
-        head.append("Touching")
-    rows = [_phase_row(one, analysis, total, center, muscles) for one in analysis.measures]
-    return Grid(tuple(head), tuple(rows), "Phases in numbers")
+    short = ", ".join(axis.rpartition("(")[2].rstrip(")") for axis in analysis.axes)
+    if analysis.persons:
+        head += ["Mean height", f"Range {short}", f"Variance {short}"]
+    rows = []
+    for one in analysis.measures:
+        phases = one.stage.phases
+        when = f"{number(phases[0].start, 0.01)} – {number(phases[0].stop, 0.01)} s"
+        cells = [
+            one.stage.name,
+            when if len(phases) == 1 else f"{len(phases)} times",
+            f"{number(one.stage.duration)} s ({100 * one.stage.duration / total:.0f} %)",
+        ]
+        if analysis.persons:
+            cells.append(f"{number(float(one.mean[0]), 0.001)} m")
+            cells.append(", ".join(number(1000 * float(value)) for value in one.range) + " mm")
+            cells.append(", ".join(number(1e6 * float(value)) for value in one.variance) + " mm²")
+        rows.append(tuple(cells))
+    return Grid(tuple(head), tuple(rows), "Center of gravity by phase")
 
 
-def _phase_row(
-    one: StageMeasures, analysis: MotionAnalysis, total: float, center: bool, muscles: bool
-) -> tuple[str, ...]:
-    stage = one.stage
-    if len(stage.phases) == 1:
-        when = f"{number(stage.phases[0].start, 0.01)} – {number(stage.phases[0].stop, 0.01)} s"
-    else:
-        when = f"{len(stage.phases)} times"
-    cells = [stage.name, when, f"{number(stage.duration)} s ({100 * stage.duration / total:.0f} %)"]
-    if center:
-        cells.append(f"{number(float(one.mean[0]))} m")
-        cells.append(", ".join(number(1000 * float(value)) for value in one.range) + " mm")
-        cells.append(", ".join(number(1e6 * float(value)) for value in one.variance) + " mm²")
-    if muscles:
-        names = [
-            f"{pair.label}, {side}" if side else pair.label
-            for pair in analysis.persons[0].muscles
-            for side in pair.members
-        ]
-        cells += [number(one.activity), number(one.peak), names[one.strongest] if one.strongest >= 0 else "–"]
-    if analysis.limbs and analysis.cutting.by != "contacts":
-        shares = [
-            f"{limb.label} {100 * share:.0f} %"
-            for limb, share in zip(analysis.limbs, one.contact, strict=True)
-            if np.isfinite(share) and share >= 0.005
-        ]
-        cells.append(", ".join(shares) or "nothing")
-    return tuple(cells)
+def _doing_grid(analysis: MotionAnalysis) -> Grid:
+    """Muscles and contacts of every phase; without rows where neither tells anything."""
+    muscles = analysis.activations is not None and bool(analysis.persons) and bool(analysis.persons[0].muscles)
+    touching = bool(analysis.limbs) and analysis.cutting.by != "contacts"
+    head = ["Phase"]
+    head += ["Mean activation", "Largest", "Most active on average"] if muscles else []
+    head += ["Share of its time in contact"] if touching else []
+    names = [
+        f"{pair.label}, {side}" if side else pair.label
+        for person in analysis.persons[:1]
+        for pair in person.muscles
+        for side in pair.members
+    ]
+    rows = []
+    for one in analysis.measures if muscles or touching else ():
+        cells = [one.stage.name]
+        if muscles:
+            cells += [number(one.activity), number(one.peak), names[one.strongest] if one.strongest >= 0 else "–"]
+        if touching:
+            shares = [
+                f"{limb.label} {100 * share:.0f} %"
+                for limb, share in zip(analysis.limbs, one.contact, strict=True)
+                if np.isfinite(share) and share >= 0.005
+            ]
+            cells.append(", ".join(shares) or "nothing touches")
+        rows.append(tuple(cells))
+    return Grid(tuple(head), tuple(rows), "Muscles and contacts by phase" if touching else "Muscles by phase")
 
 
 def _activity(analysis: MotionAnalysis, person: Person) -> str:
@@ -116,27 +125,43 @@ def relation_section(analysis: MotionAnalysis) -> Section | None:
     for i, name in enumerate(found.rows):
         label, side = _split(name)
         rows.setdefault(label, {})[side] = i
+    locking, columns = analysis.locking, list(found.columns)
+    if locking is not None:
+        period = analysis.persons[0].periods[analysis.rhythm].period
+        columns.append(f"rhythm of {analysis.axes[analysis.rhythm]}, {number(period)} s")
     table = []
     for label, sides in rows.items():
         order = ("right", "left") if set(sides) & {"right", "left"} else ("",)
-        cells = tuple(
-            tuple(_cell(analysis, sides[side], j) if side in sides else None for side in order)
+        cells = [
+            tuple(_cell(found, sides[side], j) if side in sides else None for side in order)
             for j in range(len(found.columns))
-        )
-        table.append((label, cells))
+        ]
+        if locking is not None:
+            cells.append(tuple(_step(locking, found.rows[sides[side]]) if side in sides else None for side in order))
+        table.append((label, tuple(cells)))
+    drawing = sided_table("Correlation", "r · lag", columns, table)
+    return Section("relations", "What goes together", _relation_lead(analysis, found), (), (Figure(drawing, "full"),))
+
+
+def _relation_lead(analysis: MotionAnalysis, found: Correlations) -> str:
     count, total = int(found.related.sum()), int(np.isfinite(found.values).sum())
-    lead = (
+    told = [
         "Correlation of contacts and activations with the center of gravity (its straight line taken off) at the lag "
-        "where it is strongest; a positive lag: contact or muscle follows the center of gravity. "
-    )
-    lead += (
+        "where it is strongest; a positive lag: contact or muscle follows the center of gravity.",
         f"{count} of {total} pairs stand out from chance and are colored: neighbouring samples are not counted as "
         "independent, and of all pairs called related one in twenty may be so by chance."
         if count
-        else f"None of {total} pairs stands out from chance: the recording is too short, or too slow, to tell."
-    )
-    drawing = sided_table("Correlation", "r · lag", list(found.columns), table, width=980)
-    return Section("relations", "What goes together", lead, (), (Figure(drawing, "full"),))
+        else f"None of {total} pairs stands out from chance: the recording is too short, or too slow, to tell.",
+    ]
+    if analysis.locking is not None:
+        locking = analysis.locking
+        told.append(
+            f"Last column: how firmly each keeps the rhythm of the center of gravity over {locking.cycles} periods (1: "
+            "at the same point of every period), and how late in the period it comes; "
+            f"{int(locking.locked.sum())} of {len(locking.names)} keep it. "
+            "What keeps one rhythm need not be cause and effect."
+        )
+    return " ".join(told)
 
 
 def _split(name: str) -> tuple[str, str]:
@@ -150,9 +175,7 @@ def _split(name: str) -> tuple[str, str]:
     return name, ""
 
 
-def _cell(analysis: MotionAnalysis, i: int, j: int) -> Cell:
-    found = analysis.relations
-    assert found is not None
+def _cell(found: Correlations, i: int, j: int) -> Cell:
     value, lag = float(found.values[i, j]), float(found.lags[i, j])
     told = (
         f"{found.rows[i]} and {found.columns[j]}: r = {number(value)} at {number(lag, 0.01)} s, "
@@ -161,3 +184,12 @@ def _cell(analysis: MotionAnalysis, i: int, j: int) -> Cell:
     if not found.related[i, j]:
         return Cell(float("nan"), number(value, 0.01), told)
     return Cell(value, f"{number(value, 0.01)} · {number(lag, 0.01)} s", told)
+
+
+def _step(locking: Locking, name: str) -> Cell:
+    k = locking.names.index(name)
+    strength, delay = float(locking.strength[k]), float(locking.delay[k])
+    told = f"{name}: {number(strength)} over {locking.cycles} periods, chance {number(float(locking.chance[k]))}"
+    if not locking.locked[k]:
+        return Cell(float("nan"), number(strength, 0.01), told)
+    return Cell(strength, f"{number(strength, 0.01)} · {100 * delay:.0f} %", told)

@@ -16,6 +16,7 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.centroid import up_axis
 from myomorph.report.shapes import primitive, sticks
+from myomorph.report.subjects import subjects
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -106,7 +107,7 @@ def make_scene(
     up = up_axis(model)
     low, high, size = _extent(poses, solids, up)
     lowest = low
-    forward, right = _heading(model, poses, up)
+    forward, right = _facing(model, poses, up) or _heading(model, poses, up)
     starts, vectors = _forces(wrenches, time)
     muscles = _muscles(model, poses, coordinates, activations, time, size)
     for muscle in muscles:
@@ -169,6 +170,22 @@ def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, fl
         highs = [float((poses.origins[:, 1:] @ up).max())]
     stacked = np.concatenate(clouds, axis=1)
     return float(min(lows)), float(max(highs)), max(float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max()), 1e-6)
+
+
+def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:
+    """From the first person to the second, so that both are seen from the side; None with fewer than two."""
+    people = [one for one in subjects(model) if len(one.bodies) > 1]
+    if len(people) < 2:
+        return None
+    numbers = poses.tree.body_index
+    middles = [poses.origins[:, [numbers[body] for body in one.bodies]].mean(axis=1) for one in people[:2]]
+    ahead = (middles[1] - middles[0]).mean(axis=0)
+    ahead = ahead - (ahead @ up) * up
+    length = float(np.linalg.norm(ahead))
+    if length < 1e-3:
+        return None
+    ahead = ahead / length
+    return ahead, np.cross(ahead, up)
 
 
 def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:

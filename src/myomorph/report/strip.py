@@ -8,13 +8,15 @@ import numpy as np
 
 from myomorph.report.chart import number
 from myomorph.report.image import data_uri
-from myomorph.report.pictures import pictures
+from myomorph.report.pictures import pictures, proportion
 from myomorph.report.scene import Scene
 from myomorph.report.tracks import LEFT, RIGHT, WIDTH, Backdrop
 
 TALL = 176.0
 PIXELS = 300
 FOOT = 20.0
+FEWEST = 4
+OVERLAP = 1.06
 
 
 def even_times(span: tuple[float, float], count: int) -> tuple[float, ...]:
@@ -22,15 +24,20 @@ def even_times(span: tuple[float, float], count: int) -> tuple[float, ...]:
     return tuple(float(one) for one in span[0] + (np.arange(count) + 0.5) / count * (span[1] - span[0]))
 
 
+def fitting(scene: Scene, most: int, view: str = "oblique") -> int:
+    """How many pictures of this scene fill a strip, between `FEWEST` and `most`."""
+    return int(np.clip((WIDTH - RIGHT - LEFT) / (TALL * proportion(scene, view)), min(FEWEST, most), most))
+
+
 def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     """The scene's frames side by side as an `<svg>` element, each tied to its time on the axis below."""
     count = len(scene.time)
     if not count:
         return ""
-    room = (WIDTH - RIGHT - LEFT) / count
-    drawn = pictures(scene, PIXELS, max(40, int(1.06 * room / TALL * PIXELS)), views=(view,))
-    scale = min(TALL / PIXELS, 1.06 * room / max(one.width for one in drawn))
-    height = scale * PIXELS + FOOT
+    room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
+    drawn = pictures(scene, PIXELS, max(40, int(room / TALL * PIXELS)), views=(view,))
+    tall = max(one.height for one in drawn) * TALL / PIXELS
+    height = tall + FOOT
     frame = behind.frame(0.0, height)
     parts = [
         f'<svg class="chart strip-row" viewBox="0 0 {WIDTH} {height:.1f}" role="img" aria-label="The body at '
@@ -38,12 +45,12 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
         *behind.behind(frame),
     ]
     for i, one in enumerate(drawn):
-        middle = LEFT + room * (i + 0.5)
-        wide = scale * one.width
+        middle = LEFT + room / OVERLAP * (i + 0.5)
+        wide = one.width * TALL / PIXELS
         time = number(float(scene.time[i]), 0.01)
         parts.append(
             f'<image href="{data_uri(one.image)}" x="{middle - wide / 2:.1f}" y="0" width="{wide:.1f}" '
-            f'height="{height - FOOT:.1f}"><title>The body at {time} s</title></image>'
+            f'height="{tall:.1f}"><title>The body at {time} s</title></image>'
         )
         at = float(frame.x(float(scene.time[i])))
         parts.append(f'<path class="zero" d="M{middle:.1f} {height - 7:.1f}L{at:.1f} {height:.1f}"/>')
