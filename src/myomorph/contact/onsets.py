@@ -1,0 +1,223 @@
+"""Onsets in one channel of sound: when something begins to sound, to a fraction of a millisecond, and how loud.
+
+An onset is where the energy in several bands rises together over what was heard before; its first arrival is the
+sample at which the variance of the signal changes (Maeda 1985).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.ndimage import maximum_filter1d
+from scipy.signal import butter, resample_poly, sosfilt
+
+from myomorph.model.errors import BadData
+from myomorph.model.sound import Sound
+from myomorph.model.spatial import Array
+
+HOP = 0.001
+"""Step of short-time energies [s]."""
+
+AHEAD, BEHIND, APART = 0.005, 0.025, 0.001
+"""Energy of the next 5 ms is held against that of 25 ms that ended 1 ms ago [s]."""
+
+WINDOW = 0.006
+"""Time either side of an onset in which its first arrival is looked for [s]."""
+
+THINNED, SLOWEST = (4, 16), 2000.0
+"""The signal is followed at its own rate and thinned by these factors, down to this rate [Hz]: a soft stroke on a
+large drum shows in the lows only."""
+
+LEARNT, ORDER = 0.03, 24
+"""Time before that from which linear prediction is fitted [s], and its order."""
+
+BLOCK = 0.002
+"""Time for which one linear prediction is used [s]."""
+
+
+@dataclass(frozen=True)
+class SoundOptions:
+    """How strokes are heard.
+
+    Attributes
+    ----------
+    lowest : what lies below is left out [Hz]
+    rise : least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
+    threshold : the same in standard deviations that noise alone would have
+    rest : least time between two strokes of one instrument [s]
+    together : arrivals this close may be one stroke in several microphones [s]
+    heard : time over which the energy of a stroke is taken [s]
+    softest : energy below which a stroke of an instrument is none, as a share of its loud ones
+    echo : energy below which a stroke within `echo_time` [s] of another of the same instrument is its echo,
+        as a share of that
+    own : part of a channel's energy that its own instrument must explain, so that it was struck
+    speed : of sound [m/s]; 343 in air of 20 degrees C
+    """
+
+    lowest: float = 50.0
+    rise: float = 1.2
+    threshold: float = 4.0
+    rest: float = 0.05
+    together: float = 0.02
+    heard: float = 0.02
+    softest: float = 0.002
+    echo: float = 0.03
+    echo_time: float = 0.12
+    own: float = 0.5
+    speed: float = 343.0
+
+    def __post_init__(self) -> None:
+        for name in ("lowest", "rise", "threshold", "rest", "together", "heard", "speed"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} of the sound is {getattr(self, name):g}: expected above 0")
+
+
+@dataclass(frozen=True)
+class Onset:
+    """One arrival in one channel.
+
+    Attributes
+    ----------
+    time : at the microphone [s]
+    energy : sum of the squared signal over `SoundOptions.heard`, background taken off [full scale^2 s]
+    background : the same of what was heard before
+    """
+
+    channel: str
+    time: float
+    energy: float
+    background: float
+
+
+def onsets(
+    sound: Sound, channel: str, options: SoundOptions | None = None, filtered: Array | None = None
+) -> tuple[Onset, ...]:
+    """Arrivals in one channel, whatever instrument they come from.
+
+    Parameters
+    ----------
+    filtered : (samples,) the channel by `high_passed`, where it is there already
+    """
+    options = options or SoundOptions()
+    if filtered is None:
+        filtered = high_passed(sound, channel, options)
+    hops = int(len(filtered) / sound.rate / HOP)
+    if hops < 100:
+        return ()
+    levels = [(filtered, sound.rate)]
+    for factor in THINNED:
+        if sound.rate / factor >= SLOWEST:
+            levels.append((resample_poly(filtered, 1, factor), sound.rate / factor))
+    table = np.array([_excess(signal, rate, hops, options) for signal, rate in levels])
+    excess = table.sum(axis=0)
+    rest = 2 * round(0.5 * options.rest / HOP) + 1
+    peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
+    found: list[Onset] = []
+    for peak in peaks:
+        signal, rate = levels[int(np.argmax(table[:, peak]))]
+        since = _first_arrival(signal, round(peak * HOP * rate), rate) / rate
+        if found and sound.start + since - found[-1].time < 0.5 * options.rest:
+            continue
+        energy, background = energy_after(filtered, round(since * sound.rate), sound.rate, options)
+        if energy > 0.0:
+            found.append(Onset(channel, sound.start + since, energy, background))
+    return tuple(found)
+
+
+def high_passed(sound: Sound, channel: str, options: SoundOptions) -> Array:
+    """The channel without rumble; the filter is causal, so that nothing comes before its cause."""
+    low = butter(2, min(options.lowest, 0.4 * sound.rate), "highpass", fs=sound.rate, output="sos")
+    found: Array = sosfilt(low, sound[channel].astype(np.float64))
+    return found
+
+
+def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Array:
+    """By how much the rise of unforeseen energy passes its threshold (hops,).
+
+    The rise is log(energy ahead / energy behind), both with the quiet of the whole recording added.
+    """
+    ahead, behind, apart, here = round(AHEAD / HOP), round(BEHIND / HOP), round(APART / HOP), np.arange(hops)
+    first, last = np.maximum(here - apart - behind, 0), np.maximum(here - apart, 0)
+    stop = np.minimum(here + ahead, hops)
+    marks = np.minimum(np.round(np.arange(hops + 1) * HOP * rate).astype(np.int64), len(signal))
+    power = np.diff(np.concatenate([[0.0], np.cumsum(_innovation(signal, rate) ** 2)])[marks])
+    # Digital silence is not infinitely far below a stroke.
+    quiet = max(float(np.quantile(power, 0.1)), 1e-7 * float(power.max()), 1e-300)
+    summed = np.concatenate([[0.0], np.cumsum(power)])
+    after = (summed[stop] - summed[here]) / np.maximum(stop - here, 1)
+    before = (summed[last] - summed[first]) / np.maximum(last - first, 1)
+    rise = np.log((after + quiet) / (before + quiet))
+    # Noise of so many independent samples alone moves the logarithm by this much.
+    spread = np.sqrt(2.0 / (AHEAD * rate) + 2.0 / (BEHIND * rate))
+    found: Array = np.maximum(rise - max(options.rise, options.threshold * spread), 0.0)
+    return found
+
+
+def _innovation(signal: Array, rate: float) -> Array:
+    """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT` before it.
+
+    Ringing drums and hum are foreseen, a new stroke is not (Glover, Lazzarini and Timoney 2011).
+    """
+    block, learnt = max(int(BLOCK * rate), 1), max(int(LEARNT * rate), 8 * ORDER)
+    count = len(signal) // block
+    padded = np.concatenate([np.zeros(learnt), signal[: count * block]])
+    found = np.zeros(len(signal))
+    lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
+    size, window = next_fast_len(learnt + ORDER + 1, real=True), np.hanning(learnt)
+    pasts = np.lib.stride_tricks.sliding_window_view(padded, learnt)[::block]
+    reaches = np.lib.stride_tricks.sliding_window_view(padded[learnt - ORDER :], block + ORDER)[::block]
+    for first in range(0, count, 512):
+        chunk = slice(first, min(first + 512, count))
+        alike = irfft(np.abs(rfft(pasts[chunk] * window, size, axis=1)) ** 2, size, axis=1)[:, : ORDER + 1]
+        alike[:, 0] = alike[:, 0] * (1.0 + 1e-9) + 1e-300
+        weights = np.linalg.solve(alike[:, lags], alike[:, 1:, None])[:, ::-1, 0]
+        rows = np.lib.stride_tricks.sliding_window_view(reaches[chunk], ORDER + 1, axis=1)
+        rest = rows[..., -1] - np.einsum("kbo,ko->kb", rows[..., :-1], weights)
+        found[chunk.start * block : chunk.stop * block] = rest.reshape(-1)
+    return found
+
+
+def _first_arrival(signal: Array, near: int, rate: float) -> int:
+    """Sample at which something new begins, around the sample `near`.
+
+    An autoregressive model of what was heard before takes off whatever still rings (Sleeman and van Eck 1999);
+    the arrival is where the variance of the rest changes: the least k log(var before) + (n - k) log(var after).
+    """
+    reach, learnt = int(WINDOW * rate), max(int(LEARNT * rate), 8 * ORDER)
+    first, last = max(near - reach, 0), min(near + 2 * reach, len(signal))
+    part = _unforeseen(signal[max(first - learnt, 0) : last], first - max(first - learnt, 0))
+    # What follows the loudest sample is the instrument's own ringing, and tells nothing of its beginning.
+    part = part[: int(np.argmax(np.abs(part))) + 2]
+    n = len(part)
+    if n < 16:
+        return first + n - 2
+    sums = np.cumsum(part**2)
+    k = np.arange(4, n)
+    tiny = 1e-12 * sums[-1] + 1e-300
+    before, after = sums[k - 1] / k + tiny, (sums[-1] - sums[k - 1]) / (n - k) + tiny
+    return first + int(k[np.argmin(k * np.log(before) + (n - k) * np.log(after))])
+
+
+def _unforeseen(signal: Array, known: int) -> Array:
+    """What the first `known` samples, continued by a linear prediction fitted to them, do not tell of the rest."""
+    if known < 8 * ORDER:
+        return signal[known:]
+    past = np.lib.stride_tricks.sliding_window_view(signal[:known], ORDER + 1)
+    rows, wanted = past[:, :-1], past[:, -1]
+    gram = rows.T @ rows
+    gram[np.diag_indices(ORDER)] += 1e-9 * np.trace(gram) / ORDER + 1e-300
+    weights = np.linalg.solve(gram, rows.T @ wanted)
+    later = np.lib.stride_tricks.sliding_window_view(signal[known - ORDER :], ORDER + 1)
+    rest: Array = later[:, -1] - later[:, :-1] @ weights
+    return rest
+
+
+def energy_after(signal: Array, arrival: int, rate: float, options: SoundOptions) -> tuple[float, float]:
+    """Energy after an arrival without what was heard before it, and that."""
+    length, before = int(options.heard * rate), int(0.01 * rate)
+    heard = float(np.sum(signal[arrival : arrival + length] ** 2)) / rate
+    earlier = signal[max(arrival - before - 8, 0) : max(arrival - 8, 0)]
+    background = float(np.mean(earlier**2)) * length / rate if len(earlier) else 0.0
+    return heard - background, background

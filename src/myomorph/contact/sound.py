@@ -1,0 +1,303 @@
+"""Strokes heard by microphones: when each drum was struck, how loud, and by which site.
+
+The way from the instrument to its microphone is taken off at the speed of sound, and what one stroke sends into
+several microphones is told apart by how loud it is in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from scipy.optimize import nnls
+
+from myomorph.contact.onsets import Onset, SoundOptions, energy_after, high_passed, onsets
+from myomorph.model.contacts import Contacts, Touch
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import index_of
+from myomorph.model.sound import Sound
+from myomorph.model.spatial import Array
+
+
+def speed_of_sound(celsius: float) -> float:
+    """In dry air [m/s]: 331.3 sqrt(1 + T / 273.15)."""
+    if not -80.0 < celsius < 80.0:
+        raise BadData(f"air of {celsius:g} degrees C: expected -80 to 80")
+    return float(331.3 * np.sqrt(1.0 + celsius / 273.15))
+
+
+@dataclass(frozen=True, eq=False)
+class Instrument:
+    """Something that sounds when it is struck, and the microphone that stands nearest to it.
+
+    Attributes
+    ----------
+    channel : name of the microphone's channel
+    distance : from the place that is struck to that microphone [m]
+    sites : contact sites of the body that may strike it, such as the tips of two sticks
+    others : distances to microphones of other channels [m], where known: they tell how loud it is there
+    """
+
+    name: str
+    channel: str
+    distance: float = 0.0
+    sites: tuple[str, ...] = ()
+    others: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        for channel, far in {self.channel: self.distance, **self.others}.items():
+            if not 0.0 <= far < 1000.0:
+                raise BadData(f"instrument '{self.name}' is {far:g} m from channel '{channel}': expected 0 to 1000 m")
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """One stroke on one instrument.
+
+    Attributes
+    ----------
+    time : at the instrument, on the motion's clock [s]
+    energy : what its own microphone got of it [full scale^2 s]
+    confidence : 0 to 1: the part of what was heard then in its microphone that is this stroke
+    """
+
+    instrument: str
+    time: float
+    energy: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """All strokes that were heard, in the order of time, and what looks wrong, one line each."""
+
+    instruments: tuple[Instrument, ...]
+    strokes: tuple[Stroke, ...]
+    warnings: tuple[str, ...] = ()
+
+    def of(self, instrument: str) -> tuple[Stroke, ...]:
+        """Strokes on one instrument; raises `UnknownName`."""
+        index_of("instrument", instrument, tuple(one.name for one in self.instruments), "the sound")
+        return tuple(one for one in self.strokes if one.instrument == instrument)
+
+
+def hear_strokes(
+    sound: Sound, instruments: Sequence[Instrument], options: SoundOptions | None = None, time: Array | None = None
+) -> Strokes:
+    """Strokes on every instrument, each heard once.
+
+    Parameters
+    ----------
+    sound : all channels on one clock, which `sound.start` ties to the motion's
+    time : (frames,) of the motion, where there is one: a sound of another length is told [s]
+
+    Raises
+    ------
+    UnknownName
+        where an instrument's channel does not exist
+    BadData
+        without an instrument, where two share a name, or sound and motion have no time in common
+    """
+    options = options or SoundOptions()
+    names = tuple(one.name for one in instruments)
+    if not names or len(set(names)) != len(names):
+        raise BadData(f"instruments are named {names}: expected one or more, each with a name of its own")
+    for one in instruments:
+        for channel in (one.channel, *one.others):
+            index_of("sound channel", channel, sound.names, f"the recording, for instrument '{one.name}',")
+    warnings = [*sound.warnings, *sound_faults(sound, time)]
+    channels = tuple(dict.fromkeys(one.channel for one in instruments))
+    filtered = {name: high_passed(sound, name, options) for name in channels}
+    arrivals = {name: onsets(sound, name, options, filtered[name]) for name in channels}
+    strokes = _told_apart(sound, instruments, arrivals, filtered, options)
+    kept = [one for name in names for one in _without_echoes([s for s in strokes if s.instrument == name], options)]
+    for name in names:
+        if not any(one.instrument == name for one in kept):
+            warnings.append(f"no stroke on '{name}' was heard")
+    return Strokes(tuple(instruments), tuple(sorted(kept, key=lambda one: one.time)), tuple(warnings))
+
+
+def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
+    """What is wrong with a recording: silent and clipped channels, another length than the motion's.
+
+    Raises
+    ------
+    BadData
+        where sound and motion have no time in common
+    """
+    found = []
+    for name in sound.names:
+        channel = sound[name]
+        peak = float(np.abs(channel).max(initial=0.0))
+        if peak < 1e-5:
+            found.append(f"sound channel '{name}' is silent")
+            continue
+        for edge in (channel.max(), channel.min()):
+            flat = _longest_run(channel == edge)
+            if flat >= 3 and abs(edge) > 0.5 * peak:
+                at = sound.start + int(np.argmax(channel == edge)) / sound.rate
+                found.append(
+                    f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at {at:.3f} s: "
+                    "energies of loud strokes are too small"
+                )
+                break
+    if time is not None:
+        stop, first, last = sound.start + sound.duration, float(time[0]), float(time[-1])
+        if stop <= first or sound.start >= last:
+            raise BadData(
+                f"the sound runs from {sound.start:g} to {stop:g} s, the motion from {first:g} to {last:g} s: they "
+                "have no time in common"
+            )
+        if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
+            found.append(
+                f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from {first:.3f} to {last:.3f} s: "
+                "strokes are known where both run; check the sound's start"
+            )
+    return tuple(found)
+
+
+def contacts_heard(
+    strokes: Strokes, sites: Mapping[int, str] | None = None, duration: float = 0.01, all_sites: Sequence[str] = ()
+) -> Contacts:
+    """Strokes as contacts: each site touches its instrument for `duration` seconds.
+
+    Parameters
+    ----------
+    sites : site that made each stroke, by its place in `strokes.strokes`, as `strokes.striking_sites` finds;
+        None where every instrument has one site
+    all_sites : names of sites that were looked at beside those of the instruments
+
+    Raises
+    ------
+    BadData
+        where an instrument has no site, or several and nothing says which struck
+    """
+    owners = {one.name: one for one in strokes.instruments}
+    known = tuple(dict.fromkeys([*(name for one in strokes.instruments for name in one.sites), *all_sites]))
+    touches = []
+    for k, stroke in enumerate(strokes.strokes):
+        site = (sites or {}).get(k)
+        if site is None:
+            possible = owners[stroke.instrument].sites
+            if len(possible) != 1:
+                has = ", ".join(f"'{one}'" for one in possible) or "none"
+                raise BadData(f"which site struck '{stroke.instrument}' at {stroke.time:.3f} s? Its sites are {has}")
+            site = possible[0]
+        elif site not in known:
+            raise UnknownName("contact site", site, known, "the instruments")
+        stop = stroke.time + duration
+        touches.append(Touch(site, stroke.time, stop, stroke.instrument, stroke.confidence, "sound"))
+    return Contacts(known, tuple(touches), strokes.warnings)
+
+
+def _told_apart(
+    sound: Sound,
+    instruments: Sequence[Instrument],
+    arrivals: Mapping[str, Sequence[Onset]],
+    filtered: Mapping[str, Array],
+    options: SoundOptions,
+) -> list[Stroke]:
+    """Arrivals of all channels as strokes: those that are close in time are explained together."""
+    ways = {one.name: one.distance / options.speed for one in instruments}
+    heard = sorted(
+        (
+            (onset.time - ways[one.name], i, onset)
+            for i, one in enumerate(instruments)
+            for onset in arrivals[one.channel]
+        ),
+        key=lambda entry: entry[:2],
+    )
+    groups: list[list[tuple[float, int, Onset]]] = []
+    for entry in heard:
+        if groups and entry[0] - groups[-1][0][0] <= options.together:
+            groups[-1].append(entry)
+        else:
+            groups.append([entry])
+    if not groups:
+        return []
+    energies = np.array([_energies(sound, instruments, group, filtered, options) for group in groups])
+    bleed = _bleed(instruments, energies)
+    loud = np.quantile(energies, 0.9, axis=0)
+    strokes = []
+    for group, energy in zip(groups, energies, strict=True):
+        scale = np.where(loud > 0.0, loud, 1.0)
+        shares, _ = nnls(bleed * scale / scale[:, None], energy / scale)
+        own = shares * scale
+        for time, i, onset in _first_of_each(group):
+            enough = own[i] >= options.own * max(energy[i], 1e-300) and own[i] >= options.softest * loud[i]
+            if enough:
+                sure = own[i] / (energy[i] + onset.background)
+                strokes.append(Stroke(instruments[i].name, time, float(own[i]), float(min(sure, 1.0))))
+    return strokes
+
+
+def _energies(
+    sound: Sound,
+    instruments: Sequence[Instrument],
+    group: Sequence[tuple[float, int, Onset]],
+    filtered: Mapping[str, Array],
+    options: SoundOptions,
+) -> Array:
+    """What each instrument's microphone got (instruments,) while a group of arrivals sounded."""
+    told = {i: onset.energy for _, i, onset in reversed(group)}
+    found = np.zeros(len(instruments))
+    for i, one in enumerate(instruments):
+        if i in told:
+            found[i] = told[i]
+            continue
+        arrival = round((group[0][0] + one.distance / options.speed - sound.start) * sound.rate)
+        found[i] = max(energy_after(filtered[one.channel], max(arrival, 0), sound.rate, options)[0], 0.0)
+    return found
+
+
+def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
+    """Energy (instruments, instruments) in microphone i of a stroke on j that gives 1 in its own.
+
+    The median of what the louder half of the strokes that were loudest on j left in i; with fewer than four of
+    these it falls with the square of the distances, where they are known.
+    """
+    count = len(instruments)
+    relative = energies / np.maximum(np.quantile(energies, 0.9, axis=0), 1e-300)
+    found = np.eye(count)
+    for j, source in enumerate(instruments):
+        loudest = (relative.argmax(axis=1) == j) & (energies[:, j] > 0.0)
+        for i, other in enumerate(instruments):
+            if i == j:
+                continue
+            if other.channel == source.channel:
+                found[i, j] = 1.0
+            elif loudest.sum() >= 4:
+                louder = loudest & (energies[:, j] >= np.median(energies[loudest, j]))
+                found[i, j] = np.median(energies[louder, i] / energies[louder, j])
+            elif other.channel in source.others:
+                near = max(source.distance, 0.02)
+                found[i, j] = min((near / max(source.others[other.channel], 0.02)) ** 2, 1.0)
+    return found
+
+
+def _first_of_each(group: Sequence[tuple[float, int, Onset]]) -> list[tuple[float, int, Onset]]:
+    """The first arrival of every instrument in a group."""
+    first: dict[int, tuple[float, int, Onset]] = {}
+    for entry in group:
+        first.setdefault(entry[1], entry)
+    return list(first.values())
+
+
+def _without_echoes(strokes: Sequence[Stroke], options: SoundOptions) -> list[Stroke]:
+    """Strokes on one instrument, in order, without weak ones soon after a loud one."""
+    kept: list[Stroke] = []
+    for stroke in sorted(strokes, key=lambda one: one.time):
+        near = [one for one in kept if stroke.time - one.time <= options.echo_time]
+        if any(stroke.energy < options.echo * one.energy for one in near):
+            continue
+        if kept and stroke.time - kept[-1].time < 0.5 * options.rest:
+            continue
+        kept.append(stroke)
+    return kept
+
+
+def _longest_run(flags: np.ndarray) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))

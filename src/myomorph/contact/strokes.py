@@ -1,0 +1,356 @@
+"""Strokes as forces: impulse from loudness or from motion, and short pulses on the body that holds the stick.
+
+p = e^a E^b    from the energy E of the sound, calibrated with strokes of known impulse; the pressure that
+a struck membrane sends out grows with the impulse, so b = 1/2 where the strokes tell no better
+p = m dv       from the change of velocity dv of the tip and the mass m it strikes with,
+m = 1 / (d^T J M^-1 J^T d)  (Khatib 1995, effective mass of a point along d)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.contact.sound import Strokes
+from myomorph.model.contacts import Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics, gather_dependents
+from myomorph.rigid.loops import free_coordinates
+from myomorph.rigid.tree import Tree, compile_tree
+
+TOLD = 3.0
+"""Loudest over softest impulse from which calibration strokes tell the exponent; below it stands 1/2."""
+
+AROUND = 0.03
+"""Time before and after a stroke over which a tip's velocity changes [s]."""
+
+
+@dataclass(frozen=True)
+class ImpulseLaw:
+    """Impulse of a stroke from the energy of its sound: p = scale E^exponent.
+
+    Attributes
+    ----------
+    scale : impulse at an energy of 1 [N s]
+    exponent : 1/2 for an instrument that answers linearly
+    error : standard deviation of log p about the law: a share, 0.1 for 10 %
+    lowest, highest : energies of the calibration strokes
+    strokes : how many there were
+    """
+
+    scale: float
+    exponent: float
+    error: float
+    lowest: float
+    highest: float
+    strokes: int
+
+    def impulse(self, energy: ArrayLike) -> Array:
+        """[N s], of energies of any shape; 0 of 0."""
+        found: Array = self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
+        return found
+
+    def covers(self, energy: float) -> bool:
+        """Whether an energy lies among those calibrated on, a factor of 2 (6 dB in power: 3) around them allowed."""
+        return 0.5 * self.lowest <= energy <= 2.0 * self.highest
+
+
+def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float | None = None) -> ImpulseLaw:
+    """The law through strokes of known impulse, a straight line of log p over log E.
+
+    Parameters
+    ----------
+    energies, impulses : (strokes,) of one instrument [full scale^2 s], [N s]
+    exponent : None fits it from four strokes on that span a factor `TOLD`, else takes 1/2
+
+    Raises
+    ------
+    BadData
+        without a stroke, with numbers that differ, or values that are not above 0
+    """
+    E, p = np.atleast_1d(np.asarray(energies, float)), np.atleast_1d(np.asarray(impulses, float))
+    if E.shape != p.shape or not len(E):
+        raise BadData(f"{len(E)} energies and {len(p)} impulses: expected as many of both, one or more")
+    if not (np.all(np.isfinite(E) & (E > 0.0)) and np.all(np.isfinite(p) & (p > 0.0))):
+        raise BadData(
+            "energies and impulses of calibration strokes must be above 0: leave out strokes that were not heard"
+        )
+    x, y = np.log(E), np.log(p)
+    fitted = exponent is None and len(E) >= 4 and p.max() >= TOLD * p.min()
+    slope = 0.5 if exponent is None else exponent
+    if fitted:
+        slope = float(np.polyfit(x, y, 1)[0])
+    offset = float(np.mean(y - slope * x))
+    left = len(E) - (2 if fitted else 1)
+    error = float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / left)) if left > 0 else float("nan")
+    return ImpulseLaw(float(np.exp(offset)), slope, error, float(E.min()), float(E.max()), len(E))
+
+
+def calibration_pairs(strokes: Strokes, known: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, ImpulseLaw]:
+    """A law for each instrument from strokes of known time and impulse.
+
+    Parameters
+    ----------
+    known : instrument to (time [s], impulse [N s]) of each stroke; the nearest heard one within 50 ms is it
+
+    Raises
+    ------
+    UnknownName
+        where an instrument does not exist
+    BadData
+        where none of an instrument's known strokes was heard
+    """
+    laws = {}
+    for name, entries in known.items():
+        heard = strokes.of(name)
+        pairs = []
+        for time, impulse in entries:
+            near = min(heard, key=lambda one: abs(one.time - time), default=None)
+            if near is not None and abs(near.time - time) <= 0.05:
+                pairs.append((near.energy, impulse))
+        if not pairs:
+            raise BadData(f"none of the {len(entries)} known strokes on '{name}' was heard within 50 ms of its time")
+        laws[name] = calibrate_impulse([one for one, _ in pairs], [one for _, one in pairs])
+    return laws
+
+
+def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, direction: ArrayLike) -> Array:
+    """Mass (frames,) with which a point of a body meets a blow along a direction [kg].
+
+    1 / (d^T J M^-1 J^T d) over the coordinates that are free, joints taken as loose: over a few
+    milliseconds a blow outruns what muscles hold.
+
+    Parameters
+    ----------
+    point : (3,) in the body's frame [m]
+    direction : (3,) or (frames, 3) in ground
+
+    Raises
+    ------
+    UnknownName
+        where the model lacks the body
+    """
+    tree = compile_tree(model)
+    if body not in tree.body_index:
+        raise UnknownName("body", body, tuple(tree.body_index))
+    coordinates = tree.coordinates_of(motion)
+    poses = forward_kinematics(tree, coordinates)
+    b, free = tree.body_index[body], free_coordinates(tree)
+    places = poses.points(np.array([b]), np.atleast_2d(np.asarray(point, float)))[:, 0]
+    along = np.broadcast_to(np.asarray(direction, float), places.shape)
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    found = np.empty(len(coordinates))
+    for frame, pose in enumerate(coordinates):
+        # Rows d(direction . point)/d(coordinates), and the inertia as torques of unit accelerations.
+        row = (along[frame] @ poses.jacobian(frame, b, places[frame])[3:])[None]
+        inertia = _inertia(tree, pose, free)
+        gather_dependents(tree.arrays, pose.copy(), row)
+        yields = row[0, free] @ np.linalg.lstsq(inertia, row[0, free], rcond=None)[0]
+        found[frame] = 1.0 / yields if yields > 0.0 else np.inf
+    return found
+
+
+def _inertia(tree: Tree, pose: Array, free: Ints) -> Array:
+    """Mass matrix (free, free) at one pose (coordinates,), coordinates that follow others folded in."""
+    count = len(free)
+    units = np.zeros((count + 1, len(pose)))
+    units[np.arange(count), free] = 1.0
+    poses = np.tile(pose, (count + 1, 1))
+    still = Motion(np.arange(count + 1.0), tree.model.coordinate_names, poses, np.zeros_like(poses), units)
+    torques = inverse_dynamics(tree.model, still).values
+    rows = torques[:-1] - torques[-1]
+    gather_dependents(tree.arrays, pose.copy(), rows)
+    return rows[:, free]
+
+
+@dataclass(frozen=True, eq=False)
+class Blow:
+    """A short force on a body at one of its sites.
+
+    Attributes
+    ----------
+    site : name
+    time : when it begins [s]
+    impulse : [N s]
+    direction : (3,) of the force on the body, in ground (made a unit vector)
+    """
+
+    site: str
+    time: float
+    impulse: float
+    direction: Array
+
+    def __post_init__(self) -> None:
+        given = frozen_array(self.direction, (3,))
+        length = float(np.linalg.norm(given))
+        if not (np.isfinite(length) and length > 0.0):
+            raise BadData(f"direction {given.tolist()} of a blow on '{self.site}': expected a vector with a length")
+        object.__setattr__(self, "direction", frozen_array(given / length))
+        if not (np.isfinite(self.impulse) and self.impulse >= 0.0):
+            raise BadData(f"impulse of a blow on '{self.site}' is {self.impulse:g} N s: expected 0 or more")
+
+
+def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequence[Site]) -> dict[int, str]:
+    """Site that made each stroke, by its place in `strokes.strokes`: the one whose velocity changed most then.
+
+    Strokes outside the motion, or on an instrument without a site, are left out.
+
+    Raises
+    ------
+    UnknownName
+        where an instrument names a site that is not among `sites`
+    """
+    by_name = {one.name: one for one in sites}
+    possible = {one.name: one.sites for one in strokes.instruments}
+    for names in possible.values():
+        for name in names:
+            if name not in by_name:
+                raise UnknownName("contact site", name, tuple(by_name), "the model's sites")
+    wanted = {name for names in possible.values() for name in names}
+    tips = {name: _tip(model, motion, by_name[name]) for name in wanted}
+    found = {}
+    for k, stroke in enumerate(strokes.strokes):
+        names = possible[stroke.instrument]
+        if names and motion.time[0] <= stroke.time <= motion.time[-1]:
+            found[k] = max(names, key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], stroke.time))))
+    return found
+
+
+def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
+    """Change of a site's velocity (3,) in a blow at `time`, in ground [m/s].
+
+    From the fastest moment within `AROUND` before to the fastest one the other way after it. Motion capture
+    smooths a blow over its frames and its filter, so this is too small where either is slow.
+    """
+    return _jump(motion.time, _tip(model, motion, site), time)
+
+
+def blows_from_sound(
+    strokes: Strokes, laws: Mapping[str, ImpulseLaw], sites: Mapping[int, str], normals: Mapping[str, ArrayLike]
+) -> tuple[tuple[Blow, ...], tuple[str, ...]]:
+    """Blows of the strokes whose site is known, and warnings, one line each.
+
+    Parameters
+    ----------
+    laws : of each instrument
+    sites : by place in `strokes.strokes`, as `striking_sites` finds
+    normals : instrument to the direction in which it pushes back, in ground; up where it is not named
+
+    Raises
+    ------
+    UnknownName
+        where an instrument has no law
+    """
+    found, beyond = [], []
+    for k, site in sites.items():
+        stroke = strokes.strokes[k]
+        if stroke.instrument not in laws:
+            raise UnknownName("instrument", stroke.instrument, tuple(laws), "the calibration of impulses")
+        law = laws[stroke.instrument]
+        if not law.covers(stroke.energy):
+            beyond.append(stroke)
+        direction = np.asarray(normals.get(stroke.instrument, (0.0, 1.0, 0.0)), float)
+        found.append(Blow(site, stroke.time, float(law.impulse(stroke.energy)), direction))
+    warnings = []
+    if beyond:
+        first = beyond[0]
+        warnings.append(
+            f"{len(beyond)} of {len(found)} strokes are louder or softer than those calibrated on, first on "
+            f"'{first.instrument}' at {first.time:.3f} s: their impulses are extrapolated"
+        )
+    return tuple(found), tuple(warnings)
+
+
+def blow_wrenches(
+    blows: Sequence[Blow], model: Model, motion: Motion, sites: Sequence[Site], duration: float = 0.008
+) -> Wrenches:
+    """Blows as external loads at the motion's times, one for each site that was struck.
+
+    Parameters
+    ----------
+    duration : of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can carry
+
+    Raises
+    ------
+    UnknownName
+        where a blow is on a site that is not among `sites`
+    """
+    by_name = {one.name: one for one in sites}
+    for blow in blows:
+        if blow.site not in by_name:
+            raise UnknownName("contact site", blow.site, tuple(by_name), "the model's sites")
+    struck = tuple(dict.fromkeys(one.site for one in blows))
+    forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
+    for s, name in enumerate(struck):
+        points[:, s] = _tip(model, motion, by_name[name])
+        for blow in blows:
+            if blow.site == name:
+                forces[:, s] += pulse(motion.time, blow.time, blow.impulse, duration)[:, None] * blow.direction
+    bodies = tuple(by_name[name].body for name in struck)
+    return Wrenches(motion.time, struck, bodies, forces, points, np.zeros_like(forces))
+
+
+def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
+    """A half-sine of force (frames,) that keeps its impulse and its middle on any clock [N].
+
+    Frame k gets the mean of the pulse under its hat function, the straight lines up from the frame before
+    and down to the frame after. The hats add up to 1 and reproduce t, so that sums by the trapezoidal rule
+    of F and t F are the integrals exactly, whatever the frame rate; a pulse between two frames becomes the
+    two forces that balance at its middle. What lies beyond the clock's ends is lost.
+
+    Parameters
+    ----------
+    time : (frames,) ascending [s]
+    start, impulse, duration : [s], [N s], [s]
+    """
+    if not duration > 0.0:
+        raise BadData(f"a pulse of {duration:g} s: expected above 0")
+    if len(time) < 2:
+        raise BadData("a pulse needs two frames or more")
+    steps = np.diff(time)
+    # Inside a step the integral of f times a rising line is [t F1 - F2] over its slope.
+    first, second = _integrals(time - start, impulse, duration)
+    mass = np.diff(first)
+    rising = np.where(mass > 0.0, (steps * first[1:] - np.diff(second)) / steps, 0.0)
+    weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    found: Array = (np.append(0.0, rising) + np.append(mass - rising, 0.0)) / weights
+    return found
+
+
+def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Array]:
+    """First and second integral of a half-sine that begins at 0, at the times `since`."""
+    s = np.clip(since, 0.0, duration)
+    angle = np.pi * s / duration
+    first = 0.5 * impulse * (1.0 - np.cos(angle))
+    second = 0.5 * impulse * (s - duration / np.pi * np.sin(angle)) + impulse * np.maximum(since - duration, 0.0)
+    return first, second
+
+
+def _tip(model: Model, motion: Motion, site: Site) -> Array:
+    """Middle of a site (frames, 3) in ground [m]."""
+    tree = compile_tree(model)
+    if site.body not in tree.body_index:
+        raise UnknownName("body", site.body, tuple(tree.body_index))
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    return poses.points(np.array([tree.body_index[site.body]]), site.points.mean(axis=0)[None])[:, 0]
+
+
+def _jump(time: Array, places: Array, at: float) -> Array:
+    """Change of velocity (3,) about a time: along the line on which it changes most."""
+    velocities = np.gradient(places, time, axis=0)
+    before = velocities[(time >= at - AROUND) & (time <= at)]
+    after = velocities[(time >= at) & (time <= at + AROUND)]
+    if not len(before) or not len(after):
+        return np.zeros(3)
+    changes = after[:, None] - before[None]
+    sizes = np.linalg.norm(changes, axis=2)
+    found: Array = changes.reshape(-1, 3)[int(np.argmax(sizes))]
+    return found
