@@ -25,6 +25,7 @@ from myomorph.report.page import report_page
 from myomorph.report.presets import preset_of
 from myomorph.study import contact_store
 from myomorph.study import stored as store
+from myomorph.study.contact_doubts import get_intervals, get_uncarried
 from myomorph.study.inputs import open_model
 from myomorph.study.results import STORED, Stored, file_name, file_source, read_result
 from myomorph.study.steps import CHAIN, Take
@@ -191,6 +192,8 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         contacts=contact_store.get_contacts(found),
         contact_forces=contacts,
         residuals=_residuals(tension) if contacts is not None else None,
+        intervals=get_intervals(found),
+        uncarried=get_uncarried(found),
         situation=contact_store.get_situation(found),
         root_note=facts.get("root_note", ""),
         lengths=_lengths(found),

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from myomorph.model.errors import BadData
+
 Options = TypeVar("Options")
 
 Measured: TypeAlias = Literal["exact", "shared", "hidden"]
@@ -85,9 +87,16 @@ class TensionTables:
     ----------
     reactions : joint_reactions.sto, the loads that joints transmit to their child bodies, in the axes of the child, the
         parent or the ground (OpenSim's default)
+    intervals : at how many instants, evenly spaced, to ask what the data leave open of estimated contact forces
+        (contact_intervals.sto); 0 for none
     """
 
     reactions: Literal["none", "child", "parent", "ground"] = "none"
+    intervals: int = 25
+
+    def __post_init__(self) -> None:
+        if self.intervals < 0:
+            raise BadData(f"intervals at {self.intervals} instants: expected 0 or more")
 
 
 @dataclass(frozen=True)

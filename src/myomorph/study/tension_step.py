@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -9,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from myomorph.io.loads_write import write_external_loads
 from myomorph.io.sto import write_sto
-from myomorph.model.model import Actuator
-from myomorph.model.series import Series, Table, Wrenches
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.frames import over_frames
 from myomorph.study import contact_store
 from myomorph.study import stored as store
 from myomorph.study.emg_step import EMG_TABLE, emg_takes_part, told_by_emg, write_calibration
@@ -19,7 +21,9 @@ from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter
 from myomorph.study.steps import Found, Take, solve_dynamics, torque_table
 from myomorph.tension.actuators import default_reserves
-from myomorph.tension.contacts import ContactOptions
+from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.emg import EmgTarget
+from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
@@ -57,7 +61,7 @@ def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) ->
         more["emg"], notes = told.target, told.notes
         write_calibration(told, take.emg_muscles, folder / EMG_TABLE)
     with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
-        tension = solve_tension(take.model, found.motion, torques, options, added, advance, **more)
+        tension, problem = _solve(take.model, found.motion, torques, options, added, advance, **more)
     _write_tension(take, tension, added, writer, folder)
     if take.tables.reactions != "none":
         known = found.wrenches if setting is None else setting.exact
@@ -69,8 +73,27 @@ def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) ->
     if setting is None:
         return found
     loads, carried = _write_contacts(take, found, setting, writer, folder)
-    notes = (*found.notes, *setting.notes)
+    lines = () if problem is None else _write_doubts(take, problem, tension, writer, folder)
+    notes = (*found.notes, *setting.notes, *lines)
     return replace(found, contacts=setting.contacts, loads=loads, carried=carried, notes=notes)
+
+
+def _solve(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions,
+    actuators: tuple[Actuator, ...],
+    advance: Callable[[int], None],
+    contacts: ContactTask | None = None,
+    emg: EmgTarget | None = None,
+) -> tuple[Tension, TensionProblem | None]:
+    """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
+    if contacts is None or contacts.options.formulation == "sequential":
+        return solve_tension(model, motion, torques, options, actuators, advance, contacts=contacts, emg=emg), None
+    problem, names = tension_problem(model, motion, torques, options, actuators, contacts=contacts, emg=emg)
+    over_frames(problem.solve, len(motion), advance, problem.window)
+    return problem.result(names), problem
 
 
 def _setting(take: Take, found: Found) -> ContactSetting:
@@ -118,6 +141,19 @@ def _write_contacts(
     write_sto(torque_table(torques, take.model), folder / ALL_TORQUES)
     write_events(setting.contacts, folder / CONTACTS)
     return loads, torques
+
+
+def _write_doubts(
+    take: Take, problem: TensionProblem, tension: Tension, writer: ResultWriter, folder: Path
+) -> tuple[str, ...]:
+    """What is left open and what contacts cannot carry, as files; returns the latter, one line a stretch of time."""
+    from myomorph.study.contact_doubts import contact_doubts, interval_table, put_doubts
+
+    doubts = contact_doubts(problem, tension, take.tables.intervals, take.name)
+    put_doubts(writer, doubts)
+    if doubts.intervals:
+        write_sto(interval_table(doubts.intervals), folder / "contact_intervals.sto")
+    return doubts.lines
 
 
 def added_actuators(take: Take, options: TensionOptions) -> tuple[Actuator, ...]:
