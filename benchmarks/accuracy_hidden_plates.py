@@ -37,23 +37,27 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
-    """What of the errors is the whole ground force's, and what is the sharing between the feet; times of contact."""
+    """What of the errors is the whole ground force's, and what is the sharing between the feet; times of contact.
+
+    Of errors e_r and e_l of the feet, the whole's is e_r + e_l, of masses and accelerations alone, and that of the
+    sharing (e_r - e_l) / 2.
+    """
     for case in CASES:
         hidden = opened(folder, case)
         if case.seated:
             continue
         tension = estimated(hidden)
-        feet = list(feet_of(hidden))
-        errors = [foot_wrench(tension, side)[0] - force for side, force, _ in feet]
-        whole = sum(errors)
-        assert isinstance(whole, np.ndarray)
-        between = 0.5 * (errors[0] - errors[1])
+        measured = np.array([(force, moment) for _, force, moment in feet_of(hidden)])
+        found = np.array([foot_wrench(tension, side) for side, _, _ in feet_of(hidden)])
+        errors = (found - measured)[:, 0]
+        whole, between = errors.sum(axis=0), 0.5 * (errors[0] - errors[-1])
         row: dict[str, object] = {"recording": case.name, "low-pass [Hz]": hidden.cutoff}
         row["frames"] = int(hidden.use.sum())
         for axis, name in enumerate(AXES):
             row[f"whole, {name} [% weight]"] = 100.0 * rms(whole[hidden.use, axis]) / hidden.weight
             row[f"sharing, {name} [% weight]"] = 100.0 * rms(between[hidden.use, axis]) / hidden.weight
-        yield {**row, **timing(hidden)}
+        center = center_errors(hidden, tuple(measured.sum(axis=0)), tuple(found.sum(axis=0)))
+        yield {**row, "whole COP, RMS [mm]": center["COP, RMS [mm]"], **timing(hidden)}
 
 
 def measure_partial(folder: Path) -> Iterator[dict[str, object]]:

@@ -10,6 +10,7 @@ from benchmarks import (
     accuracy_calibration,
     accuracy_calibrations,
     accuracy_cohort,
+    accuracy_hidden_plates,
     accuracy_hands,
     accuracy_identification,
     accuracy_kernels,
@@ -115,6 +116,9 @@ def run() -> list[Row]:
         "virtual_joints": accuracy_virtual.measure_joints,
         "virtual_cohort": accuracy_virtual.measure_cohort,
         "virtual_muscles": accuracy_virtual.measure_muscles,
+        "hidden_plates": lambda: accuracy_hidden_plates.measure(folder),
+        "hidden_plates_parts": lambda: accuracy_hidden_plates.measure_parts(folder),
+        "hidden_plates_partial": lambda: accuracy_hidden_plates.measure_partial(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
