@@ -1,0 +1,100 @@
+"""What a user says of contacts: one word, a table, or a file of sites; what is wrong is told at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.io.osim import read_osim
+from myomorph.model.errors import BadFile
+from myomorph.study.contact_file import contact_files, read_contacts
+
+SITE = """
+[[site]]
+name = "hand"
+body = "fore"
+points = [[0.0, -0.28, 0.0]]
+"""
+
+
+@pytest.fixture
+def model(arm):
+    return read_osim(arm.model)
+
+
+def written(folder, text, name="contacts.toml"):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def test_auto_asks_for_soles_alone(model):
+    plan = read_contacts("auto", model, "hidden")
+    assert (plan.feet, plan.sites, plan.told, plan.measured) == (True, (), None, "hidden")
+
+
+def test_a_table_tells_touches(model, tmp_path):
+    path = written(tmp_path, "site,start,stop\nheel_r,0.1,0.4\nheel_r,0.6,0.9\n", "taps.csv")
+    plan = read_contacts(path, model)
+    assert [(one.site, one.start, one.stop) for one in plan.told.touches] == [
+        ("heel_r", 0.1, 0.4),
+        ("heel_r", 0.6, 0.9),
+    ]
+    assert contact_files(path) == (path,)
+
+
+def test_a_file_of_sites(model, tmp_path):
+    taps = written(tmp_path, "frame,site,event\n150,hand,touch\n300,hand,leave\n", "taps.csv")
+    text = (
+        'feet = false\nmeasured = "shared"\ntouches = "taps.csv"\n[camera]\nrate = 300.0\nstart = 1.0\n'
+        + SITE.replace("[[site]]", '[[site]]\ntouching = "told"\ndirection = "any"\ngrip = 0.05')
+        + SITE.replace('"hand"', '"elbow"').replace("points", "touching = [[0.0, 0.5]]\nfriction = inf\npoints")
+        + SITE.replace('"hand"', '"wrist"').replace("points", 'direction = [0.0, 0.0, 2.0]\nframe = "upper"\npoints')
+    )
+    path = written(tmp_path, text)
+    plan = read_contacts(path, model)
+    hand, elbow, wrist = plan.sites
+    assert (plan.feet, plan.measured) == (False, "shared")
+    assert hand.cone.direction is None
+    np.testing.assert_array_equal(elbow.cone.direction, [0.0, 1.0, 0.0])
+    np.testing.assert_array_equal(wrist.cone.direction, [0.0, 0.0, 1.0])
+    assert (wrist.cone.frame, np.isinf(elbow.cone.friction)) == ("upper", True)
+    assert plan.when == {"hand": "told", "elbow": "told", "wrist": "motion"}
+    assert [(one.site, one.start, one.stop) for one in plan.told.touches] == [("elbow", 0.0, 0.5), ("hand", 1.5, 2.0)]
+    assert contact_files(path) == (path, taps)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (SITE.replace('"fore"', '"fora"'), "site 'hand': unknown body 'fora'"),
+        (SITE.replace("points", "point"), "unknown key 'site.1.point'"),
+        (SITE + "friction = -1\n", "friction of a contact is -1"),
+        ('touches = "tap.csv"\n' + SITE, "touches file 'tap.csv' does not exist"),
+        (SITE + 'touching = "sometimes"\n', "touching"),
+        ('measured = "maybe"\n', "'measured' = 'maybe'"),
+    ],
+)
+def test_what_is_wrong_is_named(model, tmp_path, text, told):
+    with pytest.raises(BadFile, match=told.replace("'", ".")):
+        read_contacts(written(tmp_path, text), model)
+
+
+def test_names_that_end_otherwise_are_refused(model, tmp_path):
+    with pytest.raises(BadFile, match=r"expected auto, \.csv or \.toml"):
+        read_contacts(tmp_path / "contacts.json", model)
+
+
+def test_a_model_without_feet_needs_sites(arm, command):
+    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", "auto", "--out", arm.out)
+    assert done.status == 2
+    assert "no contact site" in done.err
+    assert not arm.out.exists()
+
+
+def test_touches_of_a_site_that_does_not_exist(arm, command, tmp_path):
+    taps = written(tmp_path, "site,start,stop\nheel_r,0.1,0.4\n", "taps.csv")
+    path = written(tmp_path, f'feet = false\ntouches = "{taps.name}"\n' + SITE)
+    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
+    assert done.status == 2
+    assert "'heel_r'" in done.err
+    assert "hand" in done.err
