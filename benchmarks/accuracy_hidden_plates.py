@@ -40,7 +40,7 @@ def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
     """What of the errors is the whole ground force's, and what is the sharing between the feet; times of contact.
 
     Of errors e_r and e_l of the feet, the whole's is e_r + e_l, of masses and accelerations alone, and that of the
-    sharing (e_r - e_l) / 2.
+    sharing, while both carry, (e_r - e_l) / 2.
     """
     for case in CASES:
         hidden = opened(folder, case)
@@ -52,10 +52,13 @@ def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
         errors = (found - measured)[:, 0]
         whole, between = errors.sum(axis=0), 0.5 * (errors[0] - errors[-1])
         row: dict[str, object] = {"recording": case.name, "low-pass [Hz]": hidden.cutoff}
-        row["frames"] = int(hidden.use.sum())
-        for axis, name in enumerate(AXES):
-            row[f"whole, {name} [% weight]"] = 100.0 * rms(whole[hidden.use, axis]) / hidden.weight
-            row[f"sharing, {name} [% weight]"] = 100.0 * rms(between[hidden.use, axis]) / hidden.weight
+        both = hidden.use & (measured[:, 0, :, 1] > UNLOADED * hidden.weight).all(axis=0)
+        row |= {"frames": int(hidden.use.sum()), "on both feet": int(both.sum())}
+        for axis in (1, 0, 2):
+            row[f"whole, {AXES[axis]} [% weight]"] = 100.0 * rms(whole[hidden.use, axis]) / hidden.weight
+        for axis in (1, 0, 2):
+            shared = 100.0 * rms(between[both, axis]) / hidden.weight if both.any() else ""
+            row[f"sharing, {AXES[axis]} [% weight]"] = shared
         center = center_errors(hidden, tuple(measured.sum(axis=0)), tuple(found.sum(axis=0)))
         yield {**row, "whole COP, RMS [mm]": center["COP, RMS [mm]"], **timing(hidden)}
 
