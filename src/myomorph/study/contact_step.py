@@ -20,6 +20,8 @@ from myomorph.model.spatial import Array
 from myomorph.study.contact_file import ContactPlan
 from myomorph.tension.contacts import ContactOptions, ContactTask
 
+NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
+
 
 @dataclass(frozen=True, eq=False)
 class ContactSetting:
@@ -80,6 +82,18 @@ def set_contacts(
     return ContactSetting(
         ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings
     )
+
+
+def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
+    """Sites under the feet, where they are asked for; none for a model without feet whose sites are named."""
+    if not plan.feet:
+        return ()
+    try:
+        return foot_sites(model)
+    except BadData as error:
+        if plan.sites:
+            return ()
+        raise BadData(f"no contact site: {error}; {NAME_SITES}") from None
 
 
 def _all_contacts(
