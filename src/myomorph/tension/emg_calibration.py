@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
@@ -15,8 +16,16 @@ from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_fa
 from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
 from myomorph.tension.contacts import ContactTask
+from myomorph.tension.dual import OPTIMAL
+from myomorph.tension.emg import EmgTarget
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.emg_wells import emg_wells
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
+
+MOST_FRAMES = 300
+"""About how many frames of all trials together the gains are fitted on, evenly spread."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +78,95 @@ def calibrate_emg(
         means = channel_means(channels, alone.muscles, alone.activations)
         predicted.append(Series(trial.motion.time, names, means))
     delays, warnings = _delays(list(zip(told, predicted, strict=True)), options)
-    moved = np.vstack([shifted(emg, one.time, delays) for emg, one in zip(told, predicted, strict=True)])
+    moved = [shifted(emg, one.time, delays) for emg, one in zip(told, predicted, strict=True)]
     gains, offsets = np.ones(len(names)), np.zeros(len(names))
     if options.gains == "fitted":
-        gains, offsets = fit_gains(moved, np.vstack([one.values for one in predicted]), options.offsets)
+        start = fit_gains(np.vstack(moved), np.vstack([one.values for one in predicted]), options.offsets)
+        every = max(sum(len(one) for one in predicted) // MOST_FRAMES, 1)
+        pieces = [
+            _Piece(model, trial, envelopes, channels, options, tension, actuators, every)
+            for trial, envelopes in zip(trials, moved, strict=True)
+        ]
+        gains, offsets = _least_cost(pieces, *start, options.offsets)
     return EmgCalibration(names, delays, gains, offsets, warnings)
+
+
+class _Piece:
+    """The tension problem of one trial, for envelopes whose gains are still open.
+
+    The least cost J(g, o) of the whole problem, effort and distance to g e + o, is convex in gains and offsets, for
+    the problem is so in activations, gains and offsets together; at its solution a the slope is that of the distance
+    alone: dJ/dg_c = -2 W sum (a - t) dt/dg_c.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        trial: EmgTrial,
+        envelopes: Array,
+        channels: ChannelMap,
+        options: EmgOptions,
+        tension: TensionOptions | None,
+        actuators: Sequence[Actuator] | None,
+        every: int,
+    ):
+        motion, chosen = trial.motion, slice(None, None, every)
+        assert motion.velocities is not None
+        few = replace(
+            motion,
+            time=motion.time[chosen],
+            values=motion.values[chosen],
+            velocities=motion.velocities[chosen],
+            accelerations=None,
+        )
+        torques = Series(few.time, trial.torques.names, trial.torques.values[chosen])
+        self._problem, _ = tension_problem(model, few, torques, tension, actuators)
+        self._given = self._problem.balance(0, len(few))
+        self._weight = options.weight
+        self._muscles = tuple(name for name in model.muscle_names if any(name in told for told in channels.values()))
+        tells = np.array([[name in told for told in channels.values()] for name in self._muscles], dtype=np.float64)
+        known = np.isfinite(envelopes[chosen])
+        counts = known.astype(np.float64) @ tells.T
+        self._envelopes = np.where(known, envelopes[chosen], 0.0)
+        # Share of each channel in what each muscle is told: (frames, muscles, channels).
+        self._shares = known[:, None] * tells / np.maximum(counts, 1.0)[..., None]
+        self._told = counts > 0.0
+        self._columns = [model.muscle_names.index(name) for name in self._muscles]
+
+    def cost(self, gains: Array, offsets: Array) -> tuple[float, Array, Array]:
+        """J, dJ/dgains and dJ/doffsets."""
+        target = np.einsum("fmc,fc->fm", self._shares, gains * self._envelopes + offsets)
+        emg = EmgTarget(self._muscles, np.where(self._told, target, np.nan), "soft", self._weight)
+        problem = self._problem
+        variables = problem.separable
+        problem.wells = emg_wells(emg, problem.assembly.tree.model.muscle_names, len(variables.weight), len(target))
+        x, _, _, _, status = problem.solved(self._given)
+        good = status == OPTIMAL
+        x = x[good]
+        apart = np.where(self._told[good], x[:, self._columns] - target[good], 0.0)
+        effort = float(np.sum(variables.weight * np.abs(x) ** variables.exponent))
+        slope = -2.0 * self._weight * np.einsum("fm,fmc->fc", apart, self._shares[good])
+        value = effort + self._weight * float(np.sum(apart**2))
+        return value, np.sum(slope * self._envelopes[good], axis=0), slope.sum(axis=0)
+
+
+def _least_cost(pieces: Sequence[_Piece], gains: Array, offsets: Array, free_offsets: bool) -> tuple[Array, Array]:
+    """Gains and offsets, 0 or more, at which the tension problems of all pieces together cost least."""
+    count = len(gains)
+
+    def cost(both: Array) -> tuple[float, Array]:
+        parts = [one.cost(both[:count], both[count:]) for one in pieces]
+        slopes = [
+            np.sum([to_gains for _, to_gains, _ in parts], axis=0),
+            np.sum([rest for _, _, rest in parts], axis=0),
+        ]
+        return float(sum(value for value, _, _ in parts)), np.concatenate(slopes)
+
+    bounds = [(0.0, None)] * count + [(0.0, None if free_offsets else 0.0)] * count
+    start = np.concatenate([gains, offsets])
+    settings = {"maxiter": 60, "ftol": 1e-9}
+    found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options=settings).x
+    return found[:count], found[count:]
 
 
 def _delays(recordings: Sequence[tuple[Emg, Series]], options: EmgOptions) -> tuple[Array, tuple[str, ...]]:
