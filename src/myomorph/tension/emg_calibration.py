@@ -157,10 +157,10 @@ def _least_cost(pieces: Sequence[_Piece], gains: Array, offsets: Array, free_off
     def cost(both: Array) -> tuple[float, Array]:
         parts = [one.cost(both[:count], both[count:]) for one in pieces]
         slopes = [
-            np.sum([to_gains for _, to_gains, _ in parts], axis=0),
-            np.sum([rest for _, _, rest in parts], axis=0),
+            np.sum([one for _, one, _ in parts], axis=0),
+            np.sum([one for _, _, one in parts], axis=0),
         ]
-        return float(sum(value for value, _, _ in parts)), np.concatenate(slopes)
+        return float(sum(one for one, _, _ in parts)), np.concatenate(slopes)
 
     bounds = [(0.0, None)] * count + [(0.0, None if free_offsets else 0.0)] * count
     start = np.concatenate([gains, offsets])
