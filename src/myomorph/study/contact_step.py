@@ -13,7 +13,7 @@ from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
@@ -90,7 +90,7 @@ def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
         return ()
     try:
         return foot_sites(model)
-    except BadData as error:
+    except MyomorphError as error:
         if plan.sites:
             return ()
         raise BadData(f"no contact site: {error}; {NAME_SITES}") from None
