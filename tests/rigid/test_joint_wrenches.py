@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from looped import looped_tree
+from myomorph.io.osim import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Motion
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.forward import balancing_multipliers, forward_accelerations, gathered, loop_wrenches
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import closure_jacobian, closure_rates, free_coordinates
+from myomorph.rigid.loops import close_loops, closure_jacobian, closure_rates, free_coordinates
 from myomorph.rigid.tree import compile_tree
 from trees import functional_tree, random_tree, swinging, to_pinocchio
 
@@ -123,3 +125,40 @@ def test_a_model_at_rest_weighs_on_its_root():
     found = joint_wrenches(tree, still, still, still, np.zeros((1, len(tree.arrays.parent), 6)))
     np.testing.assert_allclose(found.forces[0, 0], -model.mass * model.gravity, rtol=1e-12)
     np.testing.assert_allclose(found.torques, inverse_dynamics(model, motion).values, atol=1e-12)
+
+
+def test_a_loop_falls_and_carries_as_in_opensim(data):
+    """A shoulder let go: accelerations and reactions of OpenSim 4.6; muscles and springs taken out."""
+    opensim = pytest.importorskip("opensim")
+    path = data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim")
+    model = read_osim(path)
+    tree = compile_tree(model)
+    given = motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model)
+    c = close_loops(tree, tree.coordinates_of(given)[[150, 300, 420]])
+    still, nothing = np.zeros_like(c), np.zeros((3, len(tree.arrays.parent), 6))
+    accelerations, multipliers = forward_accelerations(tree, c, still, still, nothing, still)
+    found = joint_wrenches(tree, c, still, accelerations, loop_wrenches(tree, c, multipliers))
+    opensim.Logger.setLevelString("Off")
+    theirs = opensim.Model(str(path))
+    theirs.updForceSet().clearAndDestroy()
+    state = theirs.initSystem()
+    coordinates = theirs.getCoordinateSet()
+    # OpenSim's speeds of the scapula are angular velocities: its accelerations are of other quantities.
+    same = [j for j, one in enumerate(model.coordinates) if not one.name.startswith("scapula_") and not one.locked]
+    for frame in range(3):
+        for j, one in enumerate(model.coordinates):
+            coordinates.get(one.name).setLocked(state, False)
+            coordinates.get(one.name).setValue(state, float(c[frame, j]), False)
+            coordinates.get(one.name).setSpeedValue(state, 0.0)
+        for one in model.coordinates:
+            coordinates.get(one.name).setLocked(state, one.locked)
+        theirs.realizeAcceleration(state)
+        wanted = [coordinates.get(model.coordinate_names[j]).getAccelerationValue(state) for j in same]
+        np.testing.assert_allclose(accelerations[frame, same], wanted, rtol=1e-5, atol=1e-5)
+        for joint in model.joints:
+            load = theirs.getJointSet().get(joint.name).calcReactionOnChildExpressedInGround(state)
+            b = tree.body_index[joint.child]
+            point = found.origins[frame, b] + found.rotations[frame, b] @ joint.child_frame.translation
+            np.testing.assert_allclose(found.forces[frame, b], load.get(1).to_numpy(), atol=1e-4)
+            moment = found.moments[frame, b] - np.cross(point, found.forces[frame, b])
+            np.testing.assert_allclose(moment, load.get(0).to_numpy(), atol=1e-4)

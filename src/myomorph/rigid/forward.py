@@ -41,7 +41,7 @@ def forward_accelerations(
     Parameters
     ----------
     c, cdot : (frames, coordinates) consistent
-    cddot : (frames, coordinates) of which those of prescribed and locked coordinates are read
+    cddot : (frames, coordinates) of which those of prescribed coordinates are read; locked ones have none
     applied : (frames, bodies, 6) as of `joint_wrenches`
     generalized : (frames, coordinates) other forces along coordinates, `gathered` [N m or N]
 
@@ -53,6 +53,7 @@ def forward_accelerations(
     free = free_coordinates(tree)
     base = np.array(cddot, dtype=np.float64)
     base[:, free] = 0.0
+    base[:, [one.locked for one in tree.model.coordinates]] = 0.0
     rest = _consistent(tree, c, cdot, base)
     bias = _needed(tree, c, cdot, rest, applied)[:, free]
     M = _mass_matrix(tree, c, free)

@@ -14,6 +14,7 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Array
+from myomorph.muscles.coupled_arms import TURNING
 from myomorph.study import inputs
 
 
@@ -80,14 +81,18 @@ def _of_each(
 
 
 def with_speeds(path: Path, model: Model, motion: Motion) -> Motion:
-    """The motion with the speeds that a file of states holds; those that it lacks stay."""
+    """The motion with the speeds that a file of states holds; those that it lacks stay.
+
+    OpenSim's speeds of joints that turn freely are angular velocities and no rates: theirs stay too.
+    """
     assert motion.velocities is not None
     table = read_sto(path)
+    turning = {name for joint in model.joints if joint.kind in TURNING for name in joint.coordinates}
     at = np.clip(np.searchsorted(table.time, motion.time - 1e-9), 0, len(table) - 1)
     velocities = motion.velocities.copy()
     for k, name in enumerate(motion.names):
         for column in table.names:
-            if column == f"{name}_u" or column.endswith(f"/{name}/speed"):
+            if name not in turning and (column == f"{name}_u" or column.endswith(f"/{name}/speed")):
                 rotates = model.coordinate(name).motion == "rotational"
                 velocities[:, k] = table[column][at] * (np.pi / 180.0 if table.in_degrees and rotates else 1.0)
     return replace(motion, velocities=velocities)
