@@ -233,16 +233,21 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
 
 def _thin(paths: list[tuple[str, str, Array]]) -> bool:
     """Whether paths (frames, 2) together are so long and thin that one scale would hide their width."""
-    extent = np.nanmax([np.nanmax(one, axis=0) for _, _, one in paths], axis=0)
-    extent = extent - np.nanmin([np.nanmin(one, axis=0) for _, _, one in paths], axis=0)
+    extent = _extent(np.concatenate([one for _, _, one in paths]))
     return bool(extent.max() > THIN * extent.min() > 0.0)
+
+
+def _extent(points: Array) -> Array:
+    """Largest less smallest of every column (columns,), over the rows that are known; 0 where none is."""
+    known = points[np.isfinite(points).all(axis=1)]
+    found: Array = np.ptp(known, axis=0) if len(known) else np.zeros(points.shape[1])
+    return found
 
 
 def _upright_path(analysis: MotionAnalysis) -> str:
     """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
     found = []
-    spans = [np.nanmax(one.center.values, axis=0) - np.nanmin(one.center.values, axis=0) for one in analysis.persons]
-    k = 1 + int(np.argmin(np.sum(spans, axis=0)[1:]))
+    k = 1 + int(np.argmin(np.sum([_extent(one.center.values) for one in analysis.persons], axis=0)[1:]))
     for person in analysis.persons:
         level = leveled(person.center).values
         found.append(1000.0 * np.stack([level[:, k], level[:, 0]], axis=1))

@@ -23,6 +23,7 @@ from myomorph.report.subjects import Subject, centroids, lowest_joint, standing_
 
 STILL_TIME, STILL_SPEED = 0.5, 0.03
 MOST_FRAMES = 20000
+NEARLY = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ class MotionAnalysis:
     activations : (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
     measures : of every stage, of the first person
     relations : rows contacts and muscles, columns `axes`, of the first person
-    rhythm : the axis whose period is the longest of the first person's, -1 where none repeats
+    rhythm : the axis with the clearest of the longest periods of the first person, -1 where none repeats
     locking : contacts and muscles against that period, None where it comes too seldom
     """
 
@@ -201,9 +202,11 @@ def _still(center: Series) -> float:
 
 
 def _rhythm(persons: tuple[Person, ...]) -> int:
-    """Axis of the first person's center of gravity with the longest period, a whole cycle; -1 where none has one."""
-    periods = [one.period if one.periodic else -1.0 for one in persons[0].periods] if persons else []
-    return int(np.argmax(periods)) if max(periods, default=-1.0) > 0.0 else -1
+    """Of the axes of the first person's center of gravity with the longest periods the clearest; -1 for none."""
+    periods = [one.period if one.periodic else 0.0 for one in persons[0].periods] if persons else [0.0]
+    longest = [one > NEARLY * max(periods) > 0.0 for one in periods]
+    alike = [one.likeness for one in persons[0].periods] if persons else []
+    return int(np.argmax(np.where(longest, alike, -1.0))) if any(longest) else -1
 
 
 def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:

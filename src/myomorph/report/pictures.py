@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.model.spatial import Array
-from myomorph.report.image import activation_color, png
+from myomorph.report.image import Bytes, activation_color, png
 from myomorph.report.raster import Canvas, View
 from myomorph.report.scene import Scene
 from myomorph.report.shapes import normals
@@ -68,8 +68,15 @@ def pictures(
             view = View(_axes(scene, name), centers[frame], scale * SHRINK, width * SHRINK, high * SHRINK)
             canvas = Canvas(view)
             _draw(canvas, scene, frame, shading, colors)
-            found.append(Picture(frame, name, png(canvas.picture(SHRINK)), width, high))
+            found.append(Picture(frame, name, png(_lean(canvas.picture(SHRINK))), width, high))
     return found
+
+
+def _lean(pixels: Bytes) -> Bytes:
+    """The same picture in steps of four levels that nobody sees, background without color: a quarter fewer bytes."""
+    lean = pixels & np.array([252, 252, 252, 255], dtype=np.uint8)
+    lean[lean[..., 3] == 0] = 0
+    return lean
 
 
 def proportion(scene: Scene, view: str) -> float:

@@ -13,7 +13,7 @@ from myomorph.report.scene import Scene
 from myomorph.report.tracks import LEFT, RIGHT, WIDTH, Backdrop
 
 TALL = 176.0
-PIXELS = 300
+PIXELS = 270
 FOOT = 20.0
 FEWEST = 4
 OVERLAP = 1.06
