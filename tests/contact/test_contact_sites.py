@@ -17,6 +17,7 @@ from myomorph.io.mjcf import model_from_mujoco
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
@@ -74,6 +75,19 @@ def test_a_foot_turned_with_its_model_keeps_its_sites(data):
     )
     for one, other in zip(foot_sites(model), foot_sites(replace(model, joints=joints)), strict=True):
         assert_allclose(one.points, other.points, atol=1e-9)
+
+
+def test_every_subject_of_a_joined_model_has_its_feet(data):
+    model = read_model(data(OSIM[0]))
+    joined = join_models({"tori": model, "uke": model})
+    own = foot_sites(model)
+    found = foot_sites(joined)
+    assert {one.group for one in found} == {f"{part}_foot_{side}" for part in ("tori", "uke") for side in "rl"}
+    by_name = {one.name: one for one in found}
+    for part in ("tori", "uke"):
+        for one in own:
+            assert by_name[f"{part}_{one.name}"].body == f"{part}_{one.body}"
+            assert_allclose(by_name[f"{part}_{one.name}"].points, one.points, atol=1e-9)
 
 
 def test_bones_tell_where_a_sole_is(data):

@@ -82,6 +82,14 @@ def test_plates_tell_the_foot_and_come_first(walk):
         assert all(one.stop <= other.start for one, other in pairwise(spans))
 
 
+def test_a_body_that_weighs_a_thousandth_is_judged_alike(walk):
+    """Thresholds of plates are shares of the weight: what is too light to feel for a man is a mouse's whole weight."""
+    model, motion, sites, wrenches, _ = walk
+    light = replace(model, bodies=tuple(replace(one, mass=1e-3 * one.mass) for one in model.bodies))
+    small = replace(wrenches, forces=1e-3 * wrenches.forces, torques=1e-3 * wrenches.torques)
+    assert find_contacts(light, motion, sites, plates=small) == find_contacts(model, motion, sites, plates=wrenches)
+
+
 def swinging(scale: float, speed: float = 0.0, frames: int = 400) -> SiteMotion:
     """Two feet of one site each that step in turn, each lifted half of the time; a belt may carry what stands."""
     time = np.linspace(0.0, 4.0 * np.sqrt(scale), frames)

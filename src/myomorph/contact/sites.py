@@ -31,6 +31,9 @@ OUTLINE = {
 
 Heads of the first and fifth metatarsal, tips of the great and of the fourth toe; after the bones that models draw."""
 
+HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")
+"""What a heel's body is called, the surest first."""
+
 BONE_DEPTH = 0.06
 """How far the bones of a foot reach below its origin, over the same distance."""
 
@@ -95,11 +98,11 @@ def foot_sites(
     cone = replace(options.cone, direction=up_of(model))
     sites = []
     for foot in feet_of(model):
-        side = foot.name[-2:]
+        part, side = foot.name[:-6], foot.name[-2:]
         for label, point in _corners(model, foot, surfaces or {}, options).items():
             body = foot.toes if label.startswith("toe") else foot.heel
             local = body_poses(model)[body].inverse().apply(point)
-            sites.append(Site(f"{label}{side}", body, local[None], cone, group=foot.name))
+            sites.append(Site(f"{part}{label}{side}", body, local[None], cone, group=foot.name))
     return tuple(sites)
 
 
@@ -119,28 +122,34 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
     """The feet that the bodies' names tell, right before left; raises `BadData` where there is none.
 
     A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis of the heel's
-    body, it is that axis, as models draw feet flat on the ground of their own frame.
+    body, it is that axis, as models draw feet flat on the ground of their own frame. In a joined model the feet of each
+    part are named with what stands before its heel's name: `tori_foot_r`.
     """
-    segments = segments_of(model)
-    poses = body_poses(model)
-    found = []
+    segments, poses = segments_of(model), body_poses(model)
+    found: dict[str, Foot] = {}
     for side, ending in (("right", "_r"), ("left", "_l")):
         bodies = [one for one in model.bodies if segments[one.name].name == "foot" and segments[one.name].side == side]
-        heel = next((one for one in bodies if re.search(r"calc|heel", one.name, re.IGNORECASE)), None)
-        heel = heel or next((one for one in bodies if re.search(r"foot", one.name, re.IGNORECASE)), None)
-        if heel is None:
-            continue
-        toes = next((one for one in bodies if re.search(r"toe", one.name, re.IGNORECASE)), heel)
-        found.append(_foot(model, f"foot{ending}", heel, toes, poses, 1.0 if side == "right" else -1.0))
+        for pattern in HEEL:
+            for heel in bodies:
+                match = re.search(pattern, heel.name, re.IGNORECASE)
+                part = "" if match is None else heel.name[: match.start()]
+                if match is not None and f"{part}foot{ending}" not in found:
+                    toes = [one for one in bodies if one.name.startswith(part) and "toe" in one.name.lower()]
+                    outwards = 1.0 if side == "right" else -1.0
+                    found[f"{part}foot{ending}"] = _foot(model, f"{part}foot{ending}", heel, toes, poses, outwards)
     if not found:
         raise BadData(
             f"no foot of model '{model.name}' can be told by its bodies' names (calcn, heel, foot, toes, and a side): "
             "name contact sites and their points yourself"
         )
-    return tuple(found)
+    return tuple(found.values())
 
 
-def _foot(model: Model, name: str, heel: Body, toes: Body, poses: dict[str, Transform], outwards: float) -> Foot:
+def _foot(
+    model: Model, name: str, heel: Body, bodies: Sequence[Body], poses: dict[str, Transform], outwards: float
+) -> Foot:
+    """A foot of a heel and the first of some bodies of toes, which may be none."""
+    toes = (*bodies, heel)[0]
     pose = poses[heel.name]
     up = _snapped(pose.rotation, up_of(model))
     ahead = poses[toes.name].translation if toes is not heel else pose.apply(heel.mass_center)

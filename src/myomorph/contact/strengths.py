@@ -13,8 +13,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import Tree, compile_tree
 
 PIVOT = 0.3
 """Height of the virtual pivot point above the center of mass, over the height of that above the floor."""
@@ -85,7 +85,7 @@ def strengths(
 
 
 def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT) -> Array:
-    """Which way forces at sites on the ground lean most readily: to a pivot above the center of mass.
+    """Which way forces at sites on the ground lean most readily: to a pivot above the subject's center of mass.
 
     What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground forces meet
     near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a force that leans to it costs
@@ -101,18 +101,30 @@ def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PI
     the ground, or whose cone has no direction fixed in ground
     """
     tree = compile_tree(model)
-    center = center_of_mass(tree, forward_kinematics(tree, tree.coordinates_of(motion)))
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
     moving = site_motion(model, motion, sites)
-    point = center + pivot * moving.height * moving.up
     found = np.zeros((len(motion), len(sites), 3))
     for k, site in enumerate(sites):
         if site.against != GROUND or site.cone.direction is None or site.cone.frame != GROUND:
             continue
-        way = point - moving.places[:, k]
+        center = _own_center(tree, poses, tree.body_index[site.body])
+        way = center + pivot * moving.height * moving.up - moving.places[:, k]
         along = way @ site.cone.direction
         ahead = along > 0.1 * moving.height
         found[ahead, k] = (way[ahead] / along[ahead, None]) - site.cone.direction
     return found
+
+
+def _own_center(tree: Tree, poses: Poses, body: int) -> Array:
+    """Center of mass (frames, 3) of the subject that a body is a part of, in a model of several."""
+    parent, mass = tree.arrays.parent, tree.arrays.mass
+    root = np.arange(len(parent))
+    for b in range(1, len(parent)):
+        root[b] = root[parent[b]] if parent[b] > 0 else b
+    own = np.where(root == root[body], mass, 0.0)
+    centers = poses.points(np.arange(len(mass)), tree.arrays.mass_center)
+    center: Array = np.einsum("b,fbi->fi", own, centers) / max(float(own.sum()), 1e-300)
+    return center
 
 
 def fade(x: Array, full: float) -> Array:
