@@ -177,7 +177,7 @@ def contact_intervals(
     chosen = _chosen(tension, frames)
     groups, members = _groups(problem, options.by)
     parts = []
-    for start in range(0, max(len(chosen), 1), 64):
+    for start in range(0, len(chosen), 64):
         with threadpool_limits(1, "blas"):
             parts.append(_part(problem, tension, chosen[start : start + 64], groups, members, options))
     forces, low, high, near_low, near_high, normal = (
@@ -313,10 +313,10 @@ def _weight(problem: TensionProblem) -> float:
 
 
 def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:
-    if frames is None:
-        return np.arange(len(tension))
-    chosen = np.asarray(frames, np.int64)
-    if len(chosen) and not (chosen.min() >= 0 and chosen.max() < len(tension)):
+    chosen = np.arange(len(tension)) if frames is None else np.asarray(frames, np.int64)
+    if not len(chosen):
+        raise BadData("no frame is asked for")
+    if not (chosen.min() >= 0 and chosen.max() < len(tension)):
         raise BadData(f"frame {chosen.max()} is asked for, but the tensions have {len(tension)}")
     return chosen
 

@@ -89,7 +89,7 @@ def _solve(solved: SolvedFrames, good: np.ndarray, tilt: Array) -> Array:
 
     def part(start: int, stop: int) -> None:
         for k in range(start, stop):
-            values, right = (np.repeat(one[good[k]][None], many, axis=0) for one in (solved.values, solved.right))
+            values, right = (np.repeat(one[good[k]][None], many, axis=0) for one in (solved.values, solved.b))
             wells = np.array(solved.wells[good[k]])[None]
             status = np.empty(many, np.int8)
             solve_separable(

@@ -95,7 +95,7 @@ def relaxations(
     held = {name for joint in floating_joints(problem.assembly.tree.model) for name in joint.coordinates}
     if not held or not held <= set(problem.assembly.rows):
         return ()
-    roots = Roots(problem, problem.contacts)
+    roots = Roots(problem, problem.contacts, tension)
     limits = (options.residual * roots.weight, options.moment * roots.weight * roots.center)
     left = roots.left.reshape(len(tension), -1, 2, 3)
     worst = np.linalg.norm(left, axis=3).max(axis=1)

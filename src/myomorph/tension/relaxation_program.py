@@ -17,6 +17,7 @@ from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.relaxation_words import Allowance, Kind
 from myomorph.tension.simplex import extremes
+from myomorph.tension.tension import Tension
 
 COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
 """Cost of one newton, of a residual's newton meter too; of a contact besides its height over the center of mass's."""
@@ -43,6 +44,7 @@ class Roots:
 
     problem: TensionProblem
     contacts: ContactTerms
+    tension: Tension
     poses: Poses = field(init=False)
     bodies: tuple[str, ...] = field(init=False)
     up: Array = field(init=False)
@@ -76,7 +78,10 @@ class Roots:
         self.heights = np.maximum(heights - floor, 0.0)
         self.center = max(float(np.nanmedian(center_of_mass(tree, self.poses) @ self.up - floor)), 1e-3)
         self.z = np.nan_to_num(self.problem.amplitudes * self.contacts.amounts)
-        missing = self._needed() - np.einsum("fre,fe->fr", self.edges, self.z)
+        # What muscles and reserves give together is, at a root, what contacts and residuals do.
+        names = tree.model.coordinate_names
+        needed = self.tension.torques[:, [self.tension.coordinates.index(names[j]) for j in self._rows]]
+        missing = needed - np.einsum("fre,fe->fr", self.edges, self.z)
         self.left = np.linalg.solve(self.residuals, missing[..., None])[..., 0]
 
     def direction(self, frame: int, site: int) -> Array:
@@ -107,14 +112,6 @@ class Roots:
             mine = coordinate == j
             found[:, i, owner[mine]] = entries[:, mine]
         return found
-
-    def _needed(self) -> Array:
-        """(frames, rows) what has to act there in all."""
-        names, assembly = self.problem.assembly.tree.model.coordinate_names, self.problem.assembly
-        rows = assembly.coordinate_row[[assembly.rows.index(names[j]) for j in self._rows]]
-        frames = len(self.problem.coordinates)
-        parts = [self.problem.balance(k, min(k + 64, frames))[1][:, rows] for k in range(0, frames, 64)]
-        return np.concatenate(parts) if parts else np.zeros((0, len(rows)))
 
 
 @dataclass(frozen=True, eq=False)

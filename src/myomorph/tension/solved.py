@@ -26,7 +26,7 @@ class SolvedFrames:
     x : (frames, variables), NaN where a frame was not solved
     shared : weights, exponents and bounds of all frames
     wells : (frames, 3, variables) as of `solve_separable`
-    values, right : as `TensionProblem.balance` gives them
+    values : entries of A as `TensionProblem.balance` gives them
     muscles, controls, edges : where activations, controls, and amplitudes end among the variables
     """
 
@@ -37,7 +37,6 @@ class SolvedFrames:
     shared: Separable
     wells: Array
     values: Array
-    right: Array
     muscles: int
     controls: int
     edges: int
@@ -80,14 +79,14 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     frames : (frames,) which ones
     """
     shared, muscles = problem.separable, len(tension.muscles)
-    n, rows = len(shared.weight), len(problem.assembly.pattern.order)
-    column = np.repeat(np.arange(n), np.diff(shared.start))
-    A, b = np.zeros((len(frames), rows, n)), np.empty((len(frames), rows))
-    values = np.empty((len(frames), len(shared.row)))
-    for k, frame in enumerate(frames):
-        one, right = problem.balance(int(frame), int(frame) + 1)[:2]
-        values[k], b[k] = one[0], right[0]
-        A[k, shared.row, column] = one[0]
+    n = len(shared.weight)
+    # A run of frames at once, others one by one.
+    together = len(frames) > 0 and int(frames[-1] - frames[0]) == len(frames) - 1
+    spans = [(int(frames[0]), int(frames[-1]) + 1)] if together else [(int(one), int(one) + 1) for one in frames]
+    given = [problem.balance(*span) for span in spans]
+    values, b = (np.concatenate([getattr(one, name) for one in given]) for name in ("values", "right"))
+    A = np.zeros((len(frames), b.shape[1], n))
+    A[:, shared.row, np.repeat(np.arange(n), np.diff(shared.start))] = values
     x = np.zeros((len(frames), n))
     controls = muscles + tension.reserves.shape[1]
     edges = controls + problem.amplitudes.shape[1]
@@ -99,4 +98,4 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
         x[:, edges:] = left[:, problem.assembly.extra_row] / problem.contacts.extra.unit
     wells = problem.wells if len(problem.wells) == 1 else problem.wells[frames]
     wells = np.broadcast_to(wells, (len(frames), 3, n))
-    return SolvedFrames(frames, A, b, x, shared, wells, values, b, muscles, controls, edges)
+    return SolvedFrames(frames, A, b, x, shared, wells, values, muscles, controls, edges)
