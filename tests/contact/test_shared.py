@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from myomorph.contact.shared import SharedOptions, assign_feet, shared_wrenches
+from myomorph.contact.shared import SharedOptions, assign_feet, shared_wrenches, without_measured
 from myomorph.contact.site_motion import rest_on_floor, site_motion
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import find_contacts
+from myomorph.contact.strengths import strengths
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
@@ -117,6 +118,22 @@ def test_unloaded_plates_tell_nothing(walk):
     model, motion, sites, wrenches, contacts = walk
     empty = replace(wrenches, forces=0.0 * wrenches.forces, torques=0.0 * wrenches.torques)
     assert shared_wrenches(model, motion, sites, contacts, empty) == ()
+
+
+def test_a_measured_foot_is_not_estimated_too(walk):
+    """Neither while its plate carries it, whichever bone of the foot the file names; beside the plate it is."""
+    model, motion, sites, wrenches, contacts = walk
+    ready = strengths(model, motion, sites, contacts)
+    right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
+    load = wrenches.forces[:, 0, 1] / (model.mass * 9.81)
+    beside = motion.time > 1.2
+    ringing = np.where(beside[:, None], 1e-3 * wrenches.forces[:, 0], wrenches.forces[:, 0])
+    for bone in ("calcn_r", "talus_r", "toes_r"):
+        forces = np.stack([ringing, wrenches.forces[:, 1]], axis=1)
+        left_over = without_measured(model, ready, sites, replace(wrenches, bodies=(bone, "calcn_l"), forces=forces))
+        assert not left_over.values[np.ix_((load > 0.03) & ~beside, right)].any()
+        assert (left_over.values[np.ix_(beside, right)] == ready.values[np.ix_(beside, right)]).all()
+        assert ready.values[np.ix_(beside, right)].any()
 
 
 def test_plates_are_given_to_feet(walk):

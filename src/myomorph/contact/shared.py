@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from myomorph.contact.states import hysteresis, steady
 from myomorph.model.contacts import Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import ForcePlate, Motion, Wrenches
+from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 
 
@@ -77,7 +77,7 @@ def shared_wrenches(
     if outlines is not None:
         near = _over(moving, outlines, options.margin * moving.height)
     else:
-        near = _beside(moving, wrenches, sites, options.reach * moving.height)
+        near = _beside(model, moving, wrenches, sites, options.reach * moving.height)
     standing = near & loaded[:, :, None] & touching[:, None]
     forces = np.nan_to_num(wrenches.forces)
     moments = np.nan_to_num(wrenches.torques) + np.cross(np.nan_to_num(wrenches.points), forces)
@@ -116,19 +116,59 @@ def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.nd
     return np.stack(found, axis=1)
 
 
-def _beside(moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], reach: float) -> np.ndarray:
+def _beside(model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], reach: float) -> np.ndarray:
     """Whether a site may stand on a plate without an outline (frames, plates, sites)."""
-    groups = {one.group: [k for k, other in enumerate(sites) if other.group == one.group] for one in sites}
+    groups, bodies = _groups(sites), _group_bodies(model, sites)
     near = np.zeros((len(moving.time), len(wrenches.names), len(sites)), np.bool_)
     for plate, body in enumerate(wrenches.bodies):
         apart = moving.places - np.nan_to_num(wrenches.points[:, plate, None])
         distance = np.linalg.norm(apart - (apart @ moving.up)[..., None] * moving.up, axis=2)
-        for members in groups.values():
+        for group, members in groups.items():
             if body:
-                near[:, plate, members] = any(sites[k].body == body for k in members)
+                near[:, plate, members] = body in bodies[group]
             else:
                 near[:, plate, members] = (distance[:, members].min(axis=1) < reach)[:, None]
     return near
+
+
+def _groups(sites: Sequence[Site]) -> dict[str, list[int]]:
+    return {one.group: [k for k, other in enumerate(sites) if other.group == one.group] for one in sites}
+
+
+def _group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
+    """Bodies of each group's sites, and those a joint away from them: plates' forces are put on the talus too."""
+    found = {}
+    for group, members in _groups(sites).items():
+        own = {sites[k].body for k in members}
+        near = {one.parent for one in model.joints if one.child in own} | {
+            one.child for one in model.joints if one.parent in own
+        }
+        found[group] = own | near
+    return found
+
+
+def without_measured(
+    model: Model, ready: Series, sites: Sequence[Site], measured: Wrenches, options: SharedOptions | None = None
+) -> Series:
+    """The strengths of sites, zero while a force that was measured carries their group: it is known already.
+
+    A force counts as carrying between the shares of the weight in `SharedOptions`, so that what a filter makes of
+    an unloaded plate does not silence a foot that steps beside it.
+
+    Parameters
+    ----------
+    ready : strengths (frames, sites) at the times of `measured`
+    measured : forces on bodies that act as they were measured
+    """
+    options = options or SharedOptions()
+    weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
+    size = np.linalg.norm(np.nan_to_num(measured.forces), axis=2)
+    carrying = hysteresis(size > options.loaded * weight, size < options.unloaded * weight)
+    values, bodies = np.array(ready.values), _group_bodies(model, sites)
+    for group, members in _groups(sites).items():
+        columns = [i for i, body in enumerate(measured.bodies) if body in bodies[group]]
+        values[np.ix_(carrying[:, columns].any(axis=1), np.array(members))] = 0.0
+    return replace(ready, values=values)
 
 
 def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]]:
