@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.io.wavfile import write as write_wav
 
 from myomorph.io.osim import read_osim
 from myomorph.model.errors import BadFile
@@ -77,6 +78,20 @@ def test_a_file_of_sites(model, tmp_path):
 def test_what_is_wrong_is_named(model, tmp_path, text, told):
     with pytest.raises(BadFile, match=told.replace("'", ".")):
         read_contacts(written(tmp_path, text), model)
+
+
+def test_sound_needs_instruments_and_strokes_of_known_impulse(model, tmp_path):
+    sound = '[sound]\nfile = "drums.wav"\n'
+    with pytest.raises(BadFile, match=r"sound file 'drums\.wav' does not exist"):
+        read_contacts(written(tmp_path, sound + SITE), model)
+    write_wav(tmp_path / "drums.wav", 48000, np.zeros((4800, 1), np.int16))
+    with pytest.raises(BadFile, match=r"needs \[\[instrument\]\] tables"):
+        read_contacts(written(tmp_path, sound + SITE), model)
+    snare = '[[instrument]]\nname = "snare"\nsites = ["hand"]\n'
+    with pytest.raises(BadFile, match="no strokes of known impulse"):
+        read_contacts(written(tmp_path, sound + snare + SITE), model)
+    plan = read_contacts(written(tmp_path, sound + 'impulse = "motion"\n' + snare + SITE), model)
+    assert plan.sound.instruments[0].sites == ("hand",)
 
 
 def test_names_that_end_otherwise_are_refused(model, tmp_path):

@@ -12,10 +12,12 @@ import numpy as np
 from pydantic import Field
 
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
-from myomorph.model.errors import BadFile, MyomorphError, UnknownName
+from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName
 from myomorph.model.model import GROUND, Model
+from myomorph.model.spatial import Array
 from myomorph.report.centroid import up_axis
 from myomorph.study.settings import Measured
+from myomorph.study.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan
 from myomorph.study.study_file import Strict, checked, existing, read_toml, refuse
 
 AUTO = "auto"
@@ -36,6 +38,7 @@ class ContactPlan:
     sites : beside the soles
     when : of each of `sites` what tells when it touches: "always", the "motion", or the touches "told"
     told : touches that a file tells of; of the soles too where it names them
+    sound : strokes that microphones recorded, whose forces are known by their loudness or motion
     measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
         none was measured; "shared": each is known for the sites on it together; "hidden": not at all
     """
@@ -44,6 +47,7 @@ class ContactPlan:
     sites: tuple[Site, ...] = ()
     when: Mapping[str, When] = field(default_factory=lambda: MappingProxyType({}))
     told: Contacts | None = None
+    sound: SoundPlan | None = None
     measured: Measured = "exact"
 
 
@@ -74,6 +78,8 @@ class _File(Strict):
     touches: str | None = None
     camera: _Camera = Field(default_factory=_Camera)
     site: list[_Site] = Field(default_factory=list)
+    sound: SoundTable | None = None
+    instrument: list[InstrumentTable] = Field(default_factory=list)
 
 
 def read_contacts(source: str | Path, model: Model, measured: Measured | None = None) -> ContactPlan:
@@ -82,6 +88,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     Parameters
     ----------
     source : "auto", a table of touches (.csv) or a contact file (.toml)
+    sound : strokes that microphones recorded, whose forces are known by their loudness or motion
     measured : what measured loads are used for, where it is not what the file says
 
     Raises
@@ -100,6 +107,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
     found, problems = checked(_File, read_toml(path))
     table = None if found is None else existing(path.parent, found.touches, "touches", problems)
+    sound = None if found is None else _sound(found, path.parent, up_axis(model), problems)
     sites: list[Site] = []
     for one in () if found is None else found.site:
         try:
@@ -114,16 +122,30 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         tuple(sites),
         MappingProxyType({one.name: _when(one) for one in found.site}),
         told,
+        sound,
         measured or found.measured,
     )
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file, and the table of touches that it names."""
+    """A contact file, and the table of touches and the sound that it names."""
     if path.suffix.lower() != ".toml":
         return (path,)
-    table = read_toml(path).get("touches")
-    return (path, path.parent / table) if isinstance(table, str) else (path,)
+    raw = read_toml(path)
+    sound = raw.get("sound")
+    named = (raw.get("touches"), sound.get("file") if isinstance(sound, dict) else None)
+    return (path, *(path.parent / one for one in named if isinstance(one, str)))
+
+
+def _sound(found: _File, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
+    if found.sound is None:
+        return None
+    file = existing(folder, found.sound.file, "sound", problems)
+    try:
+        return None if file is None else sound_plan(found.sound, found.instrument, file, up)
+    except BadData as error:
+        problems.append(str(error))
+        return None
 
 
 def _site(given: _Site, model: Model) -> Site:

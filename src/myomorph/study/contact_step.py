@@ -18,6 +18,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.study.contact_file import ContactPlan
+from myomorph.study.sound_plan import heard_contacts
 from myomorph.tension.contacts import ContactOptions, ContactTask
 
 NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
@@ -59,17 +60,16 @@ def set_contacts(
     BadData
         where there is no site, or touches are told of a site that does not exist
     """
-    feet = foot_sites(model) if plan.feet else ()
+    feet = _soles(plan, model)
     feet, floor = rest_on_floor(model, motion, feet, plate_height(model, measured)) if feet else (feet, None)
     sites = (*feet, *plan.sites)
     if not sites:
-        raise BadData(
-            f"model '{model.name}' has no contact site: none of its bodies is called a foot; name sites in a contact "
-            "file (--contacts FILE.toml)"
-        )
+        raise BadData(f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}")
+    heard = None if plan.sound is None else heard_contacts(plan.sound, model, motion, sites)
     seen = None if plan.measured == "hidden" else measured
     height = None if floor is None else floor.height
-    contacts = _all_contacts(plan, model, motion, sites, seen, ContactStateOptions(floor=height))
+    told = [one for one in (plan.told, None if heard is None else heard.contacts) if one is not None]
+    contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     if plan.measured == "exact" and measured is not None:
         ready = _unmeasured(ready, sites, measured)
@@ -79,6 +79,9 @@ def set_contacts(
     elif plan.measured == "shared" and measured is not None:
         shared = shared_wrenches(model, motion, sites, contacts, measured)
     exact = measured if plan.measured == "exact" else None
+    if heard is not None:
+        ready = _silenced(ready, heard.sites)
+        exact = heard.blows if exact is None else _beside(exact, heard.blows)
     return ContactSetting(
         ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings
     )
@@ -98,28 +101,40 @@ def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
 
 def _all_contacts(
     plan: ContactPlan,
+    told: Sequence[Contacts],
     model: Model,
     motion: Motion,
     sites: tuple[Site, ...],
     measured: Wrenches | None,
     options: ContactStateOptions,
 ) -> Contacts:
-    """Touches that a file tells; those of every other site from plates and motion."""
+    """Touches that files and sound tell; those of every other site from plates and motion."""
     names = tuple(one.name for one in sites)
-    told = plan.told
-    if told is not None:
-        unknown = [one for one in told.sites if one not in names]
-        if unknown:
-            raise BadData(f"touches are told of '{unknown[0]}', but the contact sites are {', '.join(names)}")
-    by_motion = tuple(
-        one
-        for one in sites
-        if plan.when.get(one.name, "motion") == "motion" and (told is None or one.name not in told.sites)
-    )
-    found = find_contacts(model, motion, by_motion, options, measured) if by_motion else None
-    parts = [one for one in (told, found) if one is not None]
+    known = {name for one in told for name in one.sites}
+    for name in sorted(known):
+        if name not in names:
+            raise BadData(f"touches are told of '{name}', but the contact sites are {', '.join(names)}")
+    by_motion = tuple(one for one in sites if plan.when.get(one.name, "motion") == "motion" and one.name not in known)
+    found = [find_contacts(model, motion, by_motion, options, measured)] if by_motion else []
+    parts = (*told, *found)
     touches = tuple(touch for one in parts for touch in one.touches)
     return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
+
+
+def _silenced(ready: Series, names: Sequence[str]) -> Series:
+    """The strengths without those of sites whose forces are known already."""
+    values = np.array(ready.values)
+    values[:, [ready.names.index(one) for one in names]] = 0.0
+    return replace(ready, values=values)
+
+
+def _beside(first: Wrenches, second: Wrenches) -> Wrenches:
+    """Two sets of external forces at the same times as one."""
+    vectors = [
+        np.concatenate([getattr(first, name), getattr(second, name)], axis=1)
+        for name in ("forces", "points", "torques")
+    ]
+    return Wrenches(first.time, (*first.names, *second.names), (*first.bodies, *second.bodies), *vectors)
 
 
 def _unmeasured(ready: Series, sites: tuple[Site, ...], measured: Wrenches) -> Series:

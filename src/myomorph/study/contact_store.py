@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.series import Series
+from myomorph.report.given import Situation
 from myomorph.study.results import ResultWriter, Stored
-from myomorph.study.settings import Measured
 
 SITES, LOOKED_AT, DOUBTS = "contact_sites", "contact_sites_looked_at", "contact_doubts"
-SITUATION = "contact_measured"
+SITUATION = "contact_situation"
 
 TOUCH_NUMBERS = (
     ("start", "s", "when a site begins to touch"),
@@ -46,9 +46,9 @@ def get_contact_forces(stored: Stored) -> ContactForces | None:
     return ContactForces(stored.time, sites, *parts)
 
 
-def put_contacts(writer: ResultWriter, contacts: Contacts, measured: Measured = "exact") -> None:
-    """Which site touches what, and when, and what measured forces were used for."""
-    writer.fact(SITUATION, measured)
+def put_contacts(writer: ResultWriter, contacts: Contacts, situation: Situation = "unknown") -> None:
+    """Which site touches what, and when, and how the forces came to be known."""
+    writer.fact(SITUATION, situation)
     writer.fact(LOOKED_AT, json.dumps(contacts.sites))
     writer.fact(DOUBTS, json.dumps(contacts.warnings))
     writer.sizes("touch", len(contacts.touches))
@@ -83,10 +83,10 @@ def get_carried(stored: Stored) -> Series | None:
     return None if found is None else Series(stored.time, stored.names["coordinate"], found)
 
 
-def get_situation(stored: Stored) -> Literal["", "shared", "unknown"]:
+def get_situation(stored: Stored) -> Situation:
     """How the forces of contacts came to be known; "" where none were estimated."""
-    told = stored.facts.get(SITUATION, "")
-    return "shared" if told == "shared" else "unknown" if told else ""
+    told: Situation = stored.facts.get(SITUATION, "")  # type: ignore[assignment]
+    return told
 
 
 def _plain_site(site: Site) -> dict[str, Any]:

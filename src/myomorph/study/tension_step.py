@@ -28,6 +28,8 @@ from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 if TYPE_CHECKING:
+    from myomorph.report.given import Situation
+    from myomorph.study.contact_file import ContactPlan
     from myomorph.study.contact_step import ContactSetting
 
 OBJECT_RESIDUAL = 0.01
@@ -135,12 +137,19 @@ def _write_contacts(
     loads = all_loads(setting.exact, forces)
     torques = inverse_dynamics(take.model, found.motion, loads)
     contact_store.put_contact_forces(writer, forces)
-    contact_store.put_contacts(writer, setting.contacts, take.contacts.measured)
+    contact_store.put_contacts(writer, setting.contacts, _situation(take.contacts))
     contact_store.put_carried(writer, torques)
     write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
     write_sto(torque_table(torques, take.model), folder / ALL_TORQUES)
     write_events(setting.contacts, folder / CONTACTS)
     return loads, torques
+
+
+def _situation(plan: ContactPlan) -> Situation:
+    """Which of the situations of [D] chapter 4 it is."""
+    if plan.sound is not None:
+        return "sound"
+    return "shared" if plan.measured == "shared" else "unknown"
 
 
 def _write_doubts(
