@@ -6,10 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.hands_lift import LIFTS, hands_measured, lifter, recorded
-from benchmarks.hands_lift_forces import WAYS, found, holding, left_floor
+from benchmarks.hands_lift_forces import WAYS, found, holding, left_floor, left_open
+from benchmarks.hands_lift_forces import task as lift_task
 from benchmarks.hands_seat import chair, leavings, solved
+from benchmarks.hands_seat import task as seat_task
 from benchmarks.hands_spine import carried_moment, of_laboratory, point_of_laboratory, regressed_point, spine
 from benchmarks.hands_wheel import at_each_time, directions, hands_off, of_each_cycle, wheels
 from myomorph.model.spatial import Array
@@ -19,33 +22,62 @@ Row = dict[str, object]
 LIFTING = 0.3
 """Time after the box left the floor that is called the lift-off [s]."""
 
+EVERY, SEATED = 4, 20
+"""Of the frames with hands at the box, and of those on the seat, each that far is asked what it leaves open."""
+
 
 def measure_lift(folder: Path) -> Iterator[Row]:
     """The hands' force on the box against the measured one, by phase."""
     for lift in LIFTS:
-        time, truth = recorded(folder, lift).markers.time, hands_measured(folder, lift)
-        off = left_floor(folder, lift)
-        grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]
-        phases = {
-            "before holding": time < grasp,
-            "held on the floor": (time >= grasp) & (time < off),
-            "lift-off": (time >= off) & (time < off + LIFTING),
-            "carried": time >= off + LIFTING,
-        }
-        free = time >= off
+        truth, during = hands_measured(folder, lift), _phases(folder, lift)
+        free = during["lift-off"] | during["carried"]
         for way, words in WAYS.items():
             one = found(folder, lift, way)
             error = one.hands - truth
             yield {
                 "lift": lift,
                 "known": words,
-                **{f"up, {phase} [N]": _rms(error[during, 1]) for phase, during in phases.items()},
+                **{f"up, {phase} [N]": _rms(error[then, 1]) for phase, then in during.items()},
                 "forward, off the floor [N]": _rms(error[free, 0]),
                 "sideways [N]": _rms(error[free, 2]),
                 "mean up, off the floor [N]": float(one.hands[free, 1].mean()),
                 "measured [N]": float(truth[free, 1].mean()),
                 "feet, up [N]": _rms((one.feet - recorded(folder, lift).plate)[:, 1]),
             }
+
+
+def measure_lift_open(folder: Path) -> Iterator[Row]:
+    """What the data leave open of the hands' force on the box."""
+    for lift in LIFTS:
+        truth, during = hands_measured(folder, lift)[:, 1], _phases(folder, lift)
+        held = np.flatnonzero(~during["before holding"])[::EVERY].tolist()
+        for way in ("body", "box", "hidden"):
+            intervals = left_open(lift_task(folder, lift, way), held)
+            # The sites are on the hands; the box is pushed the other way.
+            _, greatest, least = (-one[:, 1] for one in intervals.of("hands"))
+            near = intervals.near_high[:, 0, 1] - intervals.near_low[:, 0, 1]
+            inside = (truth[held] >= least) & (truth[held] <= greatest)
+            row: Row = {"lift": lift, "known": WAYS[way]}
+            for phase in ("held on the floor", "carried"):
+                some = during[phase][held]
+                row |= {
+                    f"{phase}: least, mean [N]": float(least[some].mean()),
+                    f"{phase}: greatest, mean [N]": float(greatest[some].mean()),
+                    f"{phase}: near the optimum, width [N]": float(near[some].mean()),
+                }
+            yield row | {"measured inside": f"{100.0 * inside.mean():.0f} %"}
+
+
+def _phases(folder: Path, lift: str) -> dict[str, NDArray[np.bool_]]:
+    """Frames by what is going on."""
+    time, off = recorded(folder, lift).markers.time, left_floor(folder, lift)
+    grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]
+    return {
+        "before holding": time < grasp,
+        "held on the floor": (time >= grasp) & (time < off),
+        "lift-off": (time >= off) & (time < off + LIFTING),
+        "carried": time >= off + LIFTING,
+    }
 
 
 def measure_spine(folder: Path) -> Iterator[Row]:
@@ -135,19 +167,40 @@ def measure_seat(folder: Path) -> Iterator[Row]:
     sitting = one.ready[:, 0] > 0.5
     for phase, during in {"sitting": sitting, "standing": one.ready[:, 0] == 0.0}.items():
         for words, (force, solution) in ways.items():
-            error = (force - one.newton)[during]
+            error = (force - (one.newton if during is sitting else 0.0))[during]
             yield {
                 "phase": phase,
                 "seat by": words,
                 "up, mean [N]": float(force[during, 1].mean()),
-                "up, RMS from Newton's [N]": _rms(error[:, 1]),
+                "up, RMS error [N]": _rms(error[:, 1]),
                 "forward, mean [N]": float(force[during, 0].mean()),
-                "forward, RMS from Newton's [N]": _rms(error[:, 0]),
+                "forward, RMS error [N]": _rms(error[:, 0]),
                 "feet up by plates, mean [N]": float(one.feet.forces[during, :, 1].sum(axis=1).mean()),
                 "weight [N]": one.weight,
                 "residual forces, RMS [N]": _rms(_residuals(solution)[during]) if solution else "",
                 "off the middle, to the right [mm]": _millimetre(place[during, 1]) if during is sitting else "",
             }
+
+
+def measure_seat_open(folder: Path) -> Iterator[Row]:
+    """What the data leave open of the seat's force while sitting."""
+    one = chair(folder)
+    frames = np.flatnonzero(one.ready[:, 0] > 0.5)[::SEATED].tolist()
+    truth = one.newton[frames]
+    for words, plates in (("feet known", True), ("feet hidden", False)):
+        intervals = left_open(seat_task(folder, plates), frames)
+        forces, low, high = intervals.of("seat")
+        near = intervals.near_high[:, 0] - intervals.near_low[:, 0]
+        row: Row = {"seat by": words, "frames": len(frames)}
+        for k, axis in ((1, "up"), (0, "forward"), (2, "sideways")):
+            row |= {
+                f"{axis}: found, mean [N]": float(forces[:, k].mean()),
+                f"{axis}: least": float(low[:, k].mean()),
+                f"{axis}: greatest": float(high[:, k].mean()),
+                f"{axis}: near the optimum, width": float(near[:, k].mean()),
+            }
+        inside = ((truth >= low - 1e-6) & (truth <= high + 1e-6)).all(axis=1)
+        yield row | {"Newton's inside": f"{100.0 * inside.mean():.0f} %"}
 
 
 def _residuals(tension: Tension) -> Array:

@@ -53,7 +53,7 @@ def draw(file: Path) -> None:
             axis.spines[["top", "right"]].set_visible(False)
         force.set_title(f"lift {column + 1}", fontsize=9)
         moment.set_xlabel("time [s]")
-        moment.text(off + 0.03, 205.0, "off the floor", color="#777777", fontsize=8)
+        moment.text(off + 0.03, 2.0, "off the floor", color="#777777", fontsize=8)
     axes[0, 0].set_ylabel("hands on the box, up [N]")
     axes[1, 0].set_ylabel("extending moment at L5/S1 [N m]")
     for row, (place, columns) in enumerate(((0.955, 4), (0.045, 3))):

@@ -110,7 +110,9 @@ def with_joint_torques(model: Model) -> Model:
     return replace(
         model,
         actuators=tuple(
-            Actuator(f"joint_{name}", "coordinate", most, coordinate=name) for name, most in torques.items() if most
+            Actuator(f"joint_{name}", "coordinate", most, -1.0, 1.0, coordinate=name)
+            for name, most in torques.items()
+            if most
         ),
     )
 

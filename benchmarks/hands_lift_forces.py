@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +19,10 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.frames import over_frames
+from myomorph.tension.certificates import ContactIntervals, contact_intervals
 from myomorph.tension.contacts import ContactTask
+from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 
@@ -73,18 +77,24 @@ def left_floor(folder: Path, lift: str) -> float:
 def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
     """The hands' sites on the box, and how surely each holds it (frames, 2)."""
     model, motion = both(folder, lift)
-    sites = tuple(replace(one, against="box_body") for one in body_sites(model, HANDS))
+    sites = tuple(replace(one, against="box_body", group="hands") for one in body_sites(model, HANDS))
     return sites, np.array(strengths(model, motion, sites, find_holds(model, motion, sites)).values)
 
 
-@lru_cache(maxsize=16)
-def found(folder: Path, lift: str, way: str) -> Lift:
-    """The hands' force in one of `WAYS`."""
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What `solve_tension` takes."""
+
+    model: Model
+    motion: Motion
+    torques: Series
+    contacts: ContactTask
+
+
+def task(folder: Path, lift: str, way: str) -> Task:
+    """The problem of "body", "box" or "hidden" in `WAYS`."""
     body, motion = man(folder, lift)
     record = recorded(folder, lift)
-    if way == "newton":
-        left = needed_wrench(body, motion, "pelvis", plate_on_feet(record, motion.time))
-        return Lift(-left.forces[:, 0], record.plate, None)
     sites, held = holding(folder, lift)
     feet = foot_sites(body)
     standing = strengths(body, motion, feet).values
@@ -93,7 +103,8 @@ def found(folder: Path, lift: str, way: str) -> Lift:
     plate = (SharedWrench("plate", tuple(one.name for one in feet), record.plate, moments),)
     if way == "body":
         model, moving = body, motion
-        sites, ready = (*body_sites(body, HANDS), *feet), np.hstack([held, standing])
+        palms = tuple(replace(one, group="hands") for one in body_sites(body, HANDS))
+        sites, ready = (*palms, *feet), np.hstack([held, standing])
     else:
         model, moving = both(folder, lift)
         thing, thing_motion = box(folder, lift)
@@ -103,11 +114,31 @@ def found(folder: Path, lift: str, way: str) -> Lift:
         sites = (*sites, *feet, replace(floor, body="box_body"))
         ready = np.hstack([held, standing, resting])
     ready_at = Series(motion.time, tuple(one.name for one in sites), ready)
-    task = ContactTask(sites, ready_at, () if way == "hidden" else plate)
-    tension = solve_tension(model, moving, inverse_dynamics(model, moving), contacts=task)
+    contacts = ContactTask(sites, ready_at, () if way == "hidden" else plate)
+    return Task(model, moving, inverse_dynamics(model, moving), contacts)
+
+
+@lru_cache(maxsize=16)
+def found(folder: Path, lift: str, way: str) -> Lift:
+    """The hands' force in one of `WAYS`."""
+    if way == "newton":
+        body, motion = man(folder, lift)
+        plate = recorded(folder, lift).plate
+        left = needed_wrench(body, motion, "pelvis", plate_on_feet(recorded(folder, lift), motion.time))
+        return Lift(-left.forces[:, 0], plate, None)
+    asked = task(folder, lift, way)
+    tension = solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
     assert tension.contacts is not None
     forces = tension.contacts.forces
-    return Lift(-forces[:, :2].sum(axis=1), forces[:, 2 : 2 + len(feet)].sum(axis=1), tension)
+    feet = [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]
+    return Lift(-forces[:, :2].sum(axis=1), forces[:, feet].sum(axis=1), tension)
+
+
+def left_open(asked: Task, frames: Sequence[int]) -> ContactIntervals:
+    """What the data leave open of contact forces in some frames."""
+    problem, names = tension_problem(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    over_frames(problem.solve, len(asked.motion), None, problem.window)
+    return contact_intervals(problem, problem.result(names), frames)
 
 
 def _bottom() -> Array:

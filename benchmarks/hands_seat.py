@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.hands_lift_forces import Task
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.held_objects import needed_wrench
 from myomorph.contact.plates import episodes
@@ -113,14 +114,20 @@ def _ready(model: Model, motion: Motion, sites: tuple[Site, ...], height: float 
     return np.array(strengths(model, motion, sites, touches, StrengthOptions(floor=height)).values)
 
 
-@lru_cache(maxsize=2)
-def solved(folder: Path, plates: bool) -> Tension:
-    """Tensions with the seat's force; the feet's is known by plates, or hidden too."""
+def task(folder: Path, plates: bool) -> Task:
+    """The problem of the seat's force; the feet's is known by plates, or hidden too."""
     one = chair(folder)
     sites = (one.seat,) if plates else (one.seat, *one.soles)
     ready = Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
     torques = inverse_dynamics(one.model, one.motion, one.feet if plates else None)
-    return solve_tension(one.model, one.motion, torques, contacts=ContactTask(sites, ready))
+    return Task(one.model, one.motion, torques, ContactTask(sites, ready))
+
+
+@lru_cache(maxsize=2)
+def solved(folder: Path, plates: bool) -> Tension:
+    """Tensions with the seat's force."""
+    asked = task(folder, plates)
+    return solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
 
 
 @dataclass(frozen=True)
