@@ -99,14 +99,16 @@ def test_a_hold_lasts_from_arriving_to_leaving():
     assert touch.stop == pytest.approx(1.5 + options.far, abs=1.5 * STEP)
 
 
-def test_a_second_hand_that_passes_by_does_not_hold():
+def test_a_glitch_neither_ends_nor_begins_a_hold():
+    """Two frames in which the hand seems away while it holds, and two in which it seems there while it does not."""
     model, motion = reaching()
-    aside = Site("aside", "arm_palm", np.array([[0.0, 0.5, 0.0]]), against="thing_box")
+    site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
     values = np.array(motion.values)
-    values[::2, 0] += 0.3
-    shaking = replace(motion, values=values)
-    held = find_holds(model, shaking, (aside,)).touches
-    assert all(touch.stop - touch.start <= STEP for touch in held)
+    values[100:102, 0] += 0.3
+    values[10:12, 1] = values[11, 7] + 0.1
+    seen = replace(motion, values=values)
+    assert len(find_holds(model, seen, (site,)).touches) == 1
+    assert len(find_holds(model, seen, (site,), HoldOptions(shortest=0.0)).touches) == 3
 
 
 def test_an_object_that_rests_tells_no_hold():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.plates import episodes
-from myomorph.contact.states import KINEMATICS, hysteresis
+from myomorph.contact.states import KINEMATICS, hysteresis, steady
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Model
@@ -28,17 +28,19 @@ class HoldOptions:
     moving : the object moves where the held place is faster than that [m/s]
     near, far : a hold begins where the site comes so near to the place at which it holds the moving object,
         and ends where it leaves that far from it [m]
+    shortest : holds and gaps that last less are taken for noise [s]
     """
 
     moving: float = 0.1
     near: float = 0.03
     far: float = 0.05
+    shortest: float = 0.03
 
     def __post_init__(self) -> None:
-        if not (self.moving > 0.0 and 0.0 < self.near <= self.far):
+        if not (self.moving > 0.0 and 0.0 < self.near <= self.far and self.shortest >= 0.0):
             raise BadData(
-                f"holding: moving {self.moving:g} m/s, near {self.near:g} m, far {self.far:g} m: expected above 0, "
-                "and far not below near"
+                f"holding: moving {self.moving:g} m/s, near {self.near:g} m, far {self.far:g} m, shortest "
+                f"{self.shortest:g} s: expected above 0, and far not below near"
             )
 
 
@@ -81,9 +83,10 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
                 "told from motion; name the times in a table of contacts"
             )
         apart = np.linalg.norm(place - np.median(place[moving], axis=0), axis=1)
+        held = steady(hysteresis(apart <= options.near, apart > options.far), motion.time, options.shortest)
         touches += [
             Touch(site.name, float(motion.time[first]), float(motion.time[stop - 1]), site.against, source=KINEMATICS)
-            for first, stop in episodes(hysteresis(apart <= options.near, apart > options.far))
+            for first, stop in episodes(held)
         ]
     return Contacts(tuple(site.name for site in sites), tuple(touches))
 
