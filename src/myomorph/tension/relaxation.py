@@ -78,7 +78,8 @@ def relaxations(
 ) -> tuple[Relaxation, ...]:
     """Frames whose contacts cannot carry the motion, and the smallest relaxation of each.
 
-    Frames that lack input are left out; a model that does not float has none.
+    Frames that lack input are left out, and those in which residuals are large though contacts could do without them;
+    a model that does not float has none.
 
     Parameters
     ----------
@@ -103,15 +104,21 @@ def relaxations(
     found = []
     for frame in marked.tolist():
         allowed = smallest_relaxation(roots, frame, limits)
+        if not allowed:
+            # The contacts could carry it, at more effort than the residuals that were taken instead.
+            continue
         force, moment = left[frame].sum(axis=0)
         sites = problem.contacts.columns.sites
         touching = tuple(one.name for k, one in enumerate(sites) if problem.contacts.strengths[frame, k] > 0.0)
         named = tuple(one for one in allowed if one.size > options.named * roots.weight) or allowed[:1]
         time = float(tension.time[frame])
         lacking = what_lacks(touching, force, moment, roots.up)
-        would = what_would_do(named) if named else "contact forces of other effort would do"
         size = sum(one.size for one in allowed) / roots.weight
-        found.append(Relaxation(frame, time, force, moment, touching, named, size, f"{time:.2f} s: {lacking}: {would}"))
+        found.append(
+            Relaxation(
+                frame, time, force, moment, touching, named, size, f"{time:.2f} s: {lacking}: {what_would_do(named)}"
+            )
+        )
     return tuple(found)
 
 

@@ -20,7 +20,11 @@ from myomorph.tension.simplex import extremes
 from myomorph.tension.tension import Tension
 
 COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
-"""Cost of one newton, of a residual's newton meter too; of a contact besides its height over the center of mass's."""
+"""Cost of one newton, of a residual's newton meter too."""
+
+NEAR = 0.1
+"""A contact costs twice as much where its site is by this share of the center of mass' height farther from where it
+touches than the nearest site is, and more with the square of that."""
 
 STILL = np.zeros(3)
 
@@ -36,8 +40,9 @@ class Roots:
     residuals : (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
     edges : (frames, rows, edges) of unit forces at the edges of the sites' cones
     axes : (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
-    heights : (frames, sites) of the middles above the floor [m]; the floor is where touching sites are in the median
-    center : height of the center of mass above the floor, the median [m]
+    heights : (frames, sites) of the middles above where the sites of their group touch, in the median; above where any
+        do for a group that never touches [m]
+    center : height of the center of mass above the lowest of these places, the median [m]
     z : (frames, edges) forces found [N]
     left : (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
     """
@@ -73,10 +78,10 @@ class Roots:
         self.axes = self._dense(between)
         _, places, _, _ = between.evaluate(c)
         heights = places @ self.up
-        touching = self.contacts.strengths > 0.0
-        floor = float(np.median(heights[touching] if touching.any() else np.nanmin(heights, axis=1)))
-        self.heights = np.maximum(heights - floor, 0.0)
-        self.center = max(float(np.nanmedian(center_of_mass(tree, self.poses) @ self.up - floor)), 1e-3)
+        levels = _levels(heights, self.contacts)
+        self.heights = np.maximum(heights - levels, 0.0)
+        center = np.nanmedian(center_of_mass(tree, self.poses) @ self.up) - float(levels.min())
+        self.center = max(float(center), 1e-3)
         self.z = np.nan_to_num(self.problem.amplitudes * self.contacts.amounts)
         # What muscles and reserves give together is, at a root, what contacts and residuals do.
         names = tree.model.coordinate_names
@@ -112,6 +117,19 @@ class Roots:
             mine = coordinate == j
             found[:, i, owner[mine]] = entries[:, mine]
         return found
+
+
+def _levels(heights: Array, contacts: ContactTerms) -> Array:
+    """Height (sites,) at which each site's group touches."""
+    groups = np.array([one.group for one in contacts.columns.sites])
+    touching = contacts.strengths > 0.0
+    every = float(np.median(heights[touching] if touching.any() else np.nanmin(heights, axis=1)))
+    levels = np.full(len(groups), every)
+    for group in set(groups.tolist()):
+        mine = groups == group
+        if touching[:, mine].any():
+            levels[mine] = np.median(heights[:, mine][touching[:, mine]])
+    return levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +208,9 @@ def _edges(roots: Roots, frame: int) -> list[_Column]:
     for e in range(len(columns)):
         k = int(columns.site[e])
         touches = bool(roots.contacts.strengths[frame, k] > 0.0)
-        price = COSTS["contact"] + float(roots.heights[frame, k]) / roots.center
-        price = 0.0 if touches else price * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
+        farther = float(roots.heights[frame, k] - roots.heights[frame].min()) / (NEAR * roots.center)
+        price = COSTS["contact"] * (1.0 + farther**2) * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
+        price = 0.0 if touches else price
         ways = (1.0, -1.0) if columns.lower[e] < 0.0 else (1.0,)
         for sign in ways:
             at = max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0
@@ -235,31 +254,32 @@ def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:
 
 
 def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> tuple[Allowance, ...]:
-    """What of a solution goes beyond what is allowed anyway, added up by kind and place."""
+    """What of a solution goes beyond what is allowed anyway, added up by kind and group of sites."""
     sites, owner = roots.contacts.columns.sites, roots.contacts.columns.site
-    sums, forces = np.zeros((len(sites), 3)), dict[tuple[Kind, int], Array]()
     residual = np.zeros((len(roots.bodies), 2, 3))
+    beyond, carried = dict[tuple[Kind, str], Array](), {site.group: STILL for site in sites}
+    heights = dict[str, float]()
     for one, amount in zip(columns, x, strict=True):
-        place = int(owner[one.place]) if one.kind == "contact" else one.place
         if one.kind == "residual":
-            residual.reshape(-1, 3)[place // 3] += 0.0 if one.given else amount * one.push
+            residual.reshape(-1, 3)[one.place // 3] += 0.0 if one.given else amount * one.push
             continue
-        sums[place] += amount * one.push
-        if not one.given:
+        k = int(owner[one.place]) if one.kind == "contact" else one.place
+        group = sites[k].group
+        carried[group] = carried[group] + amount * one.push
+        if not one.given and amount > 1e-9 * roots.weight:
             push = amount * (np.array([1.0, 0.0, 0.0]) if one.kind == "most" else one.push)
-            forces[one.kind, place] = forces.get((one.kind, place), STILL) + push
+            beyond[one.kind, group] = beyond.get((one.kind, group), STILL) + push
+            heights[group] = min(float(roots.heights[frame, k]), heights.get(group, np.inf))
     found = []
-    for (kind, k), force in forces.items():
-        needed = 0.0
-        if kind == "contact":
-            needed = float(roots.heights[frame, k])
-        elif kind == "friction":
-            direction = roots.direction(frame, k)
-            along = float(sums[k] @ direction)
-            across = float(np.linalg.norm(sums[k] - along * direction))
+    for (kind, group), force in beyond.items():
+        needed = heights[group] if kind == "contact" else 0.0
+        if kind == "friction":
+            direction = roots.direction(frame, next(k for k, site in enumerate(sites) if site.group == group))
+            along = float(carried[group] @ direction)
+            across = float(np.linalg.norm(carried[group] - along * direction))
             needed = across / along if along > 1e-6 * roots.weight else np.inf
-        found.append(Allowance(kind, sites[k].name, float(np.linalg.norm(force)), 0.0, needed))
+        found.append(Allowance(kind, group, float(np.linalg.norm(force)), 0.0, needed))
     for body, (force, moment) in zip(roots.bodies, residual, strict=True):
         found.append(Allowance("residual", body, float(np.linalg.norm(force)), float(np.linalg.norm(moment))))
-    kept = [one for one in found if one.size > 1e-9 * roots.weight]
+    kept = [one for one in found if one.size > 1e-6 * roots.weight]
     return tuple(sorted(kept, key=lambda one: -one.size))

@@ -19,12 +19,13 @@ class Allowance:
 
     Attributes
     ----------
-    kind : "contact": a site that does not touch; "friction": more than the cone's; "most": more than the site's
-        greatest force; "pull": force the other way; "residual": a force or moment from nowhere
-    where : the site, or the body that floats
+    kind : "contact": sites that do not touch; "friction": more than the cones'; "most": more than the sites' greatest
+        force; "pull": force the other way; "residual": a force or moment from nowhere
+    where : the group of the sites, or the body that floats
     force : its size, of a "friction" across the cone beyond what was allowed [N], 0 for a moment alone
     moment : of a residual [N m]
-    needed : of a "friction" the coefficient that would do, of a "contact" the height above the floor [m]
+    needed : of a "friction" the coefficient that would do, of a "contact" how far the nearest of its sites is above
+        where they touch at other times [m]
     """
 
     kind: Kind
@@ -62,7 +63,7 @@ def what_would_do(allowances: Sequence[Allowance]) -> str:
 
 def _words(one: Allowance) -> str:
     if one.kind == "contact":
-        return f"contact of '{one.where}' ({1000.0 * one.needed:.0f} mm above the floor)"
+        return f"contact of '{one.where}' ({1000.0 * one.needed:.0f} mm above its support)"
     if one.kind == "friction" and np.isfinite(one.needed):
         return f"friction of {one.needed:.2f} at '{one.where}'"
     if one.kind == "friction":
