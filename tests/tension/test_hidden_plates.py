@@ -1,0 +1,71 @@
+"""Ground forces of a walk that plates measured, hidden from the problem and found again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.contact.site_motion import rest_on_floor
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import ContactStateOptions, find_contacts
+from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.io.loads import read_external_loads
+from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.series import Motion
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.solve import solve_tension
+
+WALK = "rajagopal-walk-emg"
+
+
+@pytest.fixture(scope="module")
+def walk(data):
+    model = read_model(data(f"{WALK}/subject_walk_scaled.osim"))
+    whole = motion_from_table(read_sto(data(f"{WALK}/coordinates.sto")), model)
+    motion = differentiate(Motion(whole.time[::10], whole.names, whole.values[::10]), 6.0)
+    sites, floor = rest_on_floor(model, motion, foot_sites(model), 0.0)
+    contacts = find_contacts(model, motion, sites, ContactStateOptions(floor=floor.height))
+    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=floor.height))
+    # The plates caught every step from 0.6 s on.
+    part = cut(motion, 0.6, 1.7)
+    ready = cut(ready, 0.6, 1.7)
+    wrenches = resample_wrenches(read_external_loads(data(f"{WALK}/grf_walk.xml")), part.time, 6.0)
+    return model, part, sites, ready, wrenches
+
+
+@pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])
+def test_hidden_forces_of_a_walk_are_found(walk, formulation):
+    """Vertical force within 8 % and fore-aft force within 15 % of their ranges, for each foot, with defaults."""
+    model, motion, sites, ready, wrenches = walk
+    task = ContactTask(sites, ready, (), ContactOptions(formulation=formulation), leans(model, motion, sites))
+    tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
+    assert tension.contacts is not None
+    assert tension.optimal.all()
+    for foot, group in enumerate(("foot_r", "foot_l")):
+        mine = [k for k, one in enumerate(sites) if one.group == group]
+        found = tension.contacts.forces[:, mine].sum(axis=1)
+        error = np.sqrt(np.mean((found - wrenches.forces[:, foot]) ** 2, axis=0))
+        spread = np.ptp(wrenches.forces[:, foot], axis=0)
+        assert error[1] < 0.08 * spread[1]
+        assert error[0] < 0.15 * spread[0]
+
+
+def test_leaning_matters_where_physics_does_not_tell(walk):
+    """Without it the sequential formulation shares fore-aft forces of double support evenly, which feet do not."""
+    model, motion, sites, ready, wrenches = walk
+    errors = []
+    for way in (None, leans(model, motion, sites)):
+        task = ContactTask(sites, ready, (), ContactOptions(formulation="sequential"), way)
+        tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
+        assert tension.contacts is not None
+        right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
+        found = tension.contacts.forces[:, right].sum(axis=1)
+        errors.append(np.sqrt(np.mean((found - wrenches.forces[:, 0])[:, 0] ** 2)))
+        # What leans is only preferred: no force leaves its friction pyramid.
+        across = np.linalg.norm(tension.contacts.forces[..., [0, 2]], axis=2)
+        assert (across <= 0.8 * tension.contacts.forces[..., 1] + 1e-6).all()
+    assert errors[1] < 0.7 * errors[0]
