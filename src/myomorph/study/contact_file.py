@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from pydantic import Field
 
+from myomorph.contact.sites import body_sites
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName
 from myomorph.model.model import GROUND, Model
@@ -37,6 +38,7 @@ class ContactPlan:
     feet : whether the soles of the model's feet are sites
     sites : beside the soles
     when : of each of `sites` what tells when it touches: "always", the "motion", or the touches "told"
+    surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
     told : touches that a file tells of; of the soles too where it names them
     sound : strokes that microphones recorded, whose forces are known by their loudness or motion
     measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
@@ -46,6 +48,7 @@ class ContactPlan:
     feet: bool = True
     sites: tuple[Site, ...] = ()
     when: Mapping[str, When] = field(default_factory=lambda: MappingProxyType({}))
+    surfaces: Mapping[str, float | None] = field(default_factory=lambda: MappingProxyType({}))
     told: Contacts | None = None
     sound: SoundPlan | None = None
     measured: Measured = "exact"
@@ -70,6 +73,7 @@ class _Site(Strict):
     edges: int = 6
     most: float = float("inf")
     touching: When | list[tuple[float, float]] = "motion"
+    rests: Literal["floor", "lowest"] | float = "floor"
 
 
 class _File(Strict):
@@ -78,6 +82,7 @@ class _File(Strict):
     touches: str | None = None
     camera: _Camera = Field(default_factory=_Camera)
     site: list[_Site] = Field(default_factory=list)
+    sites: list[str] = Field(default_factory=list)
     sound: SoundTable | None = None
     instrument: list[InstrumentTable] = Field(default_factory=list)
 
@@ -114,6 +119,10 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
             sites.append(_site(one, model))
         except MyomorphError as error:
             problems.append(f"site '{one.name}': {error}")
+    try:
+        sites += () if found is None else body_sites(model, found.sites)
+    except MyomorphError as error:
+        problems.append(f"sites: {error}")
     refuse(path, problems)
     assert found is not None
     told = _all_told(found.site, None if table is None else _touches(table, found.camera))
@@ -121,6 +130,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         found.feet,
         tuple(sites),
         MappingProxyType({one.name: _when(one) for one in found.site}),
+        MappingProxyType(_surfaces(found)),
         told,
         sound,
         measured or found.measured,
@@ -157,6 +167,15 @@ def _site(given: _Site, model: Model) -> Site:
         direction = np.array(given.direction)
     cone = Cone(direction, given.frame, given.friction, given.torsion, given.grip, given.edges, given.most)
     return Site(given.name, given.body, np.array(given.points), cone, given.against, given.group)
+
+
+def _surfaces(found: _File) -> dict[str, float | None]:
+    """Heights of surfaces other than the floor; sites found by name, as the seat, rest on one of their own."""
+    raised: dict[str, float | None] = dict.fromkeys(found.sites)
+    for one in found.site:
+        if one.rests != "floor":
+            raised[one.name] = None if isinstance(one.rests, str) else one.rests
+    return raised
 
 
 def _when(given: _Site) -> When:

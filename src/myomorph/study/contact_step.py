@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.contact.raised import raised_contacts
 from myomorph.contact.shared import shared_wrenches
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
@@ -14,7 +15,7 @@ from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.study.contact_file import ContactPlan
@@ -61,16 +62,19 @@ def set_contacts(
         where there is no site, or touches are told of a site that does not exist
     """
     feet = _soles(plan, model)
-    feet, floor = rest_on_floor(model, motion, feet, plate_height(model, measured)) if feet else (feet, None)
+    seen = None if plan.measured == "hidden" else measured
+    feet, floor = rest_on_floor(model, motion, feet, plate_height(model, seen)) if feet else (feet, None)
     sites = (*feet, *plan.sites)
     if not sites:
         raise BadData(f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}")
     heard = None if plan.sound is None else heard_contacts(plan.sound, model, motion, sites)
-    seen = None if plan.measured == "hidden" else measured
     height = None if floor is None else floor.height
     told = [one for one in (plan.told, None if heard is None else heard.contacts) if one is not None]
+    raised = _raised(plan, told, model, motion, feet)
+    told += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
+    ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
     if plan.measured == "exact" and measured is not None:
         ready = _unmeasured(ready, sites, measured)
     shared: tuple[SharedWrench, ...] = ()
@@ -80,7 +84,8 @@ def set_contacts(
         shared = shared_wrenches(model, motion, sites, contacts, measured)
     exact = measured if plan.measured == "exact" else None
     if heard is not None:
-        ready = _silenced(ready, heard.sites)
+        # Their forces are known already.
+        ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.blows if exact is None else _beside(exact, heard.blows)
     return ContactSetting(
         ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings
@@ -121,10 +126,23 @@ def _all_contacts(
     return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
 
 
-def _silenced(ready: Series, names: Sequence[str]) -> Series:
-    """The strengths without those of sites whose forces are known already."""
+def _raised(
+    plan: ContactPlan, told: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
+) -> dict[str, tuple[Contacts, Array]]:
+    """Touches and strengths (frames,) of sites that rest on something else than the floor, as the motion tells."""
+    known = {name for one in told for name in one.sites}
+    return {
+        one.name: raised_contacts(model, motion, one, soles, plan.surfaces[one.name])
+        for one in plan.sites
+        if one.name in plan.surfaces and one.against == GROUND and one.name not in known
+    }
+
+
+def _with(ready: Series, columns: Mapping[str, Array | float]) -> Series:
+    """The strengths with other columns of some sites."""
     values = np.array(ready.values)
-    values[:, [ready.names.index(one) for one in names]] = 0.0
+    for name, column in columns.items():
+        values[:, ready.names.index(name)] = column
     return replace(ready, values=values)
 
 
