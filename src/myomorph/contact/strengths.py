@@ -24,7 +24,7 @@ PIVOT = 0.3
 class StrengthOptions:
     """Where readiness fades. Lengths count from the height of the center of mass, speeds from sqrt(g height).
 
-    The defaults are the limits of 40 mm and 0.8 m/s that AnyBody's prediction of ground forces has, for an adult.
+    The defaults are, for an adult, the 40 mm and 0.8 m/s that AnyBody's template for ground forces documents.
 
     Attributes
     ----------
@@ -55,8 +55,9 @@ def strengths(
 
     fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0,
 
-    of the height z of a site's lowest point over the floor and its speed v against it (Fluit et al. 2014), times how
-    sure it is that it touches. A site on anything but the ground is as ready as it is sure to touch.
+    of the height z of a site's lowest point over the floor and its speed v against it, times how sure it is that it
+    touches: a strength that fades with height and speed, in the manner of Fluit et al. (2014) and Skals et al. (2017);
+    the curve is ours. A site on anything but the ground is as ready as it is sure to touch.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.contact.raised import raised_contacts
-from myomorph.contact.shared import shared_wrenches
+from myomorph.contact.shared import shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
@@ -76,7 +76,7 @@ def set_contacts(
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
     if plan.measured == "exact" and measured is not None:
-        ready = _unmeasured(ready, sites, measured)
+        ready = without_measured(model, ready, sites, measured)
     shared: tuple[SharedWrench, ...] = ()
     if plan.measured == "shared" and any(len(one.forces) for one in plates):
         shared = shared_wrenches(model, motion, sites, contacts, plates, plate_time)
@@ -153,17 +153,6 @@ def _beside(first: Wrenches, second: Wrenches) -> Wrenches:
         for name in ("forces", "points", "torques")
     ]
     return Wrenches(first.time, (*first.names, *second.names), (*first.bodies, *second.bodies), *vectors)
-
-
-def _unmeasured(ready: Series, sites: tuple[Site, ...], measured: Wrenches) -> Series:
-    """The strengths without the frames in which a plate carries the site's group."""
-    values = np.array(ready.values)
-    bodies = {one.group: {site.body for site in sites if site.group == one.group} for one in sites}
-    loaded = (measured.forces != 0.0).any(axis=2)
-    for k, site in enumerate(sites):
-        columns = [i for i, body in enumerate(measured.bodies) if body in bodies[site.group]]
-        values[loaded[:, columns].any(axis=1), k] = 0.0
-    return replace(ready, values=values)
 
 
 def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
