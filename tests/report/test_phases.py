@@ -127,3 +127,13 @@ def test_contacts_are_where_they_were_put(parts: list[tuple[float, float]]) -> N
 )
 def test_sides_of_wrenches(name: str, body: str, side: str) -> None:
     assert side_of(name, body) == side
+
+
+def test_feet_of_one_who_sits_and_rises_make_no_jump() -> None:
+    """The chair carries the weight first, and the plates are empty for a moment: that is no flight."""
+    time = np.arange(0.0, 4.0, 0.01)
+    force = np.where(time < 1.0, 95.0, np.where(time < 1.4, 0.0, 700.0))
+    forces = np.zeros((len(time), 1, 3))
+    forces[:, 0, 1] = force
+    wrenches = Wrenches(time, ("plate",), ("",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    assert find_movement(wrenches, UP, 700.0).kind != "jump"

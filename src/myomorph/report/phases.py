@@ -16,6 +16,10 @@ from myomorph.model.spatial import Array
 _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
 
 
+STANDING = 0.2
+"""How far the force of one who stands may be from a known weight, as a share of it."""
+
+
 @dataclass(frozen=True)
 class PhaseOptions:
     """What counts as contact, flight and standing still.
@@ -106,7 +110,7 @@ def find_movement(
     com = None
     if height is not None:
         com = np.interp(wrenches.time, height.time, height.values @ up, left=np.nan, right=np.nan)
-    jump = _jump(wrenches.time, total, scale, com, options)
+    jump = _jump(wrenches.time, total, scale, com, options, weight is not None)
     if jump:
         return jump
     sides = [side_of(name, body) for name, body in zip(wrenches.names, wrenches.bodies, strict=True)]
@@ -167,13 +171,15 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float, opt
     return Movement(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
 
 
-def _jump(time: Array, total: Array, weight: float, com: Array | None, options: PhaseOptions) -> Movement | None:
+def _jump(
+    time: Array, total: Array, weight: float, com: Array | None, options: PhaseOptions, weighed: bool
+) -> Movement | None:
     """Phases of the first jump that starts from standing, None where there is none."""
     grounded = contacts(time, total, options.threshold * weight, options.shortest_contact)
     for (start, off), (land, last) in itertools.pairwise(grounded):
         if time[land] - time[off] < options.shortest_flight:
             continue
-        quiet = _quiet(time, total, start, off, weight, options)
+        quiet = _quiet(time, total, start, off, weight, options, weighed)
         if quiet is None:
             continue
         onset, standing = quiet
@@ -183,9 +189,12 @@ def _jump(time: Array, total: Array, weight: float, com: Array | None, options: 
 
 
 def _quiet(
-    time: Array, total: Array, start: int, off: int, weight: float, options: PhaseOptions
+    time: Array, total: Array, start: int, off: int, weight: float, options: PhaseOptions, weighed: bool
 ) -> tuple[int, float] | None:
-    """Sample of the movement's onset and the weight that stood there [N], before a take-off."""
+    """Sample of the movement's onset and the weight that stood there [N], before a take-off.
+
+    Where the body's weight is known, who stands carries it: feet of one who sits do not.
+    """
     step = float(np.median(np.diff(time)))
     width = max(3, round(options.quiet_time / step))
     part = total[start : off + 1]
@@ -195,7 +204,8 @@ def _quiet(
     squares = np.concatenate([[0.0], np.cumsum((part - weight) ** 2)])
     mean = (sums[width:] - sums[:-width]) / width
     spread = np.sqrt(np.maximum((squares[width:] - squares[:-width]) / width - (mean - weight) ** 2, 0.0))
-    still = np.flatnonzero(spread < options.quiet_spread * mean)
+    stands = np.abs(mean - weight) < STANDING * weight if weighed else np.ones(len(mean), np.bool_)
+    still = np.flatnonzero(stands & (spread < options.quiet_spread * mean))
     if not len(still):
         return None
     window = slice(int(still[-1]), int(still[-1]) + width)
