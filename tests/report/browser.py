@@ -113,12 +113,15 @@ class Browser:
         return told["result"].get("value")
 
     def until(self, script: str, seconds: float = 30.0) -> Any:
-        """Wait until an expression is true, and return its value."""
-        return wait(lambda: self.run(script), seconds, script)
+        """Wait until an expression is true, and return its value; while the page loads it may fail."""
+        guarded = f"(() => {{ try {{ return ({script}); }} catch (error) {{ return false; }} }})()"
+        return wait(lambda: self.run(guarded), seconds, script)
 
     def press(self, key: str) -> None:
         """Press a key by its name, as "ArrowRight" or "Enter"."""
-        code = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Enter": 13, "End": 35, "Home": 36}[key]
+        code = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Enter": 13, "End": 35, "Home": 36, "Backspace": 8}[
+            key
+        ]
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
 

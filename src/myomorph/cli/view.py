@@ -26,10 +26,10 @@ def view_command(
 
     replay = open_replay(folders, port)
     address = f"http://127.0.0.1:{replay.port}"
-    said(f"{address} (for this machine only; Ctrl-C ends)")
-    if browser:
-        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
     try:
+        said(f"{address} (for this machine only; Ctrl-C ends)")
+        if browser:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         replay.wait()
     except KeyboardInterrupt:
         pass

@@ -17,6 +17,9 @@ from myomorph.report.web_page import add_floor, add_lights, open_server, quiet, 
 FRAMES = 30.0
 """Frames a second that the page is sent [Hz]."""
 
+GOES_AWAY = 0.4
+"""Way over the floor from which on the view follows, in sizes of the body."""
+
 NEAR = 0.82
 """Distance of the camera in sizes of the body."""
 
@@ -37,6 +40,10 @@ class Replay:
     choices : of each body, its recordings; the first of each is shown first
     port : of the page; any free one where not given
 
+    Attributes
+    ----------
+    lock : what changes the page holds it, for the clock and every control run in threads of their own
+
     Raises
     ------
     MyomorphError : a recording cannot be opened or has no motion, `viser` is not installed, or the port is taken
@@ -45,7 +52,7 @@ class Replay:
     def __init__(self, choices: Choices, port: int | None = None):
         self.choices = choices
         self.chosen = [next(iter(one)) for one in choices]
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
         self._stopped = threading.Event()
         self.bodies = [PlayedBody(one[name]()) for one, name in zip(choices, self.chosen, strict=True)]
         self._server = open_server(port, "Myomorph")
@@ -53,7 +60,12 @@ class Replay:
         self.playing, self.speed, self.loop, self.follows = False, 1.0, True, False
         self.now = 0.0
         self.drawn = 0
-        self._build()
+        try:
+            self._build()
+        except BaseException:
+            with quiet():
+                self._server.stop()
+            raise
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
         self._thread.start()
 
@@ -65,7 +77,7 @@ class Replay:
     def choose(self, number: int, name: str) -> None:
         """Show another recording of a body."""
         opened = PlayedBody(self.choices[number][name]())
-        with self._lock:
+        with self.lock:
             self.chosen[number], self.bodies[number] = name, opened
             self.playing = False
             self._server.scene.reset()
@@ -74,20 +86,20 @@ class Replay:
 
     def seek(self, now: float) -> None:
         """Go to a time of the page's clock [s]."""
-        with self._lock:
+        with self.lock:
             self.now = float(np.clip(now, *self._span))
             self._draw(slow=True)
 
     def play(self, playing: bool) -> None:
         """Play on, or pause; at the end it begins again."""
-        with self._lock:
+        with self.lock:
             if playing and self.now >= self._span[1] - 1e-9:
                 self.now = self._span[0]
             self.playing = playing
 
     def redraw(self) -> None:
         """Draw everything as it is now, though no frame has passed."""
-        with self._lock:
+        with self.lock:
             self._frames = [-1] * len(self.bodies)
             self._draw(slow=True)
 
@@ -97,7 +109,7 @@ class Replay:
 
     def toggle(self, layer: str, visible: bool) -> None:
         """Show a layer of all bodies, or hide it."""
-        with self._lock:
+        with self.lock:
             if layer == "floor":
                 self.floor.visible = visible
             for shown in self.shown:
@@ -110,13 +122,18 @@ class Replay:
         self.redraw()
 
     def look_from(self, ahead: float, right: float, up: float) -> None:
-        """Turn every browser's camera to the first body, from a direction in its own axes."""
-        scene = self.bodies[0].scene
-        middle = self._middle()
-        place = view_from(scene, middle, ahead * scene.forward + right * scene.right + up * scene.up, NEAR)
+        """Turn every browser's camera to the bodies, from a direction in the first one's own axes."""
+        with self.lock:
+            place, middle = self._camera(ahead, right, up)
         for client in self._server.get_clients().values():
             client.camera.position, client.camera.look_at = place, middle
-            client.camera.up_direction = scene.up
+            client.camera.up_direction = self.bodies[0].scene.up
+
+    def part(self, distance: float) -> None:
+        """Move every body to the right of the one before it, by a distance beyond where it was [m]."""
+        with self.lock:
+            for i, shown in enumerate(self.shown):
+                shown.node.position = i * distance * self.bodies[0].scene.right
 
     def close(self) -> None:
         """Take the page down."""
@@ -144,23 +161,25 @@ class Replay:
         self.shown = [ShownBody(page, f"/around/body{i}", one, i) for i, one in enumerate(self.bodies)]
         self._frames = [-1] * len(self.bodies)
         self._start = np.array(self.bodies[0].at(self._frame(0)).origins[1])
-        travelled = np.ptp(self.bodies[0].centers, axis=0) if np.isfinite(self.bodies[0].centers).all() else np.zeros(3)
-        self.follows = bool(np.linalg.norm(travelled - (travelled @ scene.up) * scene.up) > 0.4 * scene.size)
+        self.follows = self.bodies[0].travelled > GOES_AWAY * scene.size
         camera = self._server.initial_camera
-        middle = self._middle()
-        camera.position = tuple(
-            view_from(scene, middle, 0.75 * scene.forward + 0.7 * scene.right + 0.16 * scene.up, NEAR)
-        )
-        camera.look_at = tuple(middle)
+        place, middle = self._camera(0.75, 0.7, 0.16)
+        camera.position, camera.look_at = tuple(place), tuple(middle)
         self.panel = Panel(self, self._server)
         self._draw(slow=True)
 
-    def _middle(self) -> np.ndarray:
-        """The middle of the first body where the page has it."""
+    def _camera(self, ahead: float, right: float, up: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where a camera sees all bodies from a direction, and the middle that it looks at, where the page has them."""
         scene = self.bodies[0].scene
-        place = self.bodies[0].at(max(self._frames[0], 0)).origins[1] + np.asarray(self.around.position)
+        roots = [
+            one.at(self._frame(i)).origins[1] + self.around.position + shown.node.position
+            for i, (one, shown) in enumerate(zip(self.bodies, self.shown, strict=True))
+        ]
+        place = np.mean(roots, axis=0)
         middle: np.ndarray = place + (0.5 * (scene.floor + scene.high) - place @ scene.up) * scene.up
-        return middle
+        spread = float(np.linalg.norm(np.ptp(roots, axis=0))) / scene.size
+        direction = ahead * scene.forward + right * scene.right + up * scene.up
+        return view_from(scene, middle, direction, NEAR * (1.0 + 0.7 * spread)), middle
 
     def _frame(self, number: int) -> int:
         return self.bodies[number].frame_at(self.own_time(number))
@@ -173,7 +192,7 @@ class Replay:
             if not self.playing:
                 continue
             count += 1
-            with self._lock:
+            with self.lock:
                 self._advance(passed * self.speed, slow=count % SLOW == 0)
 
     def _advance(self, seconds: float, slow: bool) -> None:

@@ -104,9 +104,9 @@ class PlayedBody:
         if not self.known.any():
             raise BadData(f"{given.title}: no frame of the motion has a value for every coordinate")
         shown = np.flatnonzero(self.known)
-        some = np.unique(shown[np.linspace(0, len(shown) - 1, FRAMES_LOOKED_AT).astype(int)])
+        self._some = np.unique(shown[np.linspace(0, len(shown) - 1, FRAMES_LOOKED_AT).astype(int)])
         self.scene: Scene = make_scene(
-            replace(model, muscles=()), motion, some.tolist(), given.surfaces, wrenches=given.wrenches
+            replace(model, muscles=()), motion, self._some.tolist(), given.surfaces, wrenches=given.wrenches
         )
         self._paths = compile_paths(model)
         self._muscles = _Muscles(model, given, motion.time)
@@ -141,6 +141,13 @@ class PlayedBody:
     def tensions(self) -> Array:
         """(frames, muscles) [N], NaN where unknown."""
         return self._muscles.tensions
+
+    @property
+    def travelled(self) -> float:
+        """How far the root gets from where it begins, over the floor [m]."""
+        roots = forward_kinematics(self._tree, self._coordinates[self._some]).origins[:, 1]
+        way = roots - roots[0]
+        return float(np.linalg.norm(way - np.outer(way @ self.scene.up, self.scene.up), axis=1).max())
 
     def frame_at(self, time: float) -> int:
         """The frame nearest to a time [s]."""

@@ -80,7 +80,8 @@ class Panel:
 
         def changed(event: Any) -> None:
             if event.client is not None:
-                told(event.target.value)
+                with self._replay.lock:
+                    told(event.target.value)
 
         control.on_update(changed)
 
@@ -132,6 +133,9 @@ class Panel:
             views.on_click(self._look)
             follow = gui.add_checkbox("Follow the body", replay.follows)
             self._on(follow, replay.follow)
+            if len(replay.bodies) > 1:
+                apart = gui.add_slider("Apart [m]", 0.0, 3.0, 0.1, 0.0, hint="Bodies side by side")
+                self._on(apart, replay.part)
             picture = gui.add_button("Save a picture", icon="camera")
             picture.on_click(self._save_picture)
 

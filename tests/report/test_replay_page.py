@@ -1,0 +1,235 @@
+"""The page in a real browser: it opens, its slider moves the pose, a muscle is found, and nothing goes wrong."""
+
+from __future__ import annotations
+
+import socket
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser import Browser, browser_program, wait
+from walker import everything
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Marker
+from myomorph.model.series import ForcePlate, Markers
+from myomorph.report.given import ReportInput
+from myomorph.report.replay import Replay
+
+pytest.importorskip("viser")
+
+WIDTH, HEIGHT = 1200, 640
+LEFT, RIGHT = 415, 855
+"""Columns of pixels between the panels."""
+
+
+def walker() -> ReportInput:
+    """The walker with a marker on a thigh, as recorded a little off, and a plate."""
+    given = everything()
+    assert given.model is not None
+    assert given.fit is not None
+    time = given.fit.motion.time
+    recorded = Markers(time, ("thigh",), np.stack([1.2 * time, np.full_like(time, 0.8), 0 * time], axis=1)[:, None])
+    none = np.zeros((0, 3))
+    square = np.array([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.6, 0.0, 0.4], [0.0, 0.0, 0.4]])
+    plate = ForcePlate("plate", 2, square, none, none, none)
+    model = replace(given.model, markers=(Marker("thigh", "femur_r", np.array([0.05, -0.1, 0.0])),))
+    return replace(given, model=model, markers=recorded, plates=(plate,))
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Replay]:
+    replay = Replay([{"first": walker, "second": lambda: replace(walker(), title="another walk")}])
+    yield replay
+    replay.close()
+
+
+@pytest.fixture(scope="module")
+def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    program = browser_program()
+    if program is None:
+        pytest.skip("needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one")
+    with Browser(program, tmp_path_factory.mktemp("profile"), WIDTH, HEIGHT) as opened:
+        opened.open(f"http://127.0.0.1:{page.port}/")
+        opened.until("document.body.innerText.includes('Time [s]')")
+        opened.until("document.querySelectorAll('.u-over').length >= 4")
+        wait(lambda: len(np.unique(scene(opened).reshape(-1, 3), axis=0)) > 500, 30, "the body")
+        opened.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(one => one.click())")
+        yield opened
+
+
+def scene(browser: Browser) -> np.ndarray:
+    """The pixels between the panels."""
+    return browser.picture()[:, LEFT:RIGHT].astype(int)
+
+
+def changed(before: np.ndarray, after: np.ndarray) -> int:
+    """How many pixels are not what they were."""
+    return int((np.abs(after - before).max(axis=2) > 24).sum())
+
+
+def settled(browser: Browser) -> np.ndarray:
+    """The pixels between the panels once they stay the same."""
+    before = scene(browser)
+    for _ in range(60):
+        after = scene(browser)
+        if not changed(before, after):
+            return after
+        before = after
+    raise TimeoutError("the picture does not come to rest")
+
+
+def same_again(browser: Browser, before: np.ndarray) -> None:
+    """Wait until the picture is what it was before."""
+    wait(lambda: changed(before, scene(browser)) < 60, 15, "the picture of before")
+
+
+def other(browser: Browser, before: np.ndarray, pixels: int = 100) -> None:
+    """Wait until so many pixels are not what they were before."""
+    wait(lambda: changed(before, scene(browser)) > pixels, 15, "another picture")
+
+
+def focus(browser: Browser, label: str) -> None:
+    """Put the cursor into the field with a label, and empty it."""
+    told = browser.run(
+        f"""(() => {{
+            const label = [...document.querySelectorAll('label')].find(one => one.textContent.trim() === {label!r});
+            const field = label.closest('.mantine-Flex-root').querySelector('input');
+            field.focus(); field.select(); return true;
+        }})()"""
+    )
+    assert told
+
+
+def click(browser: Browser, text: str) -> None:
+    """Press the button with a text."""
+    place = browser.run(
+        f"""(() => {{
+            const all = [...document.querySelectorAll('button, label')];
+            const found = all.find(one => one.textContent.trim() === {text!r}).getBoundingClientRect();
+            return [found.x + found.width / 2, found.y + found.height / 2];
+        }})()"""
+    )
+    browser.click(*place)
+
+
+def test_the_slider_moves_the_pose(page: Replay, browser: Browser) -> None:
+    before = settled(browser)
+    assert page.now == page.span[0]
+    browser.run("document.querySelectorAll('[role=slider]')[0].focus()")
+    browser.press("End")
+    wait(lambda: page.now == pytest.approx(page.span[1], abs=2e-3), 10, "the time of the slider's end")
+    other(browser, before, 400)
+    browser.press("Home")
+    wait(lambda: page.now == pytest.approx(page.span[0], abs=2e-3), 10, "the time of the slider's start")
+    same_again(browser, before)
+
+
+def test_it_plays_and_pauses(page: Replay, browser: Browser) -> None:
+    page.seek(page.span[0])
+    drawn = page.drawn
+    click(browser, "Play")
+    wait(lambda: page.playing and page.drawn > drawn + 10, 10, "frames")
+    told = "[...document.querySelectorAll('button')].some(one => one.textContent.trim() === 'Pause')"
+    browser.until(told)
+    click(browser, "Pause")
+    wait(lambda: not page.playing, 10, "a pause")
+    assert page.span[0] < page.now <= page.span[1]
+    browser.until(f"Math.abs({page.now:.3f} - document.querySelectorAll('[role=slider]')[0].ariaValueNow) < 0.05")
+
+
+def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
+    page.seek(0.6)
+    before = settled(browser)
+    focus(browser, "Find")
+    browser.type("recfem_r")
+    browser.until("document.body.innerText.includes('activation')")
+    body = page.bodies[0]
+    muscle = body.muscles.index("recfem_r")
+    assert page.panel.found(0) == (muscle,)
+    frame = body.frame_at(0.6)
+    row = ["recfem_r", f"{body.activations[frame, muscle]:.2f}", f"{body.tensions[frame, muscle]:.0f} N"]
+    rows = "[...document.querySelectorAll('tr')].map(row => [...row.children].map(one => one.textContent).join('|'))"
+    browser.until(f"{rows}.includes({'|'.join(row)!r})")
+    other(browser, before)
+    focus(browser, "Find")
+    browser.type("gluteus maximus left")
+    wait(lambda: len(page.panel.found(0)) == 2, 10, "both parts of the muscle")
+    assert {body.muscles[m] for m in page.panel.found(0)} == {"glmax1_l", "glmax2_l"}
+    focus(browser, "Find")
+    browser.press("Backspace")
+    wait(lambda: not page.panel.found(0), 10, "no muscle")
+    same_again(browser, before)
+
+
+def test_a_layer_is_hidden(page: Replay, browser: Browser) -> None:
+    page.seek(0.6)
+    before = settled(browser)
+    page.toggle("muscles", False)
+    other(browser, before)
+    page.toggle("muscles", True)
+    same_again(browser, before)
+
+
+def test_the_camera_looks_from_where_it_is_told(page: Replay, browser: Browser) -> None:
+    page.seek(0.6)
+    click(browser, "Front")
+    front = settled(browser)
+    click(browser, "Right")
+    other(browser, front, 300)
+    click(browser, "Front")
+    same_again(browser, front)
+
+
+def test_another_recording_is_chosen(page: Replay, browser: Browser) -> None:
+    page.choose(0, "second")
+    browser.until("document.body.innerText.includes('another walk')")
+    browser.until("document.querySelectorAll('.u-over').length >= 4")
+    assert len(np.unique(settled(browser).reshape(-1, 3), axis=0)) > 500
+    assert page.now == page.span[0]
+
+
+def test_nothing_went_wrong_and_nothing_left_the_machine(page: Replay, browser: Browser) -> None:
+    """After all that was done above."""
+    assert browser.errors == []
+    asked = browser.run("performance.getEntriesByType('resource').map(one => one.name)")
+    assert all(one.startswith((f"http://127.0.0.1:{page.port}", "data:", "blob:")) for one in asked), asked
+
+
+def test_two_bodies_share_a_clock() -> None:
+    late = walker()
+    assert late.fit is not None
+    motion = late.fit.motion
+    moved = replace(motion, time=motion.time + 100.0)
+    other = replace(late, title="later", fit=replace(late.fit, motion=moved), markers=None, wrenches=None, tension=None)
+    replay = Replay([{"one": walker}, {"two": lambda: other}])
+    try:
+        assert replay.span == pytest.approx((0.0, 1.99))
+        replay.seek(0.5)
+        assert [replay.own_time(i) for i in range(2)] == pytest.approx([0.5, 100.5])
+        assert [shown.body.given.title for shown in replay.shown] == ["walker: first steps", "later"]
+        replay.part(1.5)
+        assert replay.shown[1].node.position == pytest.approx(1.5 * replay.bodies[0].scene.right)
+    finally:
+        replay.close()
+
+
+def test_it_listens_on_this_machine_and_on_the_port_it_is_given() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    replay = Replay([{"one": walker}], port)
+    try:
+        assert replay.port == port
+        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10).read()
+        own = socket.gethostbyname(socket.gethostname())
+        if not own.startswith("127."):
+            with socket.socket() as outside:
+                outside.settimeout(2)
+                assert outside.connect_ex((own, port)) != 0
+        with pytest.raises(BadData, match=f"port {port} cannot be used"):
+            Replay([{"one": walker}], port)
+    finally:
+        replay.close()

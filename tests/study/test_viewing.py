@@ -1,0 +1,129 @@
+"""From folders of results to what a page shows, and what is told where there is nothing to show."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from myomorph.cli import main
+from myomorph.io.osim import read_osim
+from myomorph.model.errors import BadFile
+from myomorph.model.series import Motion
+from myomorph.report.replay_body import PlayedBody
+from myomorph.study import stored
+from myomorph.study.results import STORED, file_source, new_result, provenance_of
+from myomorph.study.viewing import open_replay, recordings
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(arm: SimpleNamespace) -> Write:
+    """Writes a small result of the arm: a second of a bend."""
+    model = read_osim(arm.model)
+
+    def written(name: str, trial: str, first: float = 0.0, gap: bool = False) -> Path:
+        time = first + np.arange(0.0, 1.0, 0.02)
+        values = np.stack([0.1 * time, 0.5 + 0.3 * time], axis=1)
+        if gap:
+            values[10:20] = np.nan
+        path: Path = arm.folder / "results" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new_result(path, "muscles") as writer:
+            stored.put_derivatives(writer, Motion(time, model.coordinate_names, values), model)
+            writer.fact("trial", trial)
+            writer.provenance(provenance_of("muscles", [file_source("model", arm.model)], {}))
+        return path
+
+    return written
+
+
+def test_recordings_are_named_by_folder_and_trial(write: Write, arm: SimpleNamespace) -> None:
+    path = write(f"s01/walk1/walk1{STORED}", "walk1")
+    write(f"s01/walk2/walk2{STORED}", "walk2")
+    write(f".steps/x/ik{STORED}", "hidden")
+    found = recordings(arm.folder / "results")
+    assert list(found) == [str(Path("s01/walk1")), str(Path("s01/walk2"))]
+    body = PlayedBody(found[str(Path("s01/walk2"))]())
+    assert len(body.time) == 50
+    assert body.muscles == read_osim(arm.model).muscle_names
+    assert list(recordings(path)) == ["walk1"]
+
+
+def test_files_of_one_trial_belong_together_and_those_of_several_do_not(write: Write, arm: SimpleNamespace) -> None:
+    write(f"a_muscles{STORED}", "a")
+    write(f"a_tension{STORED}", "a")
+    write(f"b_muscles{STORED}", "b", first=5.0)
+    found = recordings(arm.folder / "results")
+    assert sorted(found) == ["a", "b"]
+    assert found["b"]().kinematics.time[0] == 5.0  # type: ignore[union-attr]
+
+
+def test_what_a_command_wrote_is_shown(arm: SimpleNamespace, command: Callable[..., SimpleNamespace]) -> None:
+    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads, "--out", arm.out)
+    assert done.status == 0, done.err
+    replay = open_replay([arm.out])
+    try:
+        body = replay.bodies[0]
+        assert np.isfinite(body.activations).all()
+        replay.seek(0.31)
+        assert len(body.at(31).measured) == 1
+    finally:
+        replay.close()
+
+
+def test_frames_without_a_pose_are_played_over(write: Write) -> None:
+    replay = open_replay([write(f"gap{STORED}", "gap", gap=True)])
+    try:
+        assert replay.bodies[0].known.sum() == 40
+        replay.seek(0.3)
+        assert not replay.bodies[0].at(15).known
+    finally:
+        replay.close()
+
+
+def test_what_is_missing_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(BadFile, match="does not exist"):
+        recordings(tmp_path / "nowhere")
+    with pytest.raises(BadFile, match="holds no results"):
+        recordings(tmp_path)
+    with new_result(tmp_path / f"other{STORED}", "ik") as writer:
+        writer.time(np.arange(3.0))
+    with pytest.raises(BadFile, match="none with a motion"):
+        recordings(tmp_path)
+    (tmp_path / f"broken{STORED}").write_bytes(b"no result at all")
+    with pytest.raises(BadFile, match="is not a result of Myomorph"):
+        recordings(tmp_path)
+    for given in ([], [str(tmp_path / "nowhere")], [str(tmp_path), "--port", "99999"], [str(tmp_path), "--port", "a"]):
+        status = main(["view", *given, "--no-browser"])
+        told = capsys.readouterr().err
+        assert status == 2, given
+        assert told.count("\n") == 1
+        assert "Traceback" not in told
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends Ctrl-C as a signal")
+def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
+    path = write(f"walk{STORED}", "walk")
+    command = [sys.executable, "-m", "myomorph.cli", "view", str(path), "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert re.match(r"http://127\.0\.0\.1:\d+ ", line), line
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=20)
+        assert process.returncode == 0, errors
+        assert rest == ""
+        assert errors == ""
+    finally:
+        process.kill()
