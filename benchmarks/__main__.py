@@ -19,6 +19,7 @@ COMPARISONS = {
     "calibrate": ("benchmarks.speed_calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
     "grid": ("benchmarks.speed_grid", "grid of mass points of an adult at 5 mm, with weights: time and memory"),
     "viscosity": ("benchmarks.speed_viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
+    "contacts": ("benchmarks.speed_contacts", "tensions and contact forces in one problem, and general QP solvers"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 

@@ -228,17 +228,29 @@ class TensionProblem:
         margin = 0 if self.smooth is None else self.smooth.margin
         begin, end = max(start - margin, 0), min(stop + margin, len(self._time))
         given = self.balance(begin, end)
-        frames, variables = end - begin, len(self.separable.weight)
-        controls = len(self._lower) + len(self.actuators)
+        kept, part = slice(start - begin, stop - begin), slice(start, stop)
+        x, _, imbalance, iterations, status = (one[kept] for one in self.solved(given, begin))
+        self._imbalance[part], self._iterations[part], self._status[part] = imbalance, iterations, status
+        self._store(part, x, Balance(*(one[kept] for one in given)))
+
+    def solved(self, given: Balance, begin: int = 0) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
+        """Variables of some frames (frames, n), multipliers (frames, rows), imbalance, iterations and status.
+
+        Parameters
+        ----------
+        given : what to balance in the frames from `begin` on
+        """
+        frames, variables = len(given.right), len(self.separable.weight)
         x, y = np.empty((frames, variables)), np.empty(given.right.shape)
         imbalance, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
+        linked = len(self._lower) + len(self.actuators)
         solve_separable(
             self.separable,
             given.values,
             given.right,
             np.zeros((1, variables)),
-            self.wells if len(self.wells) == 1 else self.wells[begin:end],
-            no_links() if self.smooth is None else self.smooth.links(begin, end, controls),
+            self.wells if len(self.wells) == 1 else self.wells[begin : begin + frames],
+            no_links() if self.smooth is None else self.smooth.links(begin, begin + frames, linked),
             np.zeros(given.right.shape[1]),
             x,
             y,
@@ -246,10 +258,7 @@ class TensionProblem:
             iterations,
             status,
         )
-        kept, part = slice(start - begin, stop - begin), slice(start, stop)
-        self._imbalance[part], self._iterations[part] = imbalance[kept], iterations[kept]
-        self._status[part] = status[kept]
-        self._store(part, x[kept], Balance(*(one[kept] for one in given)))
+        return x, y, imbalance, iterations, status
 
     def _store(self, part: slice, x: Array, given: Balance) -> None:
         """Keep what was found in some frames."""
