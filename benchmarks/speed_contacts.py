@@ -91,7 +91,7 @@ def two_walkers(folder: Path) -> ContactCase:
     feet, values = on_feet(model, motion)
     parts: Mapping[str, Model] = {"one": model, "two": model}
     joined = join_models(parts)
-    together = join_motions({name: motion for name in parts})
+    together = join_motions(dict.fromkeys(parts, motion))
     sites = [
         replace(site, name=f"{part}_{site.name}", body=f"{part}_{site.body}", group=f"{part}_{site.group}")
         for part in parts
