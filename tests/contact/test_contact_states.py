@@ -154,6 +154,15 @@ def test_unseen_frames_touch_nothing():
     assert not found.states(moving.time).values[50:60].any()
 
 
+def test_a_motion_may_be_short_or_gappy_but_not_empty(walk):
+    model, motion, sites, _, _ = walk
+    for frames in (1, 2, 5):
+        part = Motion(motion.time[:frames], motion.names, motion.values[:frames])
+        assert find_contacts(model, part, sites).sites == tuple(one.name for one in sites)
+    with pytest.raises(BadData, match="without gaps"):
+        find_contacts(model, Motion(motion.time, motion.names, np.full(motion.values.shape, np.nan)), sites)
+
+
 def test_hysteresis_holds_between_its_thresholds():
     x = np.array([0.0, 0.5, 1.0, 0.5, 0.4, 0.1, 0.5, 0.9])
     assert hysteresis(x > 0.8, x < 0.3).tolist() == [False, False, True, True, True, False, False, True]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.contacts import Site
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array
@@ -79,7 +80,14 @@ def up_of(model: Model) -> Array:
 
 
 def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
-    """Places and speeds of sites; frames in which the motion is NaN are NaN."""
+    """Places and speeds of sites; frames in which the motion is NaN are NaN.
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole
+    """
+    if not np.isfinite(motion.values).all(axis=1).any():
+        raise BadData("no frame of the motion is without gaps: contacts cannot be found")
     tree, up = compile_tree(model), up_of(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     owner = np.repeat(np.arange(len(sites)), [len(one.points) for one in sites])
