@@ -159,8 +159,10 @@ def measure_seat(folder: Path) -> Iterator[Row]:
     """The seat's force while sitting and standing: by Newton's law, and found with the feet known or hidden."""
     one = chair(folder)
     ways: dict[str, tuple[Array, Tension | None]] = {"Newton's law alone": (one.newton, None)}
-    for words, plates in (("feet known", True), ("feet hidden", False)):
-        tension = solved(folder, plates)
+    known = {"feet known": (True, False), "feet hidden": (False, False)}
+    known["feet hidden; contacts first, muscles after"] = (False, True)
+    for words, (plates, first) in known.items():
+        tension = solved(folder, plates, first)
         assert tension.contacts is not None
         ways[words] = tension.contacts.forces[:, 0], tension
     place = np.column_stack([one.moment[:, 2], -one.moment[:, 0]]) / one.newton[:, 1:2]

@@ -21,7 +21,7 @@ from myomorph.model.spatial import Array
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import ContactIntervals, contact_intervals
-from myomorph.tension.contacts import ContactTask
+from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
@@ -32,6 +32,7 @@ WAYS = {
     "body": "body and plate",
     "box": "body, plate and box",
     "hidden": "body and box, no plate",
+    "first": "body and box, no plate; contacts first, muscles after",
 }
 LEAVES = 0.005
 """The box has left the floor where it is that much higher than at rest [m]."""
@@ -92,7 +93,7 @@ class Task:
 
 
 def task(folder: Path, lift: str, way: str) -> Task:
-    """The problem of "body", "box" or "hidden" in `WAYS`."""
+    """The problem of a way in `WAYS`, "newton" excepted."""
     body, motion = man(folder, lift)
     record = recorded(folder, lift)
     sites, held = holding(folder, lift)
@@ -114,7 +115,8 @@ def task(folder: Path, lift: str, way: str) -> Task:
         sites = (*sites, *feet, replace(floor, body="box_body"))
         ready = np.hstack([held, standing, resting])
     ready_at = Series(motion.time, tuple(one.name for one in sites), ready)
-    contacts = ContactTask(sites, ready_at, () if way == "hidden" else plate)
+    options = ContactOptions(formulation="sequential" if way == "first" else "simultaneous")
+    contacts = ContactTask(sites, ready_at, () if way in ("hidden", "first") else plate, options)
     return Task(model, moving, inverse_dynamics(model, moving), contacts)
 
 

@@ -28,7 +28,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactTask
+from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 
@@ -114,19 +114,23 @@ def _ready(model: Model, motion: Motion, sites: tuple[Site, ...], height: float 
     return np.array(strengths(model, motion, sites, touches, StrengthOptions(floor=height)).values)
 
 
-def task(folder: Path, plates: bool) -> Task:
-    """The problem of the seat's force; the feet's is known by plates, or hidden too."""
+def task(folder: Path, plates: bool, first: bool = False) -> Task:
+    """The problem of the seat's force; the feet's is known by plates, or hidden too.
+
+    `first` finds contact forces before muscles instead of both together.
+    """
     one = chair(folder)
     sites = (one.seat,) if plates else (one.seat, *one.soles)
     ready = Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
     torques = inverse_dynamics(one.model, one.motion, one.feet if plates else None)
-    return Task(one.model, one.motion, torques, ContactTask(sites, ready))
+    options = ContactOptions(formulation="sequential" if first else "simultaneous")
+    return Task(one.model, one.motion, torques, ContactTask(sites, ready, options=options))
 
 
-@lru_cache(maxsize=2)
-def solved(folder: Path, plates: bool) -> Tension:
+@lru_cache(maxsize=4)
+def solved(folder: Path, plates: bool, first: bool = False) -> Tension:
     """Tensions with the seat's force."""
-    asked = task(folder, plates)
+    asked = task(folder, plates, first)
     return solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
 
 
