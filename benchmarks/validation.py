@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks import (
     accuracy_calibration,
     accuracy_calibrations,
+    accuracy_certificates,
     accuracy_cohort,
     accuracy_hands,
     accuracy_hidden_plates,
@@ -121,6 +122,9 @@ def run() -> list[Row]:
         "hidden_plates": lambda: accuracy_hidden_plates.measure(folder),
         "hidden_plates_parts": lambda: accuracy_hidden_plates.measure_parts(folder),
         "hidden_plates_partial": lambda: accuracy_hidden_plates.measure_partial(folder),
+        "certificates": lambda: accuracy_certificates.measure(folder),
+        "certificates_programs": lambda: accuracy_certificates.measure_programs(folder),
+        "certificates_faults": lambda: accuracy_certificates.measure_faults(folder),
     }
     document = (TEXT / "head.md").read_text()
     rows: list[Row] = []
