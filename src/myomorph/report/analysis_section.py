@@ -228,7 +228,12 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     )
     letters = "xyz"
     across = (letters[first], ("−" if flip < 0 else "") + letters[second])
-    return floor_plot("Path over the ground, from above", across, paths, width=505, height=300, level=not _thin(paths))
+    factor, unit = (
+        (1.0, "m") if float(_extent(np.concatenate([one for _, _, one in paths])).max()) > 0.5 else (1e3, "mm")
+    )
+    shown = [(label, style, factor * one) for label, style, one in paths]
+    title, level = "Path over the ground, from above", not _thin(paths)
+    return floor_plot(title, across, shown, width=505, height=300, unit=unit, level=level)
 
 
 def _thin(paths: list[tuple[str, str, Array]]) -> bool:

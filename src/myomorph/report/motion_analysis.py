@@ -21,7 +21,7 @@ from myomorph.report.presets import Preset, fitting_preset, preset_of
 from myomorph.report.selection import Pair
 from myomorph.report.subjects import Subject, centroids, lowest_joint, standing_height, subjects
 
-STILL_TIME, STILL_SPEED = 0.5, 0.03
+STILL_TIME, STILL_SPEED, STILL_SHARE = 0.5, 0.03, 0.05
 MOST_FRAMES = 20000
 NEARLY = 0.8
 
@@ -198,7 +198,9 @@ def _still(center: Series) -> float:
     part = center.values[first]
     if first.all() or len(part) < 3 or not np.isfinite(part).all():
         return float("nan")
-    return float(part[:, 0].mean()) if float(np.ptp(part, axis=0).max()) < STILL_SPEED * STILL_TIME else float("nan")
+    moved = float(np.ptp(part, axis=0).max())
+    least = min(STILL_SPEED * STILL_TIME, STILL_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
+    return float(part[:, 0].mean()) if moved < least else float("nan")
 
 
 def _rhythm(persons: tuple[Person, ...]) -> int:

@@ -132,14 +132,15 @@ def together(names: Sequence[str], nothing: str = "no contact") -> str:
     for name in names:
         if name not in left:
             continue
-        mate = name.replace("right", "left", 1)
+        side = next((one for one in ("right", "left") if one in name.split()), "")
+        mate = name.replace(side, "left" if side == "right" else "right", 1) if side else name
         if mate != name and mate in left:
-            told.append(name.replace("right ", "both ", 1) + ("s" if not name.endswith("foot") else ""))
+            told.append(name.replace(side, "both", 1).removesuffix("foot") + ("feet" if name.endswith("foot") else "s"))
             left.remove(mate)
         else:
             told.append(name)
         left.remove(name)
-    return " + ".join(told).replace("both foot", "both feet")
+    return " + ".join(told)
 
 
 def _steady(touching: np.ndarray, time: Array) -> list[tuple[int, int]]:

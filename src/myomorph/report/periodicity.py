@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import next_fast_len
 from scipy.special import ndtr
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 
-MOST_SAMPLES = 4096
+MOST_SAMPLES, LEAST_KNOWN = 4096, 0.5
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
 
     Parameters
     ----------
-    time, values : (frames,) ascending [s]; up to a fifth of the values may be NaN and are filled by straight lines
+    time, values : (frames,) ascending [s]; values that are NaN are left out, up to half of them
 
     References
     ----------
@@ -79,9 +80,9 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     sampled = _evenly(time, values)
     if sampled is None:
         return NONE
-    step, signal = sampled
+    step, signal, seen = sampled
     count = len(signal)
-    likeness, pairs = _autocorrelation(signal)
+    likeness, pairs = _autocorrelation(signal, seen)
     longest = int(count / options.cycles)
     lobe = int(np.argmax(likeness[:longest] <= 0.0))
     if lobe == 0:
@@ -90,7 +91,9 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     inner = np.flatnonzero((searched[1:-1] >= searched[:-2]) & (searched[1:-1] > searched[2:])) + 1 + lobe
     if not len(inner) or likeness[inner].max() <= 0.0:
         return NONE
-    lag = int(inner[np.argmax(likeness[inner] >= options.first * likeness[inner].max())])
+    first = int(inner[np.argmax(likeness[inner] >= options.first * likeness[inner].max())])
+    # Noise puts small maxima on the shoulder of a wide one.
+    lag = first + int(np.argmax(likeness[first : min(int(1.25 * first), longest) + 1]))
     memory = 1.0 + 2.0 * float(np.sum(likeness[1:lobe] ** 2))
     score = float(likeness[lag]) / np.sqrt(memory / pairs[lag])
     tries = max(1.0, (longest - lobe) / memory)
@@ -102,32 +105,34 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     return Periodicity(period, duration / period, high, confidence, sure)
 
 
-def _evenly(time: Array, values: Array) -> tuple[float, Array] | None:
-    """Step and values at even times, straight line taken off; None where too few are known or none differs."""
+def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
+    """Step, values less their straight line and which are known, at even times; None where too few are or none differs.
+
+    Values that are not known are 0.
+    """
     known = np.isfinite(values)
-    if known.sum() < 8 or known.mean() < 0.8:
+    if known.sum() < 8 or known.mean() < LEAST_KNOWN:
         return None
-    time, values = time[known], values[known]
     count = min(len(time), MOST_SAMPLES)
     even = np.linspace(time[0], time[-1], count)
-    signal = np.interp(even, time, values)
-    line = np.polynomial.polynomial.polyfit(even - even[0], signal, 1)
+    seen = np.interp(even, time, known.astype(np.float64)) > 0.5
+    signal = np.interp(even, time[known], values[known])
+    along = even - even[0]
+    line = np.polynomial.polynomial.polyfit(along[seen], signal[seen], 1)
     scale = float(np.ptp(signal)) + float(np.abs(signal).max())
-    signal = signal - line[0] - line[1] * (even - even[0])
+    signal = np.where(seen, signal - line[0] - line[1] * along, 0.0)
     if float(np.ptp(signal)) <= 1e-9 * scale:
         return None
-    return float(even[1] - even[0]), signal
+    return float(even[1] - even[0]), signal, seen.astype(np.float64)
 
 
-def _autocorrelation(signal: Array) -> tuple[Array, Array]:
+def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
     """r(k) of `find_period` for every lag, and how many pairs of values it compares."""
-    count = len(signal)
-    spectrum = np.fft.rfft(signal, 2 * count)
-    products = np.fft.irfft(np.abs(spectrum) ** 2)[:count]
-    squares = np.concatenate([[0.0], np.cumsum(signal**2)])
-    lags = np.arange(count)
-    energy = squares[count - lags] + squares[count] - squares[lags]
-    return 2.0 * products / np.maximum(energy, 1e-300), (count - lags).astype(np.float64)
+    size = next_fast_len(2 * len(signal), real=True)
+    wave, square, mask = np.fft.rfft(np.stack([signal, signal**2, seen]), size, axis=1)
+    spectra = [np.abs(wave) ** 2, square * np.conj(mask), mask * np.conj(square), np.abs(mask) ** 2]
+    products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[:, : len(signal)]
+    return 2.0 * products / np.maximum(later + earlier, 1e-300), np.maximum(pairs, 1.0)
 
 
 def _refined(likeness: Array, lag: int, longest: int) -> float:
@@ -146,9 +151,10 @@ def _refined(likeness: Array, lag: int, longest: int) -> float:
 
 
 def _vertex(values: Array, k: int) -> float:
-    """Place of the maximum of the parabola through three neighbours."""
-    if not 0 < k < len(values) - 1:
+    """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both sides."""
+    reach = min(max(1, k // 12), k, len(values) - 1 - k)
+    if reach < 1:
         return float(k)
-    before, here, after = values[k - 1 : k + 2]
-    bend = before - 2.0 * here + after
-    return float(k + 0.5 * (before - after) / bend) if bend < 0.0 else float(k)
+    around = np.arange(-reach, reach + 1)
+    _, slope, bend = np.polynomial.polynomial.polyfit(around, values[k - reach : k + reach + 1], 2)
+    return float(k + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(k)

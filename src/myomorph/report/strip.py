@@ -32,8 +32,6 @@ def fitting(scene: Scene, most: int, view: str = "oblique") -> int:
 def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     """The scene's frames side by side as an `<svg>` element, each tied to its time on the axis below."""
     count = len(scene.time)
-    if not count:
-        return ""
     room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
     drawn = pictures(scene, PIXELS, max(40, int(room / TALL * PIXELS)), views=(view,))
     tall = max(one.height for one in drawn) * TALL / PIXELS

@@ -1,0 +1,276 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lxml import etree
+from walker import GRAVITY, Tension, everything, model, motion, steps
+
+from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.model.errors import UnknownName
+from myomorph.model.join import join_models, join_motions
+from myomorph.model.series import Motion, Series
+from myomorph.report.analysis_section import analysis_sections
+from myomorph.report.centroid import centroid
+from myomorph.report.estimated_forces import acting_forces, contact_verdicts, group_forces, groups_of, situation_of
+from myomorph.report.given import Phase, ReportInput, Uncarried
+from myomorph.report.limb_muscles import MUSCLES, named_muscles
+from myomorph.report.motion_analysis import analyse
+from myomorph.report.page import report_page
+from myomorph.report.pictures import pictures, proportion
+from myomorph.report.prepared import prepare
+from myomorph.report.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
+from myomorph.report.scene import make_scene
+from myomorph.report.strip import even_times, picture_strip
+from myomorph.report.subjects import centroids, subjects
+from myomorph.report.tracks import Backdrop
+
+WEIGHT = 60.0 * GRAVITY
+
+
+def contact_forces(time: np.ndarray) -> ContactForces:
+    """Two sites of one foot and a grip on another body, half a body weight up at each of the soles."""
+    sites = (
+        Site("heel_r", "tibia_r", np.zeros((1, 3)), group="foot_r"),
+        Site("toe_r", "femur_r", np.zeros((1, 3)), group="foot_r"),
+        Site("hand_l", "tibia_l", np.zeros((1, 3)), Cone(None), "pelvis"),
+    )
+    forces = np.zeros((len(time), 3, 3))
+    forces[:, :2, 1] = WEIGHT / 2
+    forces[:, 2, 0] = 50.0
+    points = np.tile([[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.1, 0.9, 0.0]], (len(time), 1, 1))
+    return ContactForces(time, sites, np.ones((len(time), 3)), forces, points, np.zeros_like(forces))
+
+
+def pair(apart: float = 1.0) -> tuple[Motion, ReportInput]:
+    """Two walkers face to face as one model."""
+    body = model()
+    one = motion(body)
+    values = np.array(one.values)
+    values[:, 0] = apart - values[:, 0]
+    both = {"tori": one, "uke": Motion(one.time, one.names, values)}
+    joined = join_models(dict.fromkeys(both, body))
+    moving = join_motions(both)
+    return moving, ReportInput("two", model=joined, motion=moving, tension=Tension(joined, moving.time))
+
+
+def test_presets_name_only_what_exists() -> None:
+    assert {"taichi", "tap", "drum", "judo", "gait", "lift"} <= set(PRESETS)
+    for name, one in PRESETS.items():
+        assert one.name == name
+        assert one.title
+        assert set(one.panels) <= set(PANELS)
+        assert one.panels
+        assert set(one.muscles) <= set(MUSCLES)
+        assert one.muscles
+        assert set(one.cuts) <= set(CUTS)
+        assert one.pictures > 0
+        assert len(set(one.muscles)) == len(one.muscles)
+    assert len(PRESETS["taichi"].muscles) == 8
+    with pytest.raises(UnknownName, match="muscle"):
+        Preset("x", "X", ("muscle",), (), ())  # type: ignore[arg-type]
+    with pytest.raises(UnknownName, match="gait"):
+        preset_of("walking")
+
+
+def test_the_preset_follows_from_the_recording() -> None:
+    assert fitting_preset("gait", ("plates",), 1, False).name == "gait"
+    assert fitting_preset("gait", ("sound",), 1, False).name == "drum"
+    assert fitting_preset("", ("plates",), 2, False).name == "judo"
+    assert fitting_preset("", (), 1, True).name == "lift"
+    assert fitting_preset("jump", ("plates",), 1, False).name == "motion"
+
+
+def test_muscles_that_a_model_lacks_are_named() -> None:
+    found, lacking = named_muscles(("uke_recfem_r", "uke_recfem_l", "uke_DELT1_r"), PRESETS["taichi"].muscles, "uke_")
+    assert [one.label for one in found] == ["Deltoid, anterior", "Rectus femoris"]
+    assert found[1].members == {"right": ("uke_recfem_r",), "left": ("uke_recfem_l",)}
+    assert "Tibialis anterior" in lacking
+    assert len(found) + len(lacking) == 8
+    section = analysis_sections(prepare(replace(everything(60), preset="taichi")))[0]
+    assert "The model has no muscle for: Deltoid, anterior;" in section.lead
+
+
+def test_presets_make_pages_of_well_formed_drawings() -> None:
+    for name in ("taichi", "tap", "motion"):
+        sections = analysis_sections(prepare(replace(everything(), preset=name)))
+        assert [one.key for one in sections] == ["motion", "center-of-gravity", "phases", "relations"]
+        for drawing in (one for section in sections for figure in section.figures for one in _drawings(figure.svg)):
+            assert (
+                etree.fromstring(drawing).get("aria-label") or etree.fromstring(drawing).get("role") == "presentation"
+            )
+    with pytest.raises(UnknownName, match="taichi"):
+        report_page(replace(everything(), preset="swim"))
+
+
+def _drawings(svg: str) -> list[str]:
+    return re.findall(r"<svg.*?</svg>", svg, re.DOTALL)
+
+
+def test_height_of_the_center_of_gravity_and_of_standing() -> None:
+    body = model()
+    moving = motion(body)
+    found = analyse(prepare(ReportInput("one", model=body, motion=moving)))
+    assert found is not None
+    person = found.persons[0]
+    height = centroid(body, moving).values[:, 1]
+    np.testing.assert_allclose(person.center.values[:, 0], height, atol=1e-12)
+    # Masses 0.6, 0.3 and 0.1 of the whole at 1.1, 0.7 and 0.3 m; the lowest joint is the knee, at 0.5 m.
+    assert person.standing[0] == pytest.approx(0.9 - 0.5)
+    # Hips and knees swing at 1 Hz, but right and left against each other: the height repeats twice as often.
+    vertical = person.periods[0]
+    assert not vertical.periodic or vertical.period == pytest.approx(0.5, rel=0.05)
+
+
+def test_given_phases_win_and_times_choose_the_pictures() -> None:
+    given = replace(everything(), phases=(Phase("first", 0.0, 0.7), Phase("second", 0.7, 1.99)), times=(0.3, 1.1))
+    found = analyse(prepare(given))
+    assert found is not None
+    assert [one.stage.name for one in found.measures] == ["first", "second"]
+    text = report_page(given)
+    assert text.count('alt="From the right side,') == 2
+    assert "The body at 0.30 s" in text
+    assert "The body at 1.10 s" in text
+
+
+def test_a_page_needs_no_model() -> None:
+    """Contacts alone make a graph; nothing is drawn of what is not known."""
+    time = np.arange(0.0, 2.0, 0.01)
+    sections = analysis_sections(prepare(ReportInput("plates", wrenches=steps(time, WEIGHT))))
+    assert [one.key for one in sections] == ["motion", "phases"]
+    assert analysis_sections(prepare(ReportInput("nothing"))) == []
+
+
+def test_two_subjects_have_each_their_center_of_gravity() -> None:
+    moving, given = pair()
+    who = subjects(given.model)
+    assert [one.name for one in who] == ["tori", "uke"]
+    tori, uke = centroids(given.model, moving, who)
+    alone = centroid(model(), motion(model()))
+    np.testing.assert_allclose(tori.values, alone.values, atol=1e-12)
+    both = centroid(given.model, moving)
+    np.testing.assert_allclose((tori.values + uke.values) / 2, both.values, atol=1e-12)
+    found = analyse(prepare(given))
+    assert found is not None
+    assert found.preset.name == "judo"
+    assert len(found.persons) == 2
+    assert [one.label for one in found.persons[1].muscles] == [one.label for one in found.persons[0].muscles]
+
+
+def test_an_object_has_no_muscles_and_comes_last() -> None:
+    body = model()
+    box = replace(body, muscles=(), bodies=body.bodies[:1], joints=body.joints[:1], coordinates=body.coordinates[:4])
+    who = subjects(join_models({"box": box, "lifter": body}))
+    assert [(one.name, bool(one.muscles)) for one in who] == [("lifter", True), ("box", False)]
+
+
+def test_two_bodies_are_seen_from_the_side_whole_and_in_one_scale() -> None:
+    moving, given = pair(3.0)
+    scene = make_scene(given.model, moving, [0, 50])
+    assert abs(scene.forward @ [1.0, 0.0, 0.0]) == pytest.approx(1.0)
+    assert proportion(scene, "side") > proportion(make_scene(model(), motion(model()), [0, 50]), "side")
+    drawn = pictures(scene, 120, 300)
+    assert len({one.height for one in drawn}) == 1
+    assert all(one.width <= 301 and one.height <= 121 for one in drawn)
+
+
+def test_the_strip_is_not_empty_and_the_same_twice() -> None:
+    body = model()
+    moving = motion(body)
+    times = even_times((0.0, 2.0), 4)
+    assert times == pytest.approx((0.25, 0.75, 1.25, 1.75))
+    scene = make_scene(body, moving, [25, 75, 125, 175])
+    one, other = (picture_strip(scene, Backdrop((0.0, 2.0))) for _ in range(2))
+    assert one == other
+    svg = etree.fromstring(one)
+    images = svg.xpath("//*[local-name()='image']/@href")
+    assert len(images) == 4
+    assert len(set(images)) > 1
+    assert all(len(one) > 1000 and one.startswith("data:image/png;base64,") for one in images)
+
+
+def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    foot, hand = groups_of(contact_forces(time), steps(time, WEIGHT))
+    assert (foot.name, foot.label, hand.against) == ("foot_r", "Right foot", "pelvis")
+    np.testing.assert_allclose(foot.forces[:, 1], WEIGHT)
+    assert foot.measured is not None
+    assert np.nanmax(foot.measured[:, 1]) == pytest.approx(WEIGHT, rel=1e-3)
+    assert np.isnan(foot.measured[0]).all(), "no plate carries the foot before 0.2 s"
+    together = group_forces(contact_forces(time))
+    assert together.names[0] == "foot_r"
+    np.testing.assert_allclose(together.points[:, 0], [[0.1, 0.0, 0.1]] * len(time))
+    np.testing.assert_allclose(together.forces[:, 1:].sum(axis=1), 0.0, atol=1e-12)
+
+
+def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    given = ReportInput("x", wrenches=steps(time, WEIGHT), contact_forces=contact_forces(time))
+    acting = acting_forces(given)
+    assert acting is not None
+    assert "plate 1" not in acting.names
+    assert "plate 2" not in acting.names
+    apart = replace(given, contact_forces=replace(contact_forces(time), sites=_elsewhere(time)))
+    acting = acting_forces(apart)
+    assert acting is not None
+    assert {"plate 1", "plate 2"} <= set(acting.names)
+    assert situation_of(given) == "unknown"
+    assert situation_of(ReportInput("x", wrenches=steps(time, WEIGHT))) == "measured"
+    heard = Contacts(("stick_r",), (Touch("stick_r", 0.0, 0.1, "drum", source="sound"),))
+    assert situation_of(replace(given, contacts=heard)) == "sound"
+
+
+def _elsewhere(time: np.ndarray) -> tuple[Site, ...]:
+    return tuple(replace(one, body="pelvis", against="ground") for one in contact_forces(time).sites)
+
+
+def test_residuals_are_held_against_the_limits() -> None:
+    """5 % of the peak external force and 1 % of it times the height (Hicks et al. 2015); frames not carried count."""
+    time = np.arange(0.0, 1.0, 0.01)
+    force = contact_forces(time)
+    names = ("residual_FX", "residual_FY", "residual_FZ", "residual_MX", "residual_MY", "residual_MZ")
+    peak = float(np.linalg.norm(np.nan_to_num(group_forces(force).forces).sum(axis=1), axis=1).max())
+    values = np.zeros((len(time), 6))
+    values[:, 1], values[10, 1], values[:, 3] = 0.04 * peak, 0.06 * peak, 0.005 * peak
+    given = ReportInput(
+        "x",
+        contact_forces=force,
+        residuals=Series(time, names, values),
+        uncarried=(Uncarried(0.5, "friction 0.8 to 1.1"),),
+    )
+    rows = {one.quantity: one for one in contact_verdicts(given, 1.0)}
+    assert rows["Residual force beside contacts, peak"].state == "over"
+    assert rows["Residual force beside contacts, peak"].value == pytest.approx(6.0)
+    assert rows["Residual force beside contacts, RMS"].state == "ok"
+    assert rows["Residual moment beside contacts, peak"].value == pytest.approx(0.5)
+    not_carried = rows["Frames whose contacts could not carry the motion"]
+    assert (not_carried.value, not_carried.state, not_carried.time) == (1.0, "over", 0.5)
+    assert contact_verdicts(ReportInput("x"), 1.0) == []
+
+
+class Open:
+    """Intervals of forty newtons around each force."""
+
+    def __init__(self, forces: ContactForces):
+        self.time, self.names = forces.time[::5], ("foot_r",)
+        foot = forces.forces[::5, :2].sum(axis=1)[:, None]
+        self.lower, self.upper = foot - 40.0, foot + 40.0
+
+
+def test_the_panel_of_contact_forces() -> None:
+    given = everything()
+    time = given.wrenches.time
+    forces = contact_forces(time)
+    told = replace(given, contact_forces=forces, intervals=Open(forces), uncarried=(Uncarried(0.5, "more friction"),))
+    panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
+    assert "fourth situation" in panel.lead
+    assert "leave open" in panel.lead
+    assert "its opposite" in panel.lead
+    assert ("measured", "measured") in panel.legend
+    rows = {row[0]: row for row in panel.grids[0].rows}
+    assert rows["Right foot"][1].startswith("588 N")
+    assert "of its range" in rows["Right foot"][3]
+    assert panel.grids[1].rows == (("0.500 s", "more friction"),)
+    vertical = etree.fromstring(_drawings(panel.figures[0].svg)[0])
+    assert len(vertical.xpath("//*[contains(@class, 'band')]")) == 1
+    assert "Green arrows are estimated contact forces." in report_page(told)

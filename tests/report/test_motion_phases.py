@@ -1,0 +1,96 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Event, Series
+from myomorph.report.given import Phase
+from myomorph.report.motion_phases import MOST_STAGES, Cuttable, cut, measure, together
+
+TIME = np.arange(1001) / 100.0
+SPAN = (0.0, 10.0)
+
+
+def test_variance_and_range_over_phases() -> None:
+    """A wave of its own amplitude in each phase: mean, range and variance a^2 / 2 are the phase's."""
+    rows = np.zeros((len(TIME), 3))
+    first = TIME < 4.0
+    rows[:, 0] = np.where(first, 0.9, 0.86) + np.where(first, 0.01, 0.05) * np.sin(2 * np.pi * TIME)
+    cutting = cut(Cuttable(SPAN, TIME), (), (Phase("low", 4.0, 10.0), Phase("rest", 0.0, 4.0)))
+    assert cutting.by == "given"
+    assert [one.name for one in cutting.stages] == ["rest", "low"]
+    rest, low = (measure(one, Series(TIME, ("y", "x", "z"), rows), None, TIME, None) for one in cutting.stages)
+    assert (rest.mean[0], low.mean[0]) == pytest.approx((0.9, 0.86), abs=1e-6)
+    assert (rest.range[0], low.range[0]) == pytest.approx((0.02, 0.1), rel=0.01)
+    assert (rest.variance[0], low.variance[0]) == pytest.approx((0.01**2 / 2, 0.05**2 / 2), rel=0.01)
+
+
+def test_phases_of_one_stage_are_measured_one_by_one() -> None:
+    """Steps of equal length that lead forward: the range within a step, not that of the whole way."""
+    touching = (TIME % 2.0 < 1.0)[:, None]
+    cutting = cut(Cuttable(SPAN, TIME, (), ("right foot",), touching), ("contacts",))
+    assert cutting.by == "contacts"
+    assert [one.name for one in cutting.stages] == ["right foot", "no contact"]
+    forward = Series(TIME, ("y", "x", "z"), np.stack([0 * TIME, 1.5 * TIME, 0 * TIME], axis=1))
+    found = measure(cutting.stages[0], forward, None, TIME, touching)
+    assert found.range[1] == pytest.approx(1.5, rel=0.03)
+    assert found.variance[1] == pytest.approx(1.5**2 / 12, rel=0.05)
+    assert found.contact[0] == 1.0
+
+
+def test_phases_of_contacts_cover_the_recording_once() -> None:
+    random = np.random.default_rng(0)
+    touching = random.random((40, 2)).repeat(26, axis=0)[: len(TIME)] > 0.5
+    cutting = cut(Cuttable(SPAN, TIME, (), ("right foot", "left foot"), touching), ("contacts",))
+    phases = cutting.phases
+    assert phases[0].start == 0.0
+    assert phases[-1].stop == 10.0
+    assert all(a.stop == b.start for a, b in itertools.pairwise(phases))
+    assert {one.name for one in phases} == {"right foot", "left foot", "both feet", "no contact"}
+
+
+def test_a_flicker_is_no_phase() -> None:
+    touching = np.ones((len(TIME), 1), dtype=bool)
+    touching[500] = False
+    assert cut(Cuttable(SPAN, TIME, (), ("right foot",), touching), ("contacts",)).stages == ()
+
+
+def test_cuts_in_order_until_one_cuts() -> None:
+    events = (Event(2.0, "Onset"), Event(5.0, "Foot Strike", "Right"))
+    what = Cuttable(SPAN, TIME, events, period=3.0)
+    between = cut(what, ("contacts", "events", "parts"))
+    assert between.by == "events"
+    assert [one.name for one in between.stages] == [
+        "Before onset",
+        "Onset to right foot strike",
+        "After right foot strike",
+    ]
+    cycles = cut(what, ("cycles",))
+    assert [one.name for one in cycles.stages] == ["Cycle 1", "Cycle 2", "Cycle 3", "Remainder"]
+    assert [one.duration for one in cycles.stages] == pytest.approx([3.0, 3.0, 3.0, 1.0])
+    many = Cuttable(SPAN, TIME, tuple(Event(0.1 * i, "tap") for i in range(1, 3 * MOST_STAGES)))
+    assert cut(many, ("events", "cycles", "parts")).by == "parts"
+    assert cut(many, ("events",)).stages == ()
+
+
+def test_muscles_and_borders() -> None:
+    values = np.where(TIME[:, None] < 5.0, [0.2, 0.1], [0.4, 0.8])
+    first, last = cut(Cuttable(SPAN, TIME), ("parts",)).stages[1:3]
+    activations = Series(TIME, ("a", "b"), values)
+    a, b = (measure(one, None, activations, TIME, None) for one in (first, last))
+    assert (a.activity, a.peak, a.strongest) == (pytest.approx(0.15), 0.2, 0)
+    assert (b.activity, b.peak, b.strongest) == (pytest.approx(0.6), 0.8, 1)
+    assert not (first.inside(TIME) & last.inside(TIME)).any()
+    empty = measure(cut(Cuttable((20.0, 21.0), TIME), ("parts",)).stages[0], None, activations, TIME, None)
+    assert np.isnan(empty.activity)
+    assert np.isnan(empty.mean).all()
+
+
+def test_words() -> None:
+    assert together(["right foot", "left foot"]) == "both feet"
+    assert together(["left foot", "right hand", "right foot", "left hand"]) == "both feet + both hands"
+    assert together(["right hand", "left foot"]) == "right hand + left foot"
+    assert together([], "flight") == "flight"
+    with pytest.raises(BadData, match="later end"):
+        Phase("none", 1.0, 1.0)
