@@ -35,6 +35,7 @@ class Run:
     forces, moments : (steps, contacts, 3) on tori (of soles: on the foot), moments about the ground's origin, of the
         four feet and the two grips [N], [N m]
     places : (steps, grips, 3) where the grips' forces act [m]
+    strayed : (steps,) greatest distance of a joint from the plan [rad]
     """
 
     time: Array
@@ -44,6 +45,7 @@ class Run:
     forces: Array
     moments: Array
     places: Array
+    strayed: Array
 
 
 def simulate_bout(compiled: Any, builds: Mapping[str, Build], plan: Plan, weight: Array, tone: Array) -> Run:
@@ -69,6 +71,7 @@ def simulate_bout(compiled: Any, builds: Mapping[str, Build], plan: Plan, weight
             standing = _standing(m, data, builds, plan, k * STEP, anchors)
             q, rates, accelerations = plan.at(m, k * STEP)
             mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
+            found.strayed[k : k + CONTROL] = np.abs(error).max()
             s = controller.drives.stiffness
             wanted = accelerations + s * error + 2.0 * np.sqrt(s) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(k * STEP)
@@ -87,6 +90,7 @@ def _room(m: Any, steps: int) -> Run:
     return Run(
         np.empty(steps), np.empty((steps, m.nq)), np.empty((steps, m.nu)), np.empty((steps, m.nu)),
         np.zeros((steps, contacts, 3)), np.zeros((steps, contacts, 3)), np.zeros((steps, len(GRIPS), 3)),
+        np.zeros(steps),
     )  # fmt: skip
 
 
@@ -114,17 +118,18 @@ def _standing(
 
 
 def _record_forces(m: Any, data: Any, found: Run, k: int) -> None:
-    wrench = np.empty(6)
-    mat = m.geom("mat").id
-    for i in range(data.ncon):
+    mat, lapel, sleeve = m.geom("mat").id, len(FEET), len(FEET) + 1
+    feet = {m.body(name).id: c for c, name in enumerate(FEET)}
+    count = int(data.ncon)
+    forces, owners, wrench = np.empty((count, 3)), np.empty(count, int), np.empty(6)
+    for i in range(count):
         contact = data.contact[i]
         mujoco.mj_contactForce(m, data, i, wrench)
-        force = contact.frame.reshape(3, 3).T @ wrench[:3] * (1.0 if contact.geom1 == mat else -1.0)
-        foot = m.body(m.geom_bodyid[contact.geom2 if contact.geom1 == mat else contact.geom1]).name
-        c = FEET.index(foot)
-        found.forces[k, c] += force
-        found.moments[k, c] += np.cross(contact.pos, force)
-    lapel, sleeve = len(FEET), len(FEET) + 1
+        below = contact.geom1 == mat
+        forces[i] = contact.frame.reshape(3, 3).T @ wrench[:3] * (1.0 if below else -1.0)
+        owners[i] = feet[int(m.geom_bodyid[contact.geom2 if below else contact.geom1])]
+    np.add.at(found.forces[k], owners, forces)
+    np.add.at(found.moments[k], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
     rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (data.efc_id == m.equality("lapel").id)
     found.places[k, 0] = data.site_xpos[m.site("tori_grip_r").id]
     found.forces[k, lapel] = data.efc_force[rows]

@@ -17,7 +17,7 @@ STEP = 1e-3
 PARTS = ("tori", "uke")
 APART = 0.32
 """Distance of the two pelves at the start [m]."""
-LAPEL = np.array([0.12, 0.33, -0.09])
+LAPEL = np.array([0.11, 0.33, -0.14])
 """Where tori's right hand holds uke, in uke's torso for a body of `HEIGHT` [m]."""
 CUFF = np.array([0.03, -0.05, 0.0])
 """Where the sleeve that tori's left hand holds is sewn on, in uke's right forearm [m]."""

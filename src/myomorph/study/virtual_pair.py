@@ -18,6 +18,7 @@ import numpy as np
 from myomorph.io.mjcf import model_from_mujoco
 from myomorph.io.mjcf_coordinates import coordinates_from_qpos
 from myomorph.model.contacts import Cone, Site
+from myomorph.model.errors import BadData
 from myomorph.model.join import join_models
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
@@ -33,6 +34,8 @@ from myomorph.study.virtual_plan import Kind, make_plan, start_pose
 
 SETTLING = 0.3
 """Time at the start that is not recorded, while the fighters settle [s]."""
+FALLEN = 0.5
+"""Distance of a joint from the plan at which a bout counts as lost [rad]."""
 LOADED = 0.02
 """Share of a fighter's weight from which on a foot touches."""
 
@@ -61,7 +64,7 @@ class PairOptions:
     emg_gain: float = 0.1
     emg_noise: float = 0.02
     weight_spread: float = 0.5
-    tone: tuple[float, float] = (0.02, 0.1)
+    tone: tuple[float, float] = (0.01, 0.05)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +121,11 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
     Parameters
     ----------
     cutoff : low-pass of what is given as true forces, for comparison with an estimate that filters so [Hz]
+
+    Raises
+    ------
+    BadData
+        where a fighter does not keep up with the plan, as one who falls
     """
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
@@ -132,6 +140,12 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
         weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
         tone = random.uniform(*options.tone, compiled.nu)
         run = simulate_bout(compiled, builds, plan, weight, tone)
+        strayed = float(run.strayed[round(SETTLING / STEP) :].max())
+        if strayed > FALLEN:
+            raise BadData(
+                f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
+                "another seed"
+            )
         models = {part: fighter_model(part, builds[part]) for part in PARTS}
         believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}
         known = {part: fighter_model(part, believed[part]) for part in PARTS}

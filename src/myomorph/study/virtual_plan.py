@@ -16,7 +16,7 @@ from myomorph.study.virtual_mat import APART, CUFF, LAPEL, PARTS
 from myomorph.study.virtual_poses import Aim, posed
 
 Kind = Literal["pull", "sway", "step"]
-FEET = {"tori": {"r": (-0.14, 0.15), "l": (0.06, -0.14)}, "uke": {"r": (0.14, -0.15), "l": (-0.06, 0.14)}}
+FEET = {"tori": {"r": (-0.2, 0.15), "l": (0.08, -0.14)}, "uke": {"r": (0.2, -0.15), "l": (-0.08, 0.14)}}
 """Places of the ankles on the mat from the middle of each stance, x and z in ground [m]."""
 MIDDLE = {"tori": 0.0, "uke": APART}
 BACKWARD = {"tori": -1.0, "uke": 1.0}
@@ -108,27 +108,27 @@ def make_plan(compiled: Any, builds: Mapping[str, Build], kind: str, random: np.
     """
     if kind not in get_args(Kind):
         raise UnknownName("kind of bout", kind, get_args(Kind), "the simulation")
-    base = Stance(0.0, (0.08, 0.08), (0.0, 0.0), drop=random.uniform(0.06, 0.09))
+    base = Stance(0.0, (0.12, 0.12), (-0.05, -0.05), drop=random.uniform(0.07, 0.1), lapel=50.0, sleeve=35.0)
     hard = replace(
         base,
-        back=(random.uniform(0.13, 0.17), random.uniform(0.13, 0.17)),
-        lean=(random.uniform(0.0, 0.08), random.uniform(0.0, 0.08)),
-        lapel=random.uniform(70.0, 120.0),
-        sleeve=random.uniform(40.0, 80.0),
+        back=(random.uniform(0.2, 0.23), random.uniform(0.2, 0.23)),
+        lean=(random.uniform(-0.1, 0.0), random.uniform(-0.1, 0.0)),
+        lapel=random.uniform(100.0, 140.0),
+        sleeve=random.uniform(60.0, 90.0),
     )
     lifted = (0.0, 0.0)
     still = replace(base, time=0.3)
     if kind == "pull":
         stances = [base, still, replace(hard, time=1.0), replace(hard, time=1.4), replace(base, time=2.1)]
     elif kind == "sway":
-        s = random.uniform(0.02, 0.035)
-        stances = [base, still, replace(hard, time=1.0, sway=(s, s), twist=0.1)]
-        stances += [replace(hard, time=1.8, sway=(-s, -s), twist=-0.1), replace(hard, time=2.5)]
+        s = random.uniform(0.015, 0.03)
+        stances = [base, still, replace(hard, time=1.0, sway=(s, s), twist=0.05)]
+        stances += [replace(hard, time=1.8, sway=(-s, -s), twist=-0.05), replace(hard, time=2.5)]
     else:
         far, over = random.uniform(0.08, 0.14), (-0.115, -0.02)
         stances = [base, still, replace(base, time=1.2, sway=over), replace(base, time=1.3, sway=over)]
         stances += [replace(base, time=1.55, sway=over, foot=(0.5 * far, 0.05))]
-        stances += [replace(base, time=1.8, sway=over, foot=(far, 0.0)), replace(base, time=2.6, foot=(far, 0.0))]
+        stances += [replace(base, time=1.8, sway=over, foot=(far, 0.0)), replace(base, time=2.8, foot=(far, 0.0))]
         lifted = (1.3, 1.8)
     start = start_pose(compiled)
     poses = []

@@ -1,0 +1,167 @@
+"""Two subjects who hold each other: where they grip, and whether action is reaction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.join import own_name
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
+from myomorph.rigid.tree import compile_tree
+
+PULL = 1e-3
+"""Weight of the first guess of a grip's place, against one frame in which the bodies hold together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """Where one body holds another.
+
+    Attributes
+    ----------
+    site : its point is fixed to the body that grips
+    place : (3,) the point of the other body that is held [m]
+    apart : (frames,) distance of the two points over the whole motion [m]
+    """
+
+    site: Site
+    place: Array
+    apart: Array
+
+
+def grip_between(
+    model: Model,
+    motion: Motion,
+    body: str,
+    other: str,
+    *,
+    name: str = "",
+    near: ArrayLike | None = None,
+    span: tuple[float, float] | None = None,
+    cone: Cone | None = None,
+) -> Grip:
+    """The point at which two bodies hold together while both move.
+
+        minimise  sum_frames |(R_b x + p_b) - (R_o y + p_o)|^2 + w |x - near|^2
+
+    over x in the body and y in the other: the point about which they turn on each other (Ehrig, Taylor, Duda and
+    Heller 2006), with a weak pull to a first guess along directions that the motion does not tell.
+
+    Parameters
+    ----------
+    name : of the site; "<body>_on_<other>" by default
+    near : (3,) first guess in the body's frame [m]; its mass center by default
+    span : from when to when they hold together [s]; the whole motion by default
+    cone : which forces can pass; any by default
+
+    Raises
+    ------
+    UnknownName
+        where the model has no such body
+    BadData
+        where no frame lies in the span
+    """
+    tree = compile_tree(model)
+    for one in (body, other):
+        if one not in tree.body_index:
+            raise UnknownName("body", one, tuple(tree.body_index))
+    start, stop = (motion.time[0], motion.time[-1]) if span is None else span
+    held = (motion.time >= start - 1e-9) & (motion.time <= stop + 1e-9)
+    if not held.any():
+        raise BadData(
+            f"grip of '{body}' on '{other}': no frame between {start:g} and {stop:g} s; the motion runs from "
+            f"{motion.time[0]:g} to {motion.time[-1]:g} s"
+        )
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    b, o = tree.body_index[body], tree.body_index[other]
+    guess = np.asarray(model.body(body).mass_center if near is None else near, dtype=np.float64)
+    frames = int(held.sum())
+    weight = np.sqrt(PULL * frames) * np.hstack([np.eye(3), np.zeros((3, 3))])
+    rows = np.concatenate([poses.rotations[held, b], -poses.rotations[held, o]], axis=2).reshape(-1, 6)
+    gaps = (poses.origins[held, o] - poses.origins[held, b]).ravel()
+    found = np.linalg.lstsq(
+        np.vstack([rows, weight]), np.concatenate([gaps, np.sqrt(PULL * frames) * guess]), rcond=None
+    )[0]
+    x, y = found[:3], found[3:]
+    apart = poses.points(np.array([b]), x[None])[:, 0] - poses.points(np.array([o]), y[None])[:, 0]
+    site = Site(name or f"{body}_on_{other}", body, x[None], cone or Cone(direction=None), other)
+    return Grip(site, frozen_array(y), frozen_array(np.linalg.norm(apart, axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class ActionReaction:
+    """What each of several parts needs beyond what was measured on it, and what is left when all are added.
+
+    Rows of wrenches are moment about the ground's origin [N m], then force [N], in ground.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    parts : names
+    passed : (frames, parts, 6) external wrench that a part's motion and weight need, less what was measured on it: what
+        the others do to it
+    """
+
+    time: Array
+    parts: tuple[str, ...]
+    passed: Array
+
+    @property
+    def residual(self) -> Array:
+        """(frames, 6) sum over the parts: 0 where action is reaction and everything else was measured."""
+        total: Array = self.passed.sum(axis=1)
+        return total
+
+    @property
+    def force_error(self) -> float:
+        """Root mean square of the residual's force [N]."""
+        return float(np.sqrt(np.mean(np.sum(self.residual[:, 3:] ** 2, axis=1))))
+
+
+def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured: Wrenches) -> ActionReaction:
+    """Check the parts of a joined model against the forces measured on them, by the root equations of each.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations
+    parts : names of the parts that `model` was joined of
+    measured : external forces on bodies of the joined model, as plates tell them, at the motion's times
+
+    Raises
+    ------
+    UnknownName
+        where no body is a part's
+    BadData
+        where the motion has no derivatives, or times differ
+    """
+    origin = np.zeros((len(motion), 3))
+    owners = np.array([[own_name(body.name, part) is not None for body in model.bodies] for part in parts])
+    for part, owned in zip(parts, owners, strict=True):
+        if not owned.any():
+            raise UnknownName("part", part, tuple(dict.fromkeys(one.partition("_")[0] for one in model.body_names)))
+    parameters = inertial_parameters(model) * owners[:, :, None]
+    passed = np.empty((len(motion), len(parts), 6))
+    for block in regressor_blocks(model, motion, np.zeros(3)):
+        passed[block.frames] = np.einsum("fik,pk->fpi", block.rows, parameters.reshape(len(parts), -1))
+    for k, part in enumerate(parts):
+        own = [w for w, body in enumerate(measured.bodies) if own_name(body, part) is not None]
+        passed[:, k] -= sum_of_wrenches(model, motion, _some(measured, own), origin)
+    return ActionReaction(frozen_array(motion.time), tuple(parts), frozen_array(passed))
+
+
+def _some(given: Wrenches, columns: Sequence[int]) -> Wrenches:
+    names, bodies = (tuple(one[k] for k in columns) for one in (given.names, given.bodies))
+    chosen = list(columns)
+    return Wrenches(
+        given.time, names, bodies, given.forces[:, chosen], given.points[:, chosen], given.torques[:, chosen]
+    )
