@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.site_motion import floor_under, site_motion
 from myomorph.model.contacts import Contacts, Site
@@ -13,6 +14,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
+from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
@@ -104,27 +106,36 @@ def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PI
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     moving = site_motion(model, motion, sites)
+    owner = _owners(tree)
     found = np.zeros((len(motion), len(sites), 3))
-    for k, site in enumerate(sites):
-        if site.against != GROUND or site.cone.direction is None or site.cone.frame != GROUND:
-            continue
-        center = _own_center(tree, poses, tree.body_index[site.body])
-        way = center + pivot * moving.height * moving.up - moving.places[:, k]
-        along = way @ site.cone.direction
-        ahead = along > 0.1 * moving.height
-        found[ahead, k] = (way[ahead] / along[ahead, None]) - site.cone.direction
+    for subject in np.unique(owner[1:]):
+        pivots = _center(tree, poses, owner == subject) + pivot * moving.height * moving.up
+        for k, site in enumerate(sites):
+            up = site.cone.direction
+            mine = owner[tree.body_index[site.body]] == subject and site.against == GROUND
+            if mine and up is not None and site.cone.frame == GROUND:
+                way = pivots - moving.places[:, k]
+                along = way @ up
+                ahead = along > 0.1 * moving.height
+                found[ahead, k] = way[ahead] / along[ahead, None] - up
     return found
 
 
-def _own_center(tree: Tree, poses: Poses, body: int) -> Array:
-    """Center of mass (frames, 3) of the subject that a body is a part of, in a model of several."""
-    parent, mass = tree.arrays.parent, tree.arrays.mass
-    root = np.arange(len(parent))
+def _owners(tree: Tree) -> Ints:
+    """(bodies,) the body on the ground that each hangs on: of several subjects, whose it is."""
+    parent = tree.arrays.parent
+    owner = np.arange(len(parent))
     for b in range(1, len(parent)):
-        root[b] = root[parent[b]] if parent[b] > 0 else b
-    own = np.where(root == root[body], mass, 0.0)
-    centers = poses.points(np.arange(len(mass)), tree.arrays.mass_center)
-    center: Array = np.einsum("b,fbi->fi", own, centers) / max(float(own.sum()), 1e-300)
+        owner[b] = owner[parent[b]] if parent[b] > 0 else b
+    return owner
+
+
+def _center(tree: Tree, poses: Poses, own: NDArray[np.bool_]) -> Array:
+    """Center of mass (frames, 3) of some bodies."""
+    numbers = np.flatnonzero(own)
+    mass = tree.arrays.mass[numbers]
+    centers = poses.points(numbers, tree.arrays.mass_center[numbers])
+    center: Array = np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
     return center
 
 
