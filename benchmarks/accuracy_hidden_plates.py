@@ -10,8 +10,10 @@ import numpy as np
 
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.contact.shared import SharedOptions, shared_wrenches
-from myomorph.contact.states import hysteresis, steady
+from myomorph.contact.states import ContactStateOptions, find_contacts, hysteresis, steady
+from myomorph.contact.strengths import StrengthOptions, strengths
 from myomorph.model.series import Series, Wrenches
+from myomorph.motion.sync import resample_wrenches
 from myomorph.tension.solve import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
@@ -64,20 +66,21 @@ def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
-    """The walk with three plates: one foot's force known, and both feet's known only together."""
+    """The walk with three plates: times of contact known, one foot's force known, both feet's known only together."""
     hidden = opened(folder, CASES[0])
     right = [k for k, one in enumerate(hidden.measured.bodies) if one == "calcn_r"]
     known = _chosen(hidden.measured, right)
     ready = _without(hidden, "foot_r")
     ways = {
-        "all hidden": estimated(hidden),
-        "right foot measured": estimated(hidden, known=known, ready=ready),
-        "right foot measured, soft": estimated(hidden, shared=_shared(hidden, known)),
-        "both feet on one plate": estimated(hidden, shared=_shared(hidden, summed(hidden.measured))),
+        "nothing": estimated(hidden),
+        "times of contact": estimated(hidden, ready=_timed(hidden)),
+        "right foot's force": estimated(hidden, known=known, ready=ready),
+        "right foot's force, soft": estimated(hidden, shared=_shared(hidden, known)),
+        "both feet's force together": estimated(hidden, shared=_shared(hidden, summed(hidden.measured))),
     }
     for name, tension in ways.items():
         for side, force, moment in feet_of(hidden):
-            if name == "right foot measured" and side == "right":
+            if name == "right foot's force" and side == "right":
                 continue
             found = foot_wrench(tension, side)
             yield {
@@ -161,6 +164,15 @@ def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
         wrenches.points[:, columns],
         wrenches.torques[:, columns],
     )
+
+
+def _timed(hidden: Hidden) -> Series:
+    """Strengths whose touches begin and end when the plates are loaded and unloaded."""
+    plates = resample_wrenches(hidden.raw, hidden.motion.time, 3.0 * hidden.cutoff)
+    told = find_contacts(
+        hidden.model, hidden.motion, hidden.sites, ContactStateOptions(floor=hidden.floor), plates=plates
+    )
+    return strengths(hidden.model, hidden.motion, hidden.sites, told, StrengthOptions(floor=hidden.floor))
 
 
 def _without(hidden: Hidden, group: str) -> Series:

@@ -94,6 +94,7 @@ class Hidden:
     raw : the same unfiltered, at their own times
     use : (frames,) in which the plates measure all that is compared
     cutoff : of the filter [Hz]
+    floor : its height [m]
     """
 
     case: HiddenCase
@@ -106,6 +107,7 @@ class Hidden:
     raw: Wrenches
     use: np.ndarray
     cutoff: float
+    floor: float
 
     @property
     def weight(self) -> float:
@@ -178,6 +180,7 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
         raw,
         use,
         cutoff,
+        floor.height,
     )
 
 
