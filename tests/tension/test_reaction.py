@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from looped import looped_tree
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
@@ -273,3 +274,17 @@ def test_what_is_missing_or_unknown_is_named(walk):
     found = joint_reactions(model, motion, unsolved, wrenches, ["hip_r"])
     assert np.isnan(found.forces[2]).all()
     assert np.isfinite(found.forces[[0, 1, 3, 4, 5]]).all()
+
+
+def test_frames_that_are_missing_stay_missing_and_the_others_stand():
+    """A closed loop with a gap in its motion."""
+    model, closed = looped_tree(1, kinds=("PointConstraint",), bodies=10)
+    values = np.tile(closed, (4, 1))
+    whole = Motion(np.arange(4.0), model.coordinate_names, values, 0.0 * values, 0.0 * values)
+    gap = np.array(values)
+    gap[2] = np.nan
+    torn = replace(whole, values=gap, velocities=0.0 * gap, accelerations=0.0 * gap)
+    for how in ("motion", "forces"):
+        one, other = (joint_reactions(model, each, None, accelerations=how) for each in (whole, torn))
+        assert np.isnan(other.forces[2]).all()
+        np.testing.assert_allclose(other.forces[[0, 1, 3]], one.forces[[0, 1, 3]], atol=1e-9)

@@ -64,7 +64,8 @@ def forward_accelerations(
         G = closure_jacobian(tree, c)[:, :, free]
         wanted = -closure_rates(tree, c, cdot, rest)[1] - np.einsum("frj,fj->fr", G, x)
         softness = np.linalg.solve(M, np.swapaxes(G, 1, 2))
-        multipliers = np.einsum("frs,fs->fr", np.linalg.pinv(G @ softness, rcond=RANK, hermitian=True), wanted)
+        inverse = _pseudo_inverse(G @ softness)
+        multipliers = np.einsum("frs,fs->fr", inverse, wanted)
         x += np.einsum("fjr,fr->fj", softness, multipliers)
     found = base.copy()
     found[:, free] = x
@@ -95,7 +96,15 @@ def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, appli
     free = free_coordinates(tree)
     missing = (_needed(tree, c, cdot, cddot, applied) - generalized)[:, free]
     G = closure_jacobian(tree, c)[:, :, free]
-    found: Array = np.einsum("frj,fj->fr", np.linalg.pinv(np.swapaxes(G, 1, 2), rcond=RANK), missing)
+    found: Array = np.einsum("frj,fj->fr", _pseudo_inverse(np.swapaxes(G, 1, 2)), missing)
+    return found
+
+
+def _pseudo_inverse(matrices: Array) -> Array:
+    """Moore-Penrose inverses of (frames, m, n); NaN where a frame is."""
+    found = np.full((len(matrices), matrices.shape[2], matrices.shape[1]), np.nan)
+    good = np.isfinite(matrices).all(axis=(1, 2))
+    found[good] = np.linalg.pinv(matrices[good], rcond=RANK)
     return found
 
 

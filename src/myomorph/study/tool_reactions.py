@@ -58,7 +58,7 @@ def joint_reaction(
         accelerations="forces",
     )
     text = f"joint reactions: {len(found)} frames, {len(found.joints)} joints"
-    if len(found):
+    if np.isfinite(found.forces).any():
         sizes = np.linalg.norm(found.forces, axis=2)
         worst = np.unravel_index(int(np.nanargmax(sizes)), sizes.shape)
         text += f", largest force {sizes[worst]:.0f} N ({found.joints[worst[1]]})"

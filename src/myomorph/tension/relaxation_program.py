@@ -123,12 +123,12 @@ def _levels(heights: Array, contacts: ContactTerms) -> Array:
     """Height (sites,) at which each site's group touches."""
     groups = np.array([one.group for one in contacts.columns.sites])
     touching = contacts.strengths > 0.0
-    every = float(np.median(heights[touching] if touching.any() else np.nanmin(heights, axis=1)))
+    every = float(np.nanmedian(heights[touching] if touching.any() else heights.min(axis=1)))
     levels = np.full(len(groups), every)
     for group in set(groups.tolist()):
         mine = groups == group
         if touching[:, mine].any():
-            levels[mine] = np.median(heights[:, mine][touching[:, mine]])
+            levels[mine] = np.nanmedian(heights[:, mine][touching[:, mine]])
     return levels
 
 
