@@ -249,11 +249,11 @@ def test_residuals_are_held_against_the_limits() -> None:
 
 
 class Open:
-    """Intervals of forty newtons around each force."""
+    """Intervals of forty newtons around each force, at every so many frames."""
 
-    def __init__(self, forces: ContactForces):
-        self.time, self.names = forces.time[::5], ("foot_r",)
-        foot = forces.forces[::5, :2].sum(axis=1)[:, None]
+    def __init__(self, forces: ContactForces, every: int):
+        self.time, self.names = forces.time[::every], ("foot_r",)
+        foot = forces.forces[::every, :2].sum(axis=1)[:, None]
         self.lower, self.upper = foot - 40.0, foot + 40.0
 
 
@@ -261,7 +261,9 @@ def test_the_panel_of_contact_forces() -> None:
     given = everything()
     time = given.wrenches.time
     forces = contact_forces(time)
-    told = replace(given, contact_forces=forces, intervals=Open(forces), uncarried=(Uncarried(0.5, "more friction"),))
+    told = replace(
+        given, contact_forces=forces, intervals=Open(forces, 2), uncarried=(Uncarried(0.5, "more friction"),)
+    )
     panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
     assert "fourth situation" in panel.lead
     assert "leave open" in panel.lead
@@ -273,4 +275,8 @@ def test_the_panel_of_contact_forces() -> None:
     assert panel.grids[1].rows == (("0.500 s", "more friction"),)
     vertical = etree.fromstring(_drawings(panel.figures[0].svg)[0])
     assert len(vertical.xpath("//*[contains(@class, 'band')]")) == 1
+    seldom = replace(told, intervals=Open(forces, 20))
+    panel = next(one for one in analysis_sections(prepare(seldom)) if one.key == "contact-forces")
+    bars = etree.fromstring(_drawings(panel.figures[0].svg)[0]).xpath("//*[contains(@class, 'interval')]/@d")
+    assert [one.count("M") for one in bars] == [len(time[::20])]
     assert "Green arrows are estimated contact forces." in report_page(told)

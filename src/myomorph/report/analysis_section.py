@@ -219,7 +219,9 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     flip = -1.0 if k == 1 else 1.0
     first, second = [i for i in range(3) if i != k]
     # Columns of `center`: vertical, then the two axes of the ground in order.
-    start = analysis.persons[0].center.values[:, 1:]
+    center, phases = analysis.persons[0].center, analysis.cutting.phases
+    begun = center.time >= (phases[0].start if phases else center.time[0]) - 1e-9
+    start = center.values[begun, 1:]
     start = start[np.isfinite(start).all(axis=1)]
     if not len(start):
         return ""
@@ -285,7 +287,7 @@ def _reaching(inside: np.ndarray) -> np.ndarray:
 
 def _path_caption(analysis: MotionAnalysis) -> str:
     stages = analysis.cutting.stages
-    told = "Its origin is where it starts; each axis fills the chart where the way is long and thin."
+    told = "Its origin is where the first phase starts; each axis fills the chart where the way is long and thin."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
         words = ("blue", "violet", "green", "ochre")
         told += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."

@@ -139,7 +139,8 @@ def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] 
         return ""
     height = ROW * len(rows) + 8
     frame = behind.frame(2.0, height - 2.0)
-    parts = [opened("Contact states", height, frame, "contacts"), *behind.behind(frame)]
+    told = "; ".join(f"{row.label} {len(row.touches)} times" for row in rows if row.touches)
+    parts = [opened(f"Contact states: {told or 'nothing touches'}", height, frame, "contacts"), *behind.behind(frame)]
     for i, row in enumerate(rows):
         y = 4 + ROW * (i + 0.5)
         style = row.side or "middle"

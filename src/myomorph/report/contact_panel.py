@@ -18,6 +18,8 @@ from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.subjects import Subject
 from myomorph.report.tracks import Backdrop, Band, Track, draw_track, time_axis
 
+SELDOM = 2.5
+
 
 def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
     """Three components of every group's force, the center of pressure and what was measured."""
@@ -94,9 +96,9 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     if any(one.measured is not None for one in groups):
         told.append("What plates measured is grey, shown and compared while a plate carries it.")
     if given.intervals is not None:
+        shape = "Bars" if _at_instants(prepared) else "Bands"
         told.append(
-            "Bands are what the data leave open: every force in them, with other muscle tensions, would move the body "
-            "the same way."
+            f"{shape} are what the data leave open: equations of motion, cones and muscles allow every force in them."
         )
     if given.uncarried:
         told.append(f"Red marks: {len(given.uncarried)} frames whose motion the contacts could not carry.")
@@ -124,8 +126,18 @@ def _components(prepared: Prepared, groups: Sequence[Group], behind: Backdrop, w
             if prepared.weight and i == 0
             else []
         )
-        rows.append(draw_track(Track(name.capitalize(), "N", lines, 118 if i == 0 else 92, bands, weight), behind))
+        wide, upright = ((), bands) if _at_instants(prepared) else (bands, ())
+        height = 118 if i == 0 else 92
+        rows.append(draw_track(Track(name.capitalize(), "N", lines, height, wide, upright, weight), behind))
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
+
+
+def _at_instants(prepared: Prepared) -> bool:
+    """Whether intervals are known so seldom that nothing can be drawn between them."""
+    intervals, forces = prepared.given.intervals, prepared.given.contact_forces
+    if intervals is None or forces is None or len(intervals.time) < 2 or len(forces) < 2:
+        return True
+    return float(np.median(np.diff(intervals.time))) > SELDOM * float(np.median(np.diff(forces.time)))
 
 
 def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:

@@ -16,6 +16,7 @@ from myomorph.report.given import Phase
 WIDTH, LEFT, RIGHT = 1040, 190, 12
 AXIS = 24
 MOST_BAND = 240
+BESIDE = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,7 @@ class Track:
     Attributes
     ----------
     title, unit : printed on the left
+    bands, bars : what lies between two lines, known all the time or at some instants
     height : in the drawing's own units
     levels : values to compare with, drawn as dashed lines
     low, high : values that must be inside, or None
@@ -46,6 +48,7 @@ class Track:
     lines: Sequence[Line]
     height: int = 84
     bands: Sequence[Band] = ()
+    bars: Sequence[Band] = ()
     levels: Sequence[Limit] = ()
     low: float | None = None
     high: float | None = None
@@ -102,6 +105,8 @@ def draw_track(track: Track, behind: Backdrop) -> str:
     parts += _scale(frame, track.small)
     for band in track.bands:
         parts.append(_band(frame, band, behind.span))
+    for i, bar in enumerate(track.bars):
+        parts.append(_bars(frame, bar, behind.span, BESIDE * (i - (len(track.bars) - 1) / 2)))
     for line in track.lines:
         parts += _line(frame, line, behind.span)
     for level in track.levels:
@@ -113,7 +118,7 @@ def draw_track(track: Track, behind: Backdrop) -> str:
 
 def _range(track: Track, span: tuple[float, float]) -> tuple[float, float]:
     lines = list(track.lines) + [
-        Line(band.time, values, "", "") for band in track.bands for values in (band.low, band.high)
+        Line(band.time, values, "", "") for band in (*track.bands, *track.bars) for values in (band.low, band.high)
     ]
     low, high = value_range(Panel(track.title, track.unit, lines, span, low=track.low, high=track.high))
     for level in track.levels:
@@ -171,6 +176,16 @@ def _band(frame: Frame, band: Band, span: tuple[float, float]) -> str:
         y = frame.y(np.clip(np.concatenate([high[start:stop], low[start:stop][::-1]]), frame.y0, frame.y1))
         outline += path_data(np.concatenate([x, x[::-1]]), y) + "Z"
     return f'<path class="band {band.style}" d="{outline}"/>'
+
+
+def _bars(frame: Frame, bar: Band, span: tuple[float, float], aside: float) -> str:
+    """An upright line from low to high at every instant where they differ, `aside` to the right of its time."""
+    apart = np.asarray(bar.high) - np.asarray(bar.low) > 1e-3 * (frame.y1 - frame.y0)
+    shown = apart & (bar.time >= span[0] - 1e-9) & (bar.time <= span[1] + 1e-9)
+    x = frame.x(np.asarray(bar.time)[shown]) + aside
+    ends = [frame.y(np.clip(np.asarray(one)[shown], frame.y0, frame.y1)) for one in (bar.low, bar.high)]
+    data = "".join(f"M{u:.1f} {low:.1f}V{high:.1f}" for u, low, high in zip(x, *ends, strict=True))
+    return f'<path class="interval {bar.style}" d="{data}"/>'
 
 
 def time_axis(behind: Backdrop) -> str:

@@ -188,7 +188,8 @@
 
   const KEPT = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "opacity", "font-size", "font-weight", "font-family", "text-anchor", "paint-order"];
 
-  function save(svg) {
+  /** A copy of a drawing with its styles written out. */
+  function plain(svg) {
     const copy = svg.cloneNode(true);
     const originals = [svg, ...svg.querySelectorAll("*")];
     [copy, ...copy.querySelectorAll("*")].forEach((element, i) => {
@@ -197,16 +198,36 @@
     });
     copy.querySelectorAll(".cursor,.dot").forEach((element) => element.remove());
     copy.setAttribute("xmlns", SVG);
+    return copy;
+  }
+
+  /** The drawings of a figure as one file, under each other. */
+  function save(drawings) {
+    let file = plain(drawings[0]);
+    if (drawings.length > 1) {
+      file = document.createElementNS(SVG, "svg");
+      let bottom = 0;
+      for (const drawing of drawings) {
+        const { width, height } = drawing.viewBox.baseVal;
+        const part = plain(drawing);
+        for (const [name, value] of Object.entries({ x: 0, y: bottom, width, height })) part.setAttribute(name, value);
+        file.append(part);
+        bottom += height;
+      }
+      const widest = Math.max(...drawings.map((one) => one.viewBox.baseVal.width));
+      file.setAttribute("viewBox", `0 0 ${widest} ${bottom}`);
+    }
+    const label = drawings.map((one) => one.getAttribute("aria-label")).find(Boolean);
     const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(copy)], { type: "image/svg+xml" }));
-    link.download = `${(svg.getAttribute("aria-label") || "figure").replace(/[^\w]+/g, "-").toLowerCase()}.svg`;
+    link.href = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(file)], { type: "image/svg+xml" }));
+    link.download = `${(label || "figure").replace(/[^\w]+/g, "-").toLowerCase()}.svg`;
     link.click();
     URL.revokeObjectURL(link.href);
   }
 
   for (const figure of document.querySelectorAll(".figures figure")) {
     const button = Object.assign(document.createElement("button"), { className: "save", type: "button", textContent: "Save SVG" });
-    button.addEventListener("click", () => figure.querySelectorAll("svg").forEach(save));
+    button.addEventListener("click", () => save([...figure.querySelectorAll("svg")]));
     figure.append(button);
   }
 
