@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from myomorph.model.spatial import Array
 
@@ -49,6 +48,8 @@ class Influences:
     @property
     def by_trial(self) -> np.ndarray:
         """(estimates,) whether trials differ more than their blocks tell (a test of variances)."""
+        from scipy import stats  # Slow to import, and reports need this module without it.
+
         if len(self.trials) < 2:
             return np.zeros(len(self.values), bool)
         inner, outer = _variance(self.blocks) / self.parted, _variance(self.trials)
@@ -59,6 +60,8 @@ class Influences:
 
     def draws(self, count: int, generator: np.random.Generator) -> Array:
         """(count, estimates) of the bootstrap."""
+        from scipy import stats
+
         chance = generator.uniform(size=(count, 1))
         found = []
         # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares is the variance.

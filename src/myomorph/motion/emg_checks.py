@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import welch
 
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg, Series
@@ -172,6 +171,8 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
 
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
     """Median frequency outside what surface EMG has: the declared rate is wrong, or this is an envelope."""
+    from scipy.signal import welch
+
     if len(column) < 256:
         return []
     signal = np.nan_to_num(column - np.nanmean(column))

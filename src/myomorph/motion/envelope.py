@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import butter, iirnotch, sosfiltfilt, tf2sos
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
@@ -83,6 +82,8 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
     BadData
         where the recording is too short or too slow for the filters
     """
+    from scipy.signal import butter, sosfiltfilt
+
     options = options or EnvelopeOptions()
     rate, (low, high) = raw.rate, options.band
     high = min(high, 0.45 * rate)
@@ -114,6 +115,8 @@ def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) ->
 
 def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:
     """Second-order sections of the notches at the mains and at its harmonics within the band."""
+    from scipy.signal import iirnotch, tf2sos
+
     if options.notch is None:
         return []
     places = np.arange(options.notch, high, options.notch)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.signal import lfilter
 
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
@@ -96,6 +95,8 @@ def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
             (w - 1) * (w * w - w + 1) / scale,
         ]
     )
+    from scipy.signal import lfilter  # Takes longer to import than all the rest of a command.
+
     # State of the transposed direct form whose past inputs and outputs are the first three samples.
     state = np.zeros((3, *x.shape[1:]))
     for i in range(3):
