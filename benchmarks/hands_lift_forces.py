@@ -11,8 +11,10 @@ import numpy as np
 
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
 from myomorph.contact.held_objects import find_holds, needed_wrench
+from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import ContactStateOptions, find_contacts
+from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.model import Model
@@ -97,8 +99,7 @@ def task(folder: Path, lift: str, way: str) -> Task:
     body, motion = man(folder, lift)
     record = recorded(folder, lift)
     sites, held = holding(folder, lift)
-    feet = foot_sites(body)
-    standing = strengths(body, motion, feet).values
+    feet, standing, lean = soles_of(body, motion)
     # Moments about the ground's origin; the free torque of the plate is not in the file.
     moments = np.cross(record.plate_point, record.plate) * (1.0, np.nan, 1.0)
     plate = (SharedWrench("plate", tuple(one.name for one in feet), record.plate, moments),)
@@ -114,10 +115,20 @@ def task(folder: Path, lift: str, way: str) -> Task:
         feet = tuple(replace(one, body=f"man_{one.body}") for one in feet)
         sites = (*sites, *feet, replace(floor, body="box_body"))
         ready = np.hstack([held, standing, resting])
+    ways = np.zeros((*ready.shape, 3))
+    ways[:, 2 : 2 + len(feet)] = lean
     ready_at = Series(motion.time, tuple(one.name for one in sites), ready)
     options = ContactOptions(formulation="sequential" if way == "first" else "simultaneous")
-    contacts = ContactTask(sites, ready_at, () if way in ("hidden", "first") else plate, options)
+    contacts = ContactTask(sites, ready_at, () if way in ("hidden", "first") else plate, options, ways)
     return Task(model, moving, inverse_dynamics(model, moving), contacts)
+
+
+def soles_of(model: Model, motion: Motion) -> tuple[tuple[Site, ...], Array, Array]:
+    """Sites under the feet, how ready each is (frames, sites), and which way its force leans (frames, sites, 3)."""
+    feet, floor = rest_on_floor(model, motion, foot_sites(model))
+    touches = find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
+    ready = strengths(model, motion, feet, touches, StrengthOptions(floor=floor.height))
+    return feet, np.array(ready.values), leans(model, motion, feet)
 
 
 @lru_cache(maxsize=16)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hands_lift_forces import Task
+from benchmarks.hands_lift_forces import Task, soles_of
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.held_objects import needed_wrench
 from myomorph.contact.plates import episodes
+from myomorph.contact.raised import raised_contacts
 from myomorph.contact.site_motion import site_motion
-from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts, hysteresis
-from myomorph.contact.strengths import StrengthOptions, strengths
+from myomorph.contact.sites import body_sites
+from myomorph.contact.states import hysteresis
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.trc import read_trc
@@ -49,6 +49,7 @@ class Chair:
     places : (frames, 3) of its middle [m]
     soles : sites under the feet
     ready : (frames, 1 + soles) how ready the seat and they are, by their height and speed alone
+    lean : (frames, soles, 3) which way the soles' forces lean
     newton : (frames, 3) force that is left for the seat, and `moment` (frames, 3) about `places` [N], [N m]
     """
 
@@ -59,6 +60,7 @@ class Chair:
     soles: tuple[Site, ...]
     places: Array
     ready: Array
+    lean: Array
     newton: Array
     moment: Array
 
@@ -80,7 +82,7 @@ def chair(folder: Path) -> Chair:
     assert markers is not None
     motion = differentiate(inverse_kinematics(model, markers).motion, CUTOFF)
     plates = read_external_loads(here / "grf" / "STS1_external_forces.xml")
-    soles = foot_sites(model)
+    soles, standing, lean = soles_of(model, motion)
     at = site_motion(model, motion, soles).places
     by_foot = {
         body: at[:, [k for k, one in enumerate(soles) if one.group == group]]
@@ -97,21 +99,12 @@ def chair(folder: Path) -> Chair:
     )
     feet = assign_bodies(unknown, by_foot).wrenches
     (seat,) = body_sites(model, ("seat",))
-    sites = (seat, *soles)
-    moving = site_motion(model, motion, sites)
-    # Of all heights of the seat those of sitting are the lowest; the soles tell how large the body is.
-    height = float(np.percentile(moving.lowest[:, 0], 25.0))
-    ready = np.hstack([_ready(model, motion, sites, height)[:, :1], _ready(model, motion, soles, None)])
+    moving = site_motion(model, motion, (seat,))
+    ready = np.hstack([raised_contacts(model, motion, seat, soles)[1][:, None], standing])
     left = needed_wrench(model, motion, "pelvis", feet)
     places = moving.places[:, 0]
     moment = left.torques[:, 0] + np.cross(left.points[:, 0] - places, left.forces[:, 0])
-    return Chair(model, motion, feet, seat, soles, places, ready, left.forces[:, 0], moment)
-
-
-def _ready(model: Model, motion: Motion, sites: tuple[Site, ...], height: float | None) -> Array:
-    """How ready sites are to carry force over a floor of that height (frames, sites)."""
-    touches = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
-    return np.array(strengths(model, motion, sites, touches, StrengthOptions(floor=height)).values)
+    return Chair(model, motion, feet, seat, soles, places, ready, lean, left.forces[:, 0], moment)
 
 
 def task(folder: Path, plates: bool, first: bool = False) -> Task:
@@ -123,8 +116,9 @@ def task(folder: Path, plates: bool, first: bool = False) -> Task:
     sites = (one.seat,) if plates else (one.seat, *one.soles)
     ready = Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
     torques = inverse_dynamics(one.model, one.motion, one.feet if plates else None)
+    lean = np.concatenate([np.zeros((len(one.motion), 1, 3)), one.lean], axis=1)[:, : len(sites)]
     options = ContactOptions(formulation="sequential" if first else "simultaneous")
-    return Task(one.model, one.motion, torques, ContactTask(sites, ready, options=options))
+    return Task(one.model, one.motion, torques, ContactTask(sites, ready, (), options, lean))
 
 
 @lru_cache(maxsize=4)
