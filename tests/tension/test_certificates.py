@@ -28,6 +28,7 @@ from myomorph.tension.certificates import (
     optimality,
 )
 from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.emg import EmgTarget
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solved import solved_frames
 from standing import WEIGHT, block, legs, standing_still
@@ -195,6 +196,21 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
                 )
                 assert low == pytest.approx(both[0].fun, abs=2e-3)
                 assert high == pytest.approx(-both[1].fun, abs=2e-3)
+
+
+def test_known_activations_narrow_what_is_left_open(walk):
+    """EMG of all muscles as an equality leaves less open than physics alone, and what was found stays inside."""
+    model, motion, task = walk
+    problem, tension = solved(model, motion, task, None)
+    free = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
+    told = EmgTarget(model.muscle_names, tension.activations, "equality", slack=0.01)
+    problem, tension = solved(model, motion, task, None, emg=told)
+    bound = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
+    several = (free.high - free.low)[..., 1].min(axis=1) > 50.0
+    assert several.any()
+    assert (bound.high - bound.low)[several].sum() < 0.5 * (free.high - free.low)[several].sum()
+    assert (bound.low <= bound.forces + 1e-6).all()
+    assert (bound.high >= bound.forces - 1e-6).all()
 
 
 def test_solved_frames_are_optima_and_others_are_not(walk):

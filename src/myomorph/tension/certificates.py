@@ -19,6 +19,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.errors import BadData
+from myomorph.model.model import index_of
 from myomorph.model.spatial import Array
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.actuators import RESIDUAL
@@ -121,8 +122,6 @@ class ContactIntervals:
 
     def of(self, group: str) -> tuple[Array, Array, Array]:
         """Forces, least and greatest (frames, 3) of one group; raises `UnknownName`."""
-        from myomorph.model.model import index_of
-
         k = index_of("contact group", group, self.groups, "the intervals")
         return self.forces[:, k], self.low[:, k], self.high[:, k]
 
@@ -263,7 +262,7 @@ def _part(
     low, high = least[:, :, 0] + 0.0, 0.0 - least[:, :, 1]
     near = np.full((2, *shape, 3), np.nan)
     if options.near > 0.0 and len(good):
-        near[:, good] = near_extremes(solved, good, functions[good, :, :3], options.near)
+        near[:, good] = near_extremes(solved.of(good), functions[good, :, :3], options.near)
     direction, spread = _least_determined(solved, good, functions[..., :3, :], options.near)
     return found[..., :3], low, high, near[0], near[1], found[..., 3], direction, spread
 

@@ -24,63 +24,51 @@ MOST = 12
 """Values of s that are tried."""
 
 
-def near_extremes(solved: SolvedFrames, good: np.ndarray, functions: Array, share: float) -> Array:
+def near_extremes(solved: SolvedFrames, functions: Array, share: float) -> Array:
     """Least and greatest values of linear functions of contact amplitudes among solutions near the optimum.
 
     Parameters
     ----------
-    good : (good frames,) places of solved frames
-    functions : (good frames, groups, 3, variables), of variables whose exponent is 2 alone
+    solved : frames that were solved
+    functions : (frames, groups, 3, variables), of variables whose exponent is 2 alone
     share : increase of the cost that is allowed, of the cost of the solution that was found
 
     Returns
     -------
-    (2, good frames, groups, 3) least, greatest
+    (2, frames, groups, 3) least, greatest
     """
     frames, groups = functions.shape[:2]
     costs = np.stack([functions, -functions], axis=1).reshape(frames, -1, functions.shape[-1])
-    many = costs.shape[1]
-    found = solved.cost(solved.x)[good]
-    alone = _solve(solved, good, np.zeros((frames, 1, costs.shape[2])))
-    least = np.minimum(_costs(solved, good, alone)[:, 0], found)
-    allowed = (1.0 + share) * found - least
-    best = np.einsum("fkn,fn->fk", costs, solved.x[good])
-    tried = np.einsum("fkn,fn->fk", costs, alone[:, 0])
-    best = np.minimum(best, tried)
+    found = solved.cost(solved.x)
+    # What was found may be dearer than each frame alone has to be, for the sake of the frames beside it.
+    alone = _solve(solved, np.zeros((frames, 1, costs.shape[2])))
+    least = np.fmin(solved.cost(alone)[:, 0], found)
+    allowed = ((1.0 + share) * found - least)[:, None]
+    best = np.fmin(np.einsum("fkn,fn->fk", costs, solved.x), np.einsum("fkn,fn->fk", costs, alone[:, 0]))
     # A first s from the size of each function: the cost of a body weight is of the size of the effort.
     size = np.abs(costs).max(axis=2)
-    s = np.where(size > 0.0, np.sqrt(allowed)[:, None] / np.maximum(size, 1e-300), 0.0)
-    under, over = np.zeros((frames, many)), np.full((frames, many), np.inf)
-    done = (size == 0.0) | ~(allowed > 0.0)[:, None]
+    s = np.where(size > 0.0, np.sqrt(allowed) / np.maximum(size, 1e-300), 0.0)
+    under, over = np.zeros(s.shape), np.full(s.shape, np.inf)
+    done = (size == 0.0) | ~(allowed > 0.0)
     for _ in range(MOST):
-        x = _solve(solved, good, s[..., None] * costs)
-        more = _costs(solved, good, x) - least[:, None]
+        x = _solve(solved, s[..., None] * costs)
+        more = solved.cost(x) - least[:, None]
         value = np.einsum("fkn,fkn->fk", costs, x)
-        inside = (more <= allowed[:, None]) & np.isfinite(more)
+        inside = (more <= allowed) & np.isfinite(more)
         best = np.where(inside & ~done, np.minimum(best, value), best)
-        done |= inside & (more >= (1.0 - CLOSE) * allowed[:, None])
+        done |= inside & (more >= (1.0 - CLOSE) * allowed)
         under, over = np.where(inside, np.maximum(under, s), under), np.where(inside, over, np.minimum(over, s))
         if done.all():
             break
-        factor = np.sqrt((1.0 - 0.5 * CLOSE) * allowed[:, None] / np.maximum(more, 1e-12 * allowed[:, None]))
+        factor = np.sqrt((1.0 - 0.5 * CLOSE) * allowed / np.maximum(more, 1e-12 * allowed))
         guess = s * np.clip(np.nan_to_num(factor, nan=0.1), 0.1, 10.0)
         middle = np.where(np.isfinite(over), 0.5 * (under + over), guess)
-        outside = (guess <= under) | (guess >= over)
-        s = np.where(done, s, np.where(outside, middle, guess))
+        s = np.where(done, s, np.where((guess <= under) | (guess >= over), middle, guess))
     ends = best.reshape(frames, 2, groups, 3)
     return np.stack([ends[:, 0], -ends[:, 1]])
 
 
-def _costs(solved: SolvedFrames, good: np.ndarray, x: Array) -> Array:
-    """Cost (frames, many) of x (frames, many, variables) of some frames."""
-    wells = solved.wells[good][:, :, None]
-    below, above = np.maximum(wells[:, 0] - x, 0.0), np.maximum(x - wells[:, 1], 0.0)
-    pulled = np.where(wells[:, 2] > 0.0, wells[:, 2] * (below**2 + above**2), 0.0)
-    total: Array = (solved.shared.weight * np.abs(x) ** solved.shared.exponent + pulled).sum(axis=-1)
-    return total
-
-
-def _solve(solved: SolvedFrames, good: np.ndarray, tilt: Array) -> Array:
+def _solve(solved: SolvedFrames, tilt: Array) -> Array:
     """The x of least cost(x) + tilt^T x, (frames, many, variables) of tilts alike; NaN where there is none."""
     frames, many, n = tilt.shape
     x = np.empty((frames, many, n))
@@ -89,8 +77,8 @@ def _solve(solved: SolvedFrames, good: np.ndarray, tilt: Array) -> Array:
 
     def part(start: int, stop: int) -> None:
         for k in range(start, stop):
-            values, right = (np.repeat(one[good[k]][None], many, axis=0) for one in (solved.values, solved.b))
-            wells = np.array(solved.wells[good[k]])[None]
+            values, right = (np.repeat(one[k][None], many, axis=0) for one in (solved.values, solved.b))
+            wells = np.array(solved.wells[k])[None]
             status = np.empty(many, np.int8)
             solve_separable(
                 solved.shared,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class SolvedFrames:
 
     def __len__(self) -> int:
         return len(self.frames)
+
+    def of(self, places: NDArray[np.int64]) -> SolvedFrames:
+        """Some of these frames."""
+        parts = {name: getattr(self, name)[places] for name in ("frames", "A", "b", "x", "wells", "values")}
+        return replace(self, **parts)
 
     def cost(self, x: Array) -> Array:
         """Cost (frames, ...) of variables (frames, ..., n), smoothness between frames apart."""
