@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from myomorph.contact.shared import SharedOptions, assign_feet, shared_wrenches, without_measured
+from myomorph.contact.shared import SharedOptions, assign_feet, misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import rest_on_floor, site_motion
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import find_contacts
@@ -143,6 +143,15 @@ def test_plates_are_given_to_feet(walk):
     crossed = replace(crossed, forces=np.where(loaded, crossed.forces, 0.0))
     found = assign_feet(model, motion, sites, crossed)
     assert dict(zip(found.wrenches.names, found.wrenches.bodies, strict=True)) == {"one": "calcn_r", "two": "calcn_l"}
+
+
+def test_a_force_on_the_wrong_foot_is_told(walk):
+    """As in a file that puts all plates on the right talus."""
+    model, motion, sites, wrenches, _ = walk
+    assert misplaced_forces(model, motion, sites, wrenches) == ()
+    (note,) = misplaced_forces(model, motion, sites, replace(wrenches, bodies=("talus_r", "talus_r")))
+    assert note.startswith(f"force '{wrenches.names[1]}' is put on 'talus_r'")
+    assert "'foot_l'" in note
 
 
 def test_clocks_must_be_given_and_agree(walk):

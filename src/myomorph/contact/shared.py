@@ -233,3 +233,35 @@ def assign_feet(
         members = [k for k, other in enumerate(sites) if other.group == one.group]
         positions[sites[members[0]].body] = places[:, members]
     return assign_bodies(wrenches, positions, options)
+
+
+def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> tuple[str, ...]:
+    """Forces that a file puts on one foot while their center of pressure is under another, one line each.
+
+    A force counts as misplaced where the mean distance of its center of pressure to the soles of its own foot,
+    weighted by the force, is more than twice that to another foot.
+
+    Parameters
+    ----------
+    wrenches : at the motion's times, with the bodies that the file names
+    """
+    places, bodies = site_motion(model, motion, sites).places, _group_bodies(model, sites)
+    members = _groups(sites)
+    notes = []
+    for k, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
+        size = np.linalg.norm(np.nan_to_num(wrenches.forces[:, k]), axis=1)
+        size = np.where(
+            np.isfinite(wrenches.points[:, k]).all(axis=1) & (size > 0.1 * size.max(initial=0.0)), size, 0.0
+        )
+        own = [group for group in members if body in bodies[group]]
+        if not own or not size.any():
+            continue
+        apart = np.linalg.norm(places - np.nan_to_num(wrenches.points[:, k, None]), axis=2)
+        mean = {group: float(np.average(apart[:, one].min(axis=1), weights=size)) for group, one in members.items()}
+        nearest = min(mean, key=lambda group: mean[group])
+        if nearest not in own and 2.0 * mean[nearest] < min(mean[group] for group in own):
+            notes.append(
+                f"force '{name}' is put on '{body}', but its center of pressure lies {mean[nearest]:.2f} m from "
+                f"'{nearest}' and {mean[own[0]]:.2f} m from '{own[0]}': does it act on another foot?"
+            )
+    return tuple(notes)
