@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.contact.raised import raised_contacts
-from myomorph.contact.shared import shared_wrenches, without_measured
+from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
@@ -87,9 +87,9 @@ def set_contacts(
         # Their forces are known already.
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.blows if exact is None else _beside(exact, heard.blows)
-    return ContactSetting(
-        ContactTask(sites, ready, shared, options, leans(model, motion, sites)), contacts, exact, contacts.warnings
-    )
+    doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
+    task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
+    return ContactSetting(task, contacts, exact, (*contacts.warnings, *doubts))
 
 
 def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
