@@ -13,7 +13,7 @@ from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import external_arrays, motion_arrays, rates_of
+from myomorph.rigid.dynamics import external_arrays, motion_arrays
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -53,18 +53,18 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
     Parameters
     ----------
     model : of body and objects together (`join_models`)
-    motion : with velocities
     sites : on the hands, each against the body of an object
 
     Raises
     ------
     BadData
-        where a site is against the ground, or its object never moves
+        where a site is against the ground, its object never moves, or there are fewer than two frames
     """
     options = options or HoldOptions()
+    if len(motion) < 2:
+        raise BadData(f"a motion of {len(motion)} frames: when an object is held shows in how it moves")
     tree = compile_tree(model)
-    coordinates, rates = rates_of(tree, motion)
-    poses = forward_kinematics(tree, coordinates)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
     touches: list[Touch] = []
     for site in sites:
         if site.against == GROUND:
@@ -72,11 +72,9 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
         hand, thing = tree.body_index[site.body], tree.body_index[site.against]
         point = poses.points(np.array([hand]), site.points.mean(axis=0)[None])[:, 0]
         place = np.einsum("fji,fj->fi", poses.rotations[:, thing], point - poses.origins[:, thing])
-        speed = [
-            np.linalg.norm(poses.jacobian(frame, thing, point[frame])[3:] @ rates[frame])
-            for frame in range(len(motion))
-        ]
-        moving = np.array(speed) > options.moving
+        turning = np.gradient(poses.rotations[:, thing], motion.time, axis=0)
+        speed = np.gradient(poses.origins[:, thing], motion.time, axis=0) + np.einsum("fij,fj->fi", turning, place)
+        moving = np.linalg.norm(speed, axis=1) > options.moving
         if not moving.any():
             raise BadData(
                 f"'{site.against}' is never faster than {options.moving:g} m/s: when '{site.name}' holds it cannot be "
