@@ -35,6 +35,8 @@ from myomorph.tension.solve import solve_tension, tension_problem
 
 WALK = "rajagopal-walk-emg/"
 RATE = 100.0
+PATIENCE = 20.0
+"""A solver that took longer has no further round [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +186,8 @@ def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, obj
     times: dict[str, list[float]] = {name: [] for name in solvers}
     for _ in range(rounds):
         for name, solver in solvers.items():
+            if sum(times[name]) > 1e3 * PATIENCE / len(keep):
+                continue
             began = time.perf_counter()
             found[name] = solver()
             times[name].append(1e3 * (time.perf_counter() - began) / len(keep))

@@ -17,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from myomorph.tension.cholesky import back_substitute, factorize
+
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
 STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 
@@ -51,59 +53,42 @@ def _pulled(w, p, target, near, pull, x, s):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _response(w, p, least, greatest, low, high, pull, target, s):
-    """X at the reduced multiplier s, and dx/ds there (0 on a bound); of one variable, so scalars alone."""
+def _bent(w, p, low, high, pull, target, s):
+    """x at the reduced multiplier s, and dx/ds, of a variable that is pulled or whose exponent is not 2."""
     if p == 2.0:
         x, slope = target + 0.5 * s / w, 0.5 / w
-        if pull > 0.0 and not low <= x <= high:
+        if not low <= x <= high:
             near = low if x < low else high
             x, slope = (w * target + pull * near + 0.5 * s) / (w + pull), 0.5 / (w + pull)
+        return x, slope
+    size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
+    x = target + (size if s > 0.0 else -size)
+    slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-3 if p < 2.0 else 1e-30) ** (p - 2.0))
+    # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant does not.
+    if p > 2.0 and size < 1e-3:
+        slope *= p - 1.0
+    slope = min(slope, 1e8 / w)
+    if pull > 0.0 and not low <= x <= high:
+        x = _pulled(w, p, target, low if x < low else high, pull, x, s)
+        slope = 1.0 / (1.0 / slope + 2.0 * pull)
+    return x, slope
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _response(w, p, least, greatest, low, high, pull, target, s):
+    """x at the reduced multiplier s, and dx/ds there (0 on a bound).
+
+    Scalars, and little of its own, so that the compiler makes it a part of the loops that call it.
+    """
+    if p == 2.0 and pull == 0.0:
+        x, slope = target + 0.5 * s / w, 0.5 / w
     else:
-        size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
-        x = target + (size if s > 0.0 else -size)
-        slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-3 if p < 2.0 else 1e-30) ** (p - 2.0))
-        # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant does not.
-        if p > 2.0 and size < 1e-3:
-            slope *= p - 1.0
-        slope = min(slope, 1e8 / w)
-        if pull > 0.0 and not low <= x <= high:
-            x = _pulled(w, p, target, low if x < low else high, pull, x, s)
-            slope = 1.0 / (1.0 / slope + 2.0 * pull)
+        x, slope = _bent(w, p, low, high, pull, target, s)
     if x <= least:
         return least, 0.0
     if x >= greatest:
         return greatest, 0.0
     return x, slope
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def _factorize(M, first, floor):
-    """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
-    n = M.shape[0]
-    for i in range(n):
-        for j in range(first[i], i):
-            total = M[i, j]
-            for k in range(max(first[i], first[j]), j):
-                total -= M[i, k] * M[j, k]
-            M[i, j] = total / M[j, j]
-        total = M[i, i]
-        for k in range(first[i], i):
-            total -= M[i, k] * M[i, k]
-        M[i, i] = np.sqrt(max(total, floor[i]))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _back_substitute(M, first, z):
-    n = M.shape[0]
-    for i in range(n):
-        total = z[i]
-        for k in range(first[i], i):
-            total -= M[i, k] * z[k]
-        z[i] = total / M[i, i]
-    for i in range(n - 1, -1, -1):
-        z[i] /= M[i, i]
-        for k in range(first[i], i):
-            z[k] -= M[i, k] * z[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -228,8 +213,8 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
             return worst, left, iteration
         iteration += 1
         _assemble(S, A, slope, slack, M)
-        _factorize(M, S.first, floor)
-        _back_substitute(M, S.first, z)
+        factorize(M, S.first, floor)
+        back_substitute(M, S.first, z)
         constant, linear = 0.0, 0.0
         for j in range(n):
             constant += (b[j] - slack[j] * y[j]) * z[j]
