@@ -54,7 +54,7 @@ def _pulled(w, p, target, near, pull, x, s):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bent(w, p, low, high, pull, target, s):
-    """x at the reduced multiplier s, and dx/ds, of a variable that is pulled or whose exponent is not 2."""
+    """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose exponent is not 2."""
     if p == 2.0:
         x, slope = target + 0.5 * s / w, 0.5 / w
         if not low <= x <= high:
@@ -76,7 +76,7 @@ def _bent(w, p, low, high, pull, target, s):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _response(w, p, least, greatest, low, high, pull, target, s):
-    """x at the reduced multiplier s, and dx/ds there (0 on a bound).
+    """Value x at the reduced multiplier s, and dx/ds there (0 on a bound).
 
     Scalars, and little of its own, so that the compiler makes it a part of the loops that call it.
     """
