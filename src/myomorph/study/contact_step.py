@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.contact.held_objects import find_holds
 from myomorph.contact.raised import raised_contacts
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
@@ -120,7 +121,10 @@ def _all_contacts(
         if name not in names:
             raise BadData(f"touches are told of '{name}', but the contact sites are {', '.join(names)}")
     by_motion = tuple(one for one in sites if plan.when.get(one.name, "motion") == "motion" and one.name not in known)
-    found = [find_contacts(model, motion, by_motion, options, measured)] if by_motion else []
+    standing = tuple(one for one in by_motion if one.against == GROUND)
+    holding = tuple(one for one in by_motion if one.against != GROUND)
+    found = [find_contacts(model, motion, standing, options, measured)] if standing else []
+    found += [find_holds(model, motion, holding)] if holding else []
     parts = (*told, *found)
     touches = tuple(touch for one in parts for touch in one.touches)
     return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))

@@ -1,0 +1,33 @@
+"""Sites against an object touch it while they stay where they are on it, not while they are low over the floor."""
+
+import numpy as np
+import pytest
+
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.free_object import free_object
+from myomorph.model.join import join_models, join_motions
+from myomorph.model.series import Motion
+from myomorph.motion.filters import differentiate
+from myomorph.study.contact_file import ContactPlan
+from myomorph.study.contact_step import set_contacts
+from myomorph.tension.contacts import ContactOptions
+
+
+def test_a_palm_on_a_box_that_rises():
+    """A palm comes down to a box at 0.5 s and lifts it from 1 s on: it holds it from 0.5 s, a meter over the floor."""
+    time = np.arange(0.0, 2.0, 0.01)
+    rise = 0.25 * np.clip(time - 1.0, 0.0, None) ** 2
+    heights = {"box": 1.0 + rise, "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None)}
+    parts, motions = {}, {}
+    for name, height in heights.items():
+        parts[name] = free_object("body", 2.0, (0.2, 0.2, 0.2))
+        values = np.zeros((len(time), 6))
+        values[:, 1] = height
+        motions[name] = differentiate(Motion(time, parts[name].coordinate_names, values))
+    site = Site("palm", "arm_body", np.zeros((1, 3)), Cone(direction=None), against="box_body")
+    plan = ContactPlan(feet=False, sites=(site,))
+    setting = set_contacts(plan, join_models(parts), join_motions(motions), None, ContactOptions())
+    (touch,) = setting.contacts.of("palm")
+    assert touch.start == pytest.approx(0.5, abs=0.05)
+    assert touch.stop == pytest.approx(time[-1])
+    assert setting.task.strengths["palm"][time > 0.6] == pytest.approx(1.0)
