@@ -94,7 +94,7 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
 def test_presets_make_pages_of_well_formed_drawings() -> None:
     for name in ("taichi", "tap", "motion"):
         sections = analysis_sections(prepare(replace(everything(), preset=name)))
-        assert [one.key for one in sections] == ["motion", "center-of-gravity", "phases", "relations"]
+        assert [one.key for one in sections] == ["analysis", "center-of-gravity", "phases", "relations"]
         for drawing in (one for section in sections for figure in section.figures for one in _drawings(figure.svg)):
             assert (
                 etree.fromstring(drawing).get("aria-label") or etree.fromstring(drawing).get("role") == "presentation"
@@ -137,7 +137,7 @@ def test_a_page_needs_no_model() -> None:
     """Contacts alone make a graph; nothing is drawn of what is not known."""
     time = np.arange(0.0, 2.0, 0.01)
     sections = analysis_sections(prepare(ReportInput("plates", wrenches=steps(time, WEIGHT))))
-    assert [one.key for one in sections] == ["motion", "phases"]
+    assert [one.key for one in sections] == ["analysis", "phases"]
     assert analysis_sections(prepare(ReportInput("nothing"))) == []
 
 

@@ -89,7 +89,7 @@ def _score(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Se
     if any(_measured(prepared, person) for person in analysis.persons):
         legend.append(("emg", "EMG"))
     return Section(
-        "motion",
+        "analysis",
         f"{analysis.preset.title}: pictures, contacts and muscles",
         _lead(prepared, analysis, bool(graph)),
         tuple(legend),

@@ -1,0 +1,71 @@
+"""The report in a real browser: it opens without complaint, its rows are read at one time and saved as one drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import Browser, browser_program
+from lxml import etree
+from walker import everything
+
+from myomorph.report.page import report_page
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    program = browser_program()
+    if program is None:
+        pytest.skip("needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one")
+    pytest.importorskip("websockets")
+    folder: Path = tmp_path_factory.mktemp("page")
+    (folder / "report.html").write_text(report_page(everything(100)), encoding="utf-8")
+    with Browser(program, folder / "profile", 1300, 900) as opened:
+        opened.open((folder / "report.html").as_uri())
+        opened.until("document.querySelectorAll('#analysis figure .save').length === 1")
+        yield opened
+
+
+def test_every_row_is_read_at_the_same_time(browser: Browser) -> None:
+    browser.run(
+        "document.querySelector('#analysis svg.track').scrollIntoView({ block: 'center', behavior: 'instant' })"
+    )
+    box = browser.run(
+        "(() => { const b = document.querySelector('#analysis svg.track').getBoundingClientRect();"
+        " return [b.left, b.top, b.width, b.height]; })()"
+    )
+    x, y = box[0] + 0.6 * box[2], box[1] + 0.5 * box[3]
+    browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    text = browser.until("document.querySelector('.reading:not([hidden])')?.innerText")
+    assert "height:" in text
+    marks = "[...document.querySelectorAll('#analysis svg.track .cursor')].map(one => one.getAttribute('d'))"
+    browser.until(f"{marks}.filter(Boolean).length > 3")
+    places = {one.split("V")[0].split()[0] for one in browser.run(marks) if one}
+    assert len(places) == 1, "one time, one place in all rows"
+
+
+def test_the_rows_of_a_figure_are_saved_as_one_drawing(browser: Browser) -> None:
+    browser.run(
+        "URL.createObjectURL = (blob) => { window.saved = blob; return '#'; };"
+        "HTMLAnchorElement.prototype.click = function () { window.savedAs = this.download; };"
+        "document.querySelector('#analysis figure .save').click()"
+    )
+    drawing = etree.fromstring(browser.run("window.saved.text()").encode("utf-8"))
+    parts = drawing.findall("{http://www.w3.org/2000/svg}svg")
+    assert len(parts) == browser.run("document.querySelectorAll('#analysis figure > svg').length") > 5
+    tops = [float(one.get("y")) for one in parts]
+    heights = [float(one.get("height")) for one in parts]
+    assert tops == pytest.approx([sum(heights[:i]) for i in range(len(parts))])
+    assert drawing.get("viewBox").split()[2:] == ["1040", f"{sum(heights):g}"]
+    assert browser.run("window.savedAs").endswith(".svg")
+
+
+def test_the_skeleton_plays(browser: Browser) -> None:
+    assert browser.run("document.querySelector('.player').hidden") is False
+    names = browser.run("[...document.querySelectorAll('[id]')].map(one => one.id)")
+    assert len(names) == len(set(names)), "an anchor must not be the name of the skeleton's data"
+
+
+def test_nothing_went_wrong(browser: Browser) -> None:
+    assert browser.errors == []
