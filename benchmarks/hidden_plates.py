@@ -18,6 +18,7 @@ from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
+from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.tasks import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.contacts import Contacts, SharedWrench, Site
@@ -35,7 +36,12 @@ from myomorph.tension.solve import Tension, solve_tension
 
 OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
 GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
-TREADMILL = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
+TABLES = (
+    {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"},
+    {"l_ground_force_": "calcn_l", "ground_force_": "calcn_r"},
+    {"ground_force_": "calcn_r", "1_ground_force_": "calcn_l"},
+)
+"""What the columns of force tables begin with, and the feet they act on."""
 
 CALM, QUICK = 6.0, 12.0
 """Low-pass of motion and forces where the body never flies, and where it does: the field's for walks and runs [Hz]."""
@@ -51,6 +57,8 @@ class HiddenCase:
     ----------
     seated : a chair carries too, which no plate measures: a seat is a contact, and every frame counts
     calibrated : the model is generic: its lengths and markers' places are found from the recordings first
+    tracked : `markers` is a table of coordinates that somebody else found
+    span : start and end of what is used [s]
     """
 
     name: str
@@ -61,6 +69,8 @@ class HiddenCase:
     tasks: str = ""
     seated: bool = False
     calibrated: bool = False
+    tracked: bool = False
+    span: tuple[float, float] = (-np.inf, np.inf)
 
 
 CASES = (
@@ -80,6 +90,11 @@ CASES = (
                    f"{RUN}/{trial}/grf.mot", 82.0, calibrated=True)
         for speed, trial in ((2, "run200"), (5, "run500"))
     ),
+    HiddenCase("walk, treadmill, no arms", "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
+               "walk-so-jointload-emg/results_ik.sto", "walk-so-jointload-emg/walking_baseline1_forces.mot", 86.04,
+               tracked=True, span=(10.0, 14.0)),
+    HiddenCase("walk, treadmill, gait2392", "ceinms-emg-walk/model/gait2392.osim", "ceinms-emg-walk/walk36/ik.sto",
+               "ceinms-emg-walk/walk36/XLD.mot", 58.0, tracked=True, span=(10.0, 14.0)),
 )  # fmt: skip
 
 
@@ -143,12 +158,8 @@ def cutoff_of(model: Model, motion: Motion) -> float:
 def opened(folder: Path, case: HiddenCase) -> Hidden:
     """Kinematics, contacts and strengths of a recording; the plates tell the height of the floor and nothing else."""
     model = subject_model(folder, case.model, case.mass, case.calibrated)
-    weights = read_ik_tasks(folder / case.tasks).marker_weights if case.tasks else {}
-    known = {one: weight for one, weight in weights.items() if one in model.marker_names}
-    tracking = InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
-    tracked = inverse_kinematics(model, markers_of(folder, case.markers), tracking).motion
-    path = folder / case.forces
-    raw = read_external_loads(path) if path.suffix == ".xml" else force_table(path, TREADMILL)
+    tracked = _tracked(folder, case, model)
+    raw = _forces(folder / case.forces)
     cutoff = cutoff_of(model, tracked)
     whole = differentiate(tracked, cutoff)
     feet, floor = rest_on_floor(model, whole, foot_sites(model), plate_height(model, raw))
@@ -182,6 +193,26 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
         cutoff,
         floor.height,
     )
+
+
+def _tracked(folder: Path, case: HiddenCase, model: Model) -> Motion:
+    """Coordinates of a recording, unfiltered."""
+    if case.tracked:
+        return cut(motion_from_table(read_sto(folder / case.markers), model), *case.span)
+    weights = read_ik_tasks(folder / case.tasks).marker_weights if case.tasks else {}
+    known = {one: weight for one, weight in weights.items() if one in model.marker_names}
+    tracking = InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
+    return inverse_kinematics(model, markers_of(folder, case.markers), tracking).motion
+
+
+def _forces(path: Path) -> Wrenches:
+    """Forces as recorded, with 0 where a table has no number."""
+    if path.suffix == ".xml":
+        return read_external_loads(path)
+    names = read_sto(path).names
+    columns = next(one for one in TABLES if all(f"{prefix}vx" in names for prefix in one))
+    found = force_table(path, columns)
+    return replace(found, forces=np.nan_to_num(found.forces), torques=np.nan_to_num(found.torques))
 
 
 def _bodies(owned: Wrenches, raw: Wrenches) -> tuple[str, ...]:
