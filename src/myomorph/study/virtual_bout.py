@@ -48,19 +48,22 @@ class Run:
     strayed: Array
 
 
-def simulate_bout(compiled: Any, builds: Mapping[str, Build], plan: Plan, weight: Array, tone: Array) -> Run:
+def simulate_bout(
+    compiled: Any, builds: Mapping[str, Build], plan: Plan, weight: Array, tone: Array, until: float = np.inf
+) -> Run:
     """Move both fighters through a plan.
 
     Parameters
     ----------
     compiled : mujoco.MjModel of the pair, muscles with their fibers
     weight, tone : (muscles,) of the fighters' own criterion, see `virtual_control`
+    until : end of the bout, where the plan is not over sooner [s]
     """
     m = compiled
     data = mujoco.MjData(m)
     data.qpos[:] = plan.poses[0]
     controller = Controller(m, weight, tone, Drives(), (m.site("tori_grip_r").id, m.site("lapel").id))
-    steps = round(plan.duration / STEP)
+    steps = round(min(plan.duration, until) / STEP)
     found = _room(m, steps)
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
     activation, aim = tone.copy(), tone

@@ -54,6 +54,7 @@ class PairOptions:
     emg_gain, emg_noise : of envelopes: standard deviation of a channel's gain about 1, and white noise
     weight_spread : standard deviation of the logarithm of a muscle's weight in its fighter's own criterion
     tone : least and greatest activation that a muscle keeps without need
+    until : when the bout ends, where the plan is not over sooner [s]
     """
 
     kind: Kind = "pull"
@@ -65,6 +66,7 @@ class PairOptions:
     emg_noise: float = 0.02
     weight_spread: float = 0.5
     tone: tuple[float, float] = (0.01, 0.05)
+    until: float = float("inf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +141,7 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
         plan = make_plan(compiled, builds, options.kind, random)
         weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
         tone = random.uniform(*options.tone, compiled.nu)
-        run = simulate_bout(compiled, builds, plan, weight, tone)
+        run = simulate_bout(compiled, builds, plan, weight, tone, options.until)
         strayed = float(run.strayed[round(SETTLING / STEP) :].max())
         if strayed > FALLEN:
             raise BadData(
