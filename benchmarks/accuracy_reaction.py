@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from benchmarks.accuracy_tension import ENTRY, FEET, LOADS
 from benchmarks.opensim_static import write_actuators
+from myomorph.io.actuators import read_actuators
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.osim import read_osim
@@ -53,13 +54,13 @@ JOINTS = (
 )
 OWN = ("lumbar_ext", "lumbar_bend", "lumbar_rot")
 SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="so"><model_file>{model}</model_file>
-<replace_force_set>false</replace_force_set><force_set_files>actuators.xml</force_set_files>
-<results_directory>{results}</results_directory><initial_time>10.9</initial_time><final_time>11.7</final_time>
+<replace_force_set>false</replace_force_set><force_set_files>{actuators}</force_set_files>
+<results_directory>{results}</results_directory><initial_time>{start}</initial_time><final_time>{stop}</final_time>
 <solve_for_equilibrium_for_auxiliary_states>false</solve_for_equilibrium_for_auxiliary_states>
-<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on><step_interval>1</step_interval>
+<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on><step_interval>{step}</step_interval>
 <forces_file>forces.sto</forces_file><joint_names>ALL</joint_names><apply_on_bodies>child</apply_on_bodies>
 <express_in_frame>child</express_in_frame></JointReaction></objects></AnalysisSet>
-<external_loads_file>loads.xml</external_loads_file><states_file>{states}</states_file></AnalyzeTool>
+<external_loads_file>{loads}</external_loads_file><{motion_kind}_file>{motion}</{motion_kind}_file></AnalyzeTool>
 </OpenSimDocument>"""
 
 
@@ -80,7 +81,8 @@ def apart(found: Table, wanted: Table) -> tuple[float, float, float]:
 def measure_same(folder: Path) -> Iterator[Row]:
     """The same tensions and motion in, the same loads out."""
     yield from _pendulums(folder)
-    yield _study_in_opensim(folder)
+    yield _in_opensim("walk, 80 muscles, the study's tensions", partial(write_study, folder))
+    yield _in_opensim("walk, 18 muscles, spring, random tensions", partial(write_spring, folder))
     yield _trees()
 
 
@@ -121,10 +123,30 @@ def write_study(folder: Path, work: Path) -> tuple[Path, Path]:
     write_sto(replace(forces, names=(*names, *OWN), values=values), work / "forces.sto")
     write_actuators(study_reserves(names), work / "actuators.xml")
     write_loads(folder, work, torques=False)
+    states = folder / STUDY / "results_SO/results_states.sto"
+    about = {"actuators": "actuators.xml", "loads": "loads.xml", "start": 10.9, "stop": 11.7, "step": 1}
+    return _setups(work, model=folder / MODEL, motion_kind="states", motion=states, **about)
+
+
+def write_spring(folder: Path, work: Path) -> tuple[Path, Path]:
+    """The same for a walk of 18 muscles with an ankle's spring and residual actuators, all with random forces."""
+    here = folder / "opensim-gait-subject01/ref_so_10dof18musc"
+    model_path, actuators = here / "subject01_adjusted_spring.osim", here / "gait10dof_Actuators_weak.xml"
+    model = read_osim(model_path)
+    helpers = tuple(one.name for one in (*model.actuators, *read_actuators(actuators, model)))
+    rng, clock = np.random.default_rng(0), np.linspace(0.5, 1.3, 9)
+    pulls = np.abs(rng.normal(scale=200.0, size=(9, len(model.muscles))))
+    pushes = rng.normal(scale=10.0, size=(9, len(helpers)))
+    write_sto(Table(clock, (*model.muscle_names, *helpers), np.hstack([pulls, pushes])), work / "forces.sto")
+    motion = here / "walk_subject01_Kinematics_q.sto"
+    about = {"actuators": actuators, "loads": "", "start": 0.5, "stop": 1.3, "step": 10}
+    return _setups(work, model=model_path, motion_kind="coordinates", motion=motion, **about)
+
+
+def _setups(work: Path, **values: object) -> tuple[Path, Path]:
     setups = work / "ours.xml", work / "theirs.xml"
     for path in setups:
-        states = folder / STUDY / "results_SO/results_states.sto"
-        path.write_text(SETUP.format(model=folder / MODEL, results=path.stem, states=states))
+        path.write_text(SETUP.format(results=path.stem, **values))
     return setups
 
 
@@ -144,27 +166,19 @@ def write_loads(folder: Path, work: Path, torques: bool) -> Path:
     return path
 
 
-def _study_in_opensim(folder: Path) -> Row:
+def _in_opensim(case: str, write: Callable[[Path], tuple[Path, Path]]) -> Row:
     import opensim
 
     from myomorph.study.tools import run_tool
 
     opensim.Logger.setLevelString("Off")
     with tempfile.TemporaryDirectory() as work:
-        ours, theirs = write_study(folder, Path(work))
+        ours, theirs = write(Path(work))
         tool = opensim.AnalyzeTool(str(theirs))
-        began = time.perf_counter()
         tool.run()
-        seconds = time.perf_counter() - began
         run_tool(ours)
-        began = time.perf_counter()
-        run_tool(ours)
-        own = time.perf_counter() - began
         found, wanted = (read_sto(Path(work) / name / "so_JR_ReactionLoads.sto") for name in ("ours", "theirs"))
-    row = _row(
-        "walk, 80 muscles, the study's tensions", "OpenSim 4.6", len(found), len(found.names) // 9, found, wanted
-    )
-    return row | {"ours [s]": own, "OpenSim [s]": seconds}
+    return _row(case, "OpenSim 4.6", len(found), len(found.names) // 9, found, wanted)
 
 
 def _trees() -> Row:
