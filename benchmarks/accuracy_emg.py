@@ -27,7 +27,13 @@ from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 
 CUTOFF = 6.0
-WAYS = ("without EMG", "soft", "equality")
+ALONE = "without EMG"
+WAYS: Mapping[str, EmgOptions | None] = {
+    ALONE: None,
+    "soft, weight 1": EmgOptions(weight=1.0),
+    "soft, weight 10": EmgOptions(),
+    "equality": EmgOptions(mode="equality"),
+}
 
 RAJAGOPAL = {
     "SOL": ("soleus",),
@@ -170,17 +176,10 @@ def _leave_out(walk: Walk) -> Iterator[HeldOut]:
         delay = float(np.median(calibration.delays))
         measured = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))
         measured = measured[:, walk.emg.names.index(channel)] / np.nanmax(walk.emg[channel])
-        for way in WAYS:
+        for way, options in WAYS.items():
             found, tracking = alone, float("nan")
-            if way != "without EMG":
-                told = emg_targets(
-                    walk.emg,
-                    rest,
-                    walk.model,
-                    motion.time,
-                    EmgOptions(mode=way),
-                    calibration,  # type: ignore[arg-type]
-                )
+            if options is not None:
+                told = emg_targets(walk.emg, rest, walk.model, motion.time, options, calibration)
                 found = solve_tension(walk.model, motion, torques, emg=told)
                 used = found.activations[:, [found.muscles.index(one) for one in told.muscles]]
                 tracking = float(np.sqrt(np.nanmean((used - told.activations) ** 2)))
@@ -218,7 +217,7 @@ def measure_held_out(folder: Path) -> Iterator[dict[str, object]]:
                 "least ... most": f"{r.min():.2f} ... {r.max():.2f}",
                 "RMS, mean": float(rms.mean()),
                 "SD of RMS": float(rms.std()),
-                "RMS of those used": "" if way == WAYS[0] else float(np.mean([row.tracking for row in of])),
+                "RMS of those used": "" if way == ALONE else float(np.mean([row.tracking for row in of])),
                 "largest reserve [N m]": float(max(row.reserve for row in of)),
             }
 
@@ -269,10 +268,9 @@ def measure_study(folder: Path) -> Iterator[dict[str, object]]:
     motion, torques = replace(walk, every=1).part((10.9, 11.7))
     calibration = calibrate_emg(walk.model, [EmgTrial(*walk.part(walk.calibrated), walk.emg)], walk.channels)
     theirs = {name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"]) for name in _left(walk)}
-    for way in WAYS:
+    for way, options in WAYS.items():
         told = None
-        if way != "without EMG":
-            options = EmgOptions(mode=way)  # type: ignore[arg-type]
+        if options is not None:
             told = emg_targets(walk.emg, walk.channels, walk.model, motion.time, options, calibration)
         found = solve_tension(walk.model, motion, torques, emg=told)
         ours = {name: found.activations[:, found.muscles.index(name)] for name in _left(walk)}

@@ -61,7 +61,7 @@ class Scene:
     drums: int = 3
     tied: float = 0.0
     far: float = 1.0
-    duration: float = 40.0
+    duration: float = 30.0
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,14 @@ AHEAD, BEHIND, APART = 0.005, 0.025, 0.001
 WINDOW = 0.006
 """Time either side of an onset in which its first arrival is looked for [s]."""
 
-THINNED, SLOWEST = (4, 16), 2000.0
-"""The signal is followed at its own rate and thinned by these factors, down to this rate [Hz]: a soft stroke on a
-large drum shows in the lows only."""
+SLOWEST = 2000.0
+"""Rate down to which a signal is thinned [Hz]."""
 
 LEARNT, ORDER = 0.03, 24
 """Time before that from which linear prediction is fitted [s], and its order."""
+
+QUIET = 0.005
+"""Time before an onset that tells how loud it was before [s]."""
 
 BLOCK = 0.002
 """Time for which one linear prediction is used [s]."""
@@ -65,7 +67,7 @@ class SoundOptions:
     softest: float = 0.002
     echo: float = 0.03
     echo_time: float = 0.12
-    own: float = 0.5
+    own: float = 0.75
     speed: float = 343.0
 
     def __post_init__(self) -> None:
@@ -91,45 +93,102 @@ class Onset:
     background: float
 
 
-def onsets(
-    sound: Sound, channel: str, options: SoundOptions | None = None, filtered: Array | None = None
-) -> tuple[Onset, ...]:
-    """Arrivals in one channel, whatever instrument they come from.
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that holds drums.
 
-    Parameters
+    Attributes
     ----------
-    filtered : (samples,) the channel by `high_passed`, where it is there already
+    levels : signal (samples,) and rate [Hz]; soft strokes on a large drum show in the slow ones only
+    start : time of the first sample [s]
     """
+
+    channel: str
+    levels: tuple[tuple[Array, float], ...]
+    start: float
+
+
+def listen(sound: Sound, channel: str, options: SoundOptions | None = None) -> Heard:
+    """One channel made ready; the filter is causal, so that nothing comes before its cause."""
+    lowest = min((options or SoundOptions()).lowest, 0.4 * sound.rate)
+    signal = sosfilt(butter(2, lowest, "highpass", fs=sound.rate, output="sos"), sound[channel].astype(np.float64))
+    levels = [(signal, sound.rate)]
+    while levels[-1][1] / 4.0 >= SLOWEST:
+        levels.append((resample_poly(levels[-1][0], 1, 4), levels[-1][1] / 4.0))
+    return Heard(channel, tuple(levels), sound.start)
+
+
+def onsets(heard: Heard, options: SoundOptions | None = None) -> tuple[Onset, ...]:
+    """Arrivals in one channel, whatever instrument they come from."""
     options = options or SoundOptions()
-    if filtered is None:
-        filtered = high_passed(sound, channel, options)
-    hops = int(len(filtered) / sound.rate / HOP)
+    signal, rate = heard.levels[0]
+    hops = int(len(signal) / rate / HOP)
     if hops < 100:
         return ()
-    levels = [(filtered, sound.rate)]
-    for factor in THINNED:
-        if sound.rate / factor >= SLOWEST:
-            levels.append((resample_poly(filtered, 1, factor), sound.rate / factor))
-    table = np.array([_excess(signal, rate, hops, options) for signal, rate in levels])
+    table = np.array([_excess(signal, rate, hops, options) for signal, rate in heard.levels])
     excess = table.sum(axis=0)
+    # Where nothing has been learnt yet, everything is unforeseen.
+    excess[: round(LEARNT / HOP)] = 0.0
     rest = 2 * round(0.5 * options.rest / HOP) + 1
     peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
     found: list[Onset] = []
     for peak in peaks:
-        signal, rate = levels[int(np.argmax(table[:, peak]))]
-        since = _first_arrival(signal, round(peak * HOP * rate), rate) / rate
-        if found and sound.start + since - found[-1].time < 0.5 * options.rest:
+        signal, rate = heard.levels[int(np.argmax(table[:, peak]))]
+        time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
+        if found and time - found[-1].time < 0.5 * options.rest:
             continue
-        energy, background = energy_after(filtered, round(since * sound.rate), sound.rate, options)
+        energy, background = energy_after(heard, time, options)
         if energy > 0.0:
-            found.append(Onset(channel, sound.start + since, energy, background))
+            found.append(Onset(heard.channel, time, energy, background))
     return tuple(found)
 
 
-def high_passed(sound: Sound, channel: str, options: SoundOptions) -> Array:
-    """The channel without rumble; the filter is causal, so that nothing comes before its cause."""
-    low = butter(2, min(options.lowest, 0.4 * sound.rate), "highpass", fs=sound.rate, output="sos")
-    found: Array = sosfilt(low, sound[channel].astype(np.float64))
+def energy_after(heard: Heard, time: float, options: SoundOptions) -> tuple[float, float]:
+    """Energy of what begins at a time, what was heard before taken off, and how much that was.
+
+    In the slowest level, what still rings is foreseen by linear prediction and taken off wave by wave; of what lies
+    above it, the mean power of the time `QUIET` before.
+    """
+    (signal, rate), (slow, slow_rate) = heard.levels[0], heard.levels[-1]
+    whole, before = _powers(signal, rate, time - heard.start, options.heard)
+    low, low_before = _powers(slow, slow_rate, time - heard.start, options.heard)
+    first, gap = round((time - heard.start) * slow_rate), max(round(APART * slow_rate), 1)
+    learnt = max(int(LEARNT * slow_rate), 8 * ORDER)
+    past = slow[max(first - gap - learnt, 0) : max(first - gap, 0)]
+    length = min(int(options.heard * slow_rate), len(slow) - first)
+    rings = _foreseen(past, gap + length)[gap:]
+    new = float(np.sum((slow[first : first + length] - rings) ** 2)) / slow_rate
+    # A prediction that runs away is worse than none.
+    new, low_before = (new, float(np.sum(rings**2)) / slow_rate) if new < low else (low - low_before, low_before)
+    above = max(whole - low - max(before - low_before, 0.0), 0.0) if len(heard.levels) > 1 else 0.0
+    return new + above, before
+
+
+def _powers(signal: Array, rate: float, since: float, length: float) -> tuple[float, float]:
+    """Energy of a stretch that begins at `since`, and that of one as long by the power of the time `QUIET` before."""
+    first, count, gap = round(since * rate), int(length * rate), max(round(0.0002 * rate), 1)
+    earlier = signal[max(first - gap - int(QUIET * rate), 0) : max(first - gap, 0)]
+    before = float(np.mean(earlier**2)) * length if len(earlier) else 0.0
+    return float(np.sum(signal[max(first, 0) : max(first + count, 0)] ** 2)) / rate, before
+
+
+def _foreseen(past: Array, count: int) -> Array:
+    """How a signal goes on for `count` samples by linear prediction from its past; silence where that is too short."""
+    if len(past) < 4 * ORDER:
+        return np.zeros(count)
+    weights = _prediction(past)
+    found: Array = np.concatenate([past[-ORDER:], np.zeros(count)])
+    for k in range(ORDER, len(found)):
+        found[k] = weights @ found[k - ORDER : k]
+    return found[ORDER:]
+
+
+def _prediction(past: Array) -> Array:
+    """Weights (ORDER,) of the samples before in the linear prediction that fits a stretch best."""
+    rows = np.lib.stride_tricks.sliding_window_view(past, ORDER + 1)
+    gram = rows[:, :-1].T @ rows[:, :-1]
+    gram[np.diag_indices(ORDER)] += 1e-6 * np.trace(gram) / ORDER + 1e-300
+    found: Array = np.linalg.solve(gram, rows[:, :-1].T @ rows[:, -1]).astype(np.float64)
     return found
 
 
@@ -202,22 +261,8 @@ def _first_arrival(signal: Array, near: int, rate: float) -> int:
 
 def _unforeseen(signal: Array, known: int) -> Array:
     """What the first `known` samples, continued by a linear prediction fitted to them, do not tell of the rest."""
-    if known < 8 * ORDER:
+    if known < 4 * ORDER:
         return signal[known:]
-    past = np.lib.stride_tricks.sliding_window_view(signal[:known], ORDER + 1)
-    rows, wanted = past[:, :-1], past[:, -1]
-    gram = rows.T @ rows
-    gram[np.diag_indices(ORDER)] += 1e-9 * np.trace(gram) / ORDER + 1e-300
-    weights = np.linalg.solve(gram, rows.T @ wanted)
     later = np.lib.stride_tricks.sliding_window_view(signal[known - ORDER :], ORDER + 1)
-    rest: Array = later[:, -1] - later[:, :-1] @ weights
+    rest: Array = later[:, -1] - later[:, :-1] @ _prediction(signal[:known])
     return rest
-
-
-def energy_after(signal: Array, arrival: int, rate: float, options: SoundOptions) -> tuple[float, float]:
-    """Energy after an arrival without what was heard before it, and that."""
-    length, before = int(options.heard * rate), int(0.01 * rate)
-    heard = float(np.sum(signal[arrival : arrival + length] ** 2)) / rate
-    earlier = signal[max(arrival - before - 8, 0) : max(arrival - 8, 0)]
-    background = float(np.mean(earlier**2)) * length / rate if len(earlier) else 0.0
-    return heard - background, background

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import nnls
 
-from myomorph.contact.onsets import Onset, SoundOptions, energy_after, high_passed, onsets
+from myomorph.contact.onsets import Heard, Onset, SoundOptions, energy_after, listen, onsets
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import index_of
@@ -109,9 +109,9 @@ def hear_strokes(
             index_of("sound channel", channel, sound.names, f"the recording, for instrument '{one.name}',")
     warnings = [*sound.warnings, *sound_faults(sound, time)]
     channels = tuple(dict.fromkeys(one.channel for one in instruments))
-    filtered = {name: high_passed(sound, name, options) for name in channels}
-    arrivals = {name: onsets(sound, name, options, filtered[name]) for name in channels}
-    strokes = _told_apart(sound, instruments, arrivals, filtered, options)
+    heard = {name: listen(sound, name, options) for name in channels}
+    arrivals = {name: onsets(heard[name], options) for name in channels}
+    strokes = _told_apart(instruments, arrivals, heard, options)
     kept = [one for name in names for one in _without_echoes([s for s in strokes if s.instrument == name], options)]
     for name in names:
         if not any(one.instrument == name for one in kept):
@@ -193,15 +193,14 @@ def contacts_heard(
 
 
 def _told_apart(
-    sound: Sound,
     instruments: Sequence[Instrument],
     arrivals: Mapping[str, Sequence[Onset]],
-    filtered: Mapping[str, Array],
+    heard: Mapping[str, Heard],
     options: SoundOptions,
 ) -> list[Stroke]:
     """Arrivals of all channels as strokes: those that are close in time are explained together."""
     ways = {one.name: one.distance / options.speed for one in instruments}
-    heard = sorted(
+    entries = sorted(
         (
             (onset.time - ways[one.name], i, onset)
             for i, one in enumerate(instruments)
@@ -210,14 +209,14 @@ def _told_apart(
         key=lambda entry: entry[:2],
     )
     groups: list[list[tuple[float, int, Onset]]] = []
-    for entry in heard:
+    for entry in entries:
         if groups and entry[0] - groups[-1][0][0] <= options.together:
             groups[-1].append(entry)
         else:
             groups.append([entry])
     if not groups:
         return []
-    energies = np.array([_energies(sound, instruments, group, filtered, options) for group in groups])
+    energies = np.array([_energies(instruments, group, heard, options) for group in groups])
     bleed = _bleed(instruments, energies)
     loud = np.quantile(energies, 0.9, axis=0)
     strokes = []
@@ -234,10 +233,9 @@ def _told_apart(
 
 
 def _energies(
-    sound: Sound,
     instruments: Sequence[Instrument],
     group: Sequence[tuple[float, int, Onset]],
-    filtered: Mapping[str, Array],
+    heard: Mapping[str, Heard],
     options: SoundOptions,
 ) -> Array:
     """What each instrument's microphone got (instruments,) while a group of arrivals sounded."""
@@ -247,8 +245,8 @@ def _energies(
         if i in told:
             found[i] = told[i]
             continue
-        arrival = round((group[0][0] + one.distance / options.speed - sound.start) * sound.rate)
-        found[i] = max(energy_after(filtered[one.channel], max(arrival, 0), sound.rate, options)[0], 0.0)
+        arrival = group[0][0] + one.distance / options.speed
+        found[i] = max(energy_after(heard[one.channel], arrival, options)[0], 0.0)
     return found
 
 

@@ -1,7 +1,7 @@
 """Strokes as forces: impulse from loudness or from motion, and short pulses on the body that holds the stick.
 
 p = e^a E^b    from the energy E of the sound, calibrated with strokes of known impulse; the pressure that
-a struck membrane sends out grows with the impulse, so b = 1/2 where the strokes tell no better
+a struck membrane sends out grows with the impulse, so b is near 1/2
 p = m dv       from the change of velocity dv of the tip and the mass m it strikes with,
 m = 1 / (d^T J M^-1 J^T d)  (Khatib 1995, effective mass of a point along d)
 """
@@ -26,8 +26,9 @@ from myomorph.rigid.kinematics import forward_kinematics, gather_dependents
 from myomorph.rigid.loops import free_coordinates
 from myomorph.rigid.tree import Tree, compile_tree
 
-TOLD = 3.0
-"""Loudest over softest impulse from which calibration strokes tell the exponent; below it stands 1/2."""
+LINEAR, PRIOR = 0.5, 1.0
+"""Exponent of an instrument that answers linearly, and how much it counts beside the strokes: as if known to 0.1 where
+strokes scatter by 10 %."""
 
 AROUND = 0.03
 """Time before and after a stroke over which a tip's velocity changes [s]."""
@@ -69,7 +70,7 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float 
     Parameters
     ----------
     energies, impulses : (strokes,) of one instrument [full scale^2 s], [N s]
-    exponent : None fits it from four strokes on that span a factor `TOLD`, else takes 1/2
+    exponent : None fits it, drawn towards 1/2 where the strokes hardly differ
 
     Raises
     ------
@@ -84,12 +85,12 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float 
             "energies and impulses of calibration strokes must be above 0: leave out strokes that were not heard"
         )
     x, y = np.log(E), np.log(p)
-    fitted = exponent is None and len(E) >= 4 and p.max() >= TOLD * p.min()
-    slope = 0.5 if exponent is None else exponent
-    if fitted:
-        slope = float(np.polyfit(x, y, 1)[0])
+    slope = exponent
+    if slope is None:
+        across = x - x.mean()
+        slope = float((across @ y + PRIOR * LINEAR) / (across @ across + PRIOR))
     offset = float(np.mean(y - slope * x))
-    left = len(E) - (2 if fitted else 1)
+    left = len(E) - (2 if exponent is None else 1)
     error = float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / left)) if left > 0 else float("nan")
     return ImpulseLaw(float(np.exp(offset)), slope, error, float(E.min()), float(E.max()), len(E))
 
