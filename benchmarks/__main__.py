@@ -20,6 +20,10 @@ COMPARISONS = {
     "grid": ("benchmarks.speed_grid", "grid of mass points of an adult at 5 mm, with weights: time and memory"),
     "viscosity": ("benchmarks.speed_viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
     "contacts": ("benchmarks.speed_contacts", "tensions and contact forces in one problem, and general QP solvers"),
+    "view": (
+        "benchmarks.speed_view",
+        "results in a page: from the command to the first pose, frames a second of playback",
+    ),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 

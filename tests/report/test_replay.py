@@ -12,11 +12,13 @@ from myomorph.model.contacts import ContactForces, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Marker
 from myomorph.model.series import Emg, ForcePlate, Markers, Motion
+from myomorph.model.surface import Surface
 from myomorph.report import replay_charts as charts
 from myomorph.report.given import ReportInput
 from myomorph.report.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, tubes
 from myomorph.report.replay_muscles import MuscleIndex
 from myomorph.report.replay_scene import outline
+from myomorph.report.shapes import normals, outward, reduced, sphere
 from myomorph.report.web_page import quaternions
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -211,6 +213,24 @@ def test_plates_keep_their_outline_in_any_order() -> None:
         around = corners[outline(corners)]
         sides = np.linalg.norm(around - np.roll(around, -1, axis=0), axis=1)
         assert sorted(sides) == pytest.approx([1, 1, 2, 2])
+
+
+def test_faces_look_outwards() -> None:
+    ball = sphere(0.3)
+    inside_out = Surface(ball.vertices + 5.0, ball.faces[:, ::-1])
+    for one in (outward(ball), outward(inside_out)):
+        middle = one.vertices.mean(axis=0)
+        facing = np.einsum("ij,ij->i", normals(one), one.vertices - middle)
+        assert facing[np.linalg.norm(normals(one), axis=1) > 0].min() > 0.2
+
+
+def test_surfaces_are_reduced_to_what_a_screen_needs() -> None:
+    balls = [Surface(sphere(0.5, 40, 40).vertices, sphere(0.5, 40, 40).faces), sphere(0.1)]
+    fewer = reduced(balls, 1.0, 1000)
+    assert sum(len(one.faces) for one in fewer) <= 1000
+    assert len(fewer[0].faces) > 300
+    assert len(fewer[1].faces) > 30
+    assert reduced(balls, 1.0, 10**6)[0] is balls[0]
 
 
 def test_the_way_over_the_floor() -> None:

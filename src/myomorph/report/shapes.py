@@ -206,6 +206,15 @@ def _one_number(rows: np.ndarray) -> np.ndarray:
     return number
 
 
+def outward(surface: Surface) -> Surface:
+    """The surface with faces that look outwards as a whole, as those do that enclose a volume above zero."""
+    if not len(surface.faces):
+        return surface
+    a, b, c = (surface.vertices - surface.vertices.mean(axis=0))[surface.faces].transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c))
+    return surface if volume >= 0.0 else Surface(surface.vertices, surface.faces[:, ::-1])
+
+
 def normals(surface: Surface) -> Array:
     """(n, 3) unit normal at every vertex, zero where no face touches it."""
     corners = surface.vertices[surface.faces]

@@ -15,6 +15,7 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.scene import Scene, Solid
+from myomorph.report.shapes import outward
 
 HOST = "127.0.0.1"
 """Pages are for this machine only."""
@@ -112,13 +113,15 @@ class Links:
     def __init__(self, page: Any, root: str, solids: Sequence[Solid], color: tuple[int, int, int] = BONE):
         self.handles: dict[int, Any] = {}
         for body in sorted({one.body for one in solids}):
-            surface = joined_surfaces([one.surface for one in solids if one.body == body])
+            surface = joined_surfaces([outward(one.surface) for one in solids if one.body == body])
             self.handles[body] = page.add_mesh_simple(
                 f"{root}/link{body}",
                 np.asarray(surface.vertices, dtype=np.float32),
                 np.asarray(surface.faces, dtype=np.uint32),
                 color=color,
-                side="double",
+                side="front",
+                cast_shadow=False,
+                receive_shadow=False,
             )
 
     def pose(self, rotations: Array, origins: Array) -> None:
