@@ -9,7 +9,7 @@ from walker import GRAVITY, Tension, everything, model, motion, steps
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import UnknownName
 from myomorph.model.join import join_models, join_motions
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.report.analysis_section import analysis_sections
 from myomorph.report.centroid import centroid
 from myomorph.report.estimated_forces import acting_forces, contact_verdicts, group_forces, groups_of, situation_of
@@ -74,11 +74,11 @@ def test_presets_name_only_what_exists() -> None:
 
 
 def test_the_preset_follows_from_the_recording() -> None:
-    assert fitting_preset("gait", ("plates",), 1, False).name == "gait"
-    assert fitting_preset("gait", ("sound",), 1, False).name == "drum"
-    assert fitting_preset("", ("plates",), 2, False).name == "judo"
-    assert fitting_preset("", (), 1, True).name == "lift"
-    assert fitting_preset("jump", ("plates",), 1, False).name == "motion"
+    assert fitting_preset(True, ("plates",), 1, False).name == "gait"
+    assert fitting_preset(True, ("sound",), 1, False).name == "drum"
+    assert fitting_preset(False, ("plates",), 2, False).name == "judo"
+    assert fitting_preset(False, (), 1, True).name == "lift"
+    assert fitting_preset(False, ("plates",), 1, False).name == "motion"
 
 
 def test_muscles_that_a_model_lacks_are_named() -> None:
@@ -218,6 +218,28 @@ def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> No
     assert situation_of(ReportInput("x", wrenches=steps(time, WEIGHT))) == "measured"
     heard = Contacts(("stick_r",), (Touch("stick_r", 0.0, 0.1, "drum", source="sound"),))
     assert situation_of(replace(given, contacts=heard)) == "sound"
+
+
+def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None:
+    """A foot on a plate for a second and beside it for another: one force of a body weight all the time."""
+    time = np.arange(0.0, 2.0, 0.01)
+    loaded = time < 1.0
+    site = Site("sole_r", "tibia_r", np.zeros((1, 3)), group="foot_r")
+    force = np.zeros((len(time), 1, 3))
+    force[:, 0, 1] = WEIGHT
+    strength = np.where(loaded, 0.0, 1.0)[:, None]
+    estimated = ContactForces(time, (site,), strength, force * strength[..., None], 0 * force, 0 * force)
+    plate = Wrenches(time, ("plate",), ("tibia_r",), force * loaded[:, None, None], 0 * force, 0 * force)
+    given = ReportInput("x", wrenches=plate, contact_forces=estimated)
+    acting = acting_forces(given)
+    assert acting is not None
+    np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
+    (foot,) = groups_of(estimated, plate)
+    assert not (np.isfinite(foot.measured[:, 1]) & foot.estimated).any()
+    hidden = replace(given, contact_forces=replace(estimated, strengths=np.ones_like(strength), forces=force))
+    acting = acting_forces(hidden)
+    assert acting is not None
+    np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
 
 
 def _elsewhere(time: np.ndarray) -> tuple[Site, ...]:

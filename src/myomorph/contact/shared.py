@@ -118,7 +118,7 @@ def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.nd
 
 def _beside(model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], reach: float) -> np.ndarray:
     """Whether a site may stand on a plate without an outline (frames, plates, sites)."""
-    groups, bodies = _groups(sites), _group_bodies(model, sites)
+    groups, bodies = _groups(sites), group_bodies(model, sites)
     near = np.zeros((len(moving.time), len(wrenches.names), len(sites)), np.bool_)
     for plate, body in enumerate(wrenches.bodies):
         apart = moving.places - np.nan_to_num(wrenches.points[:, plate, None])
@@ -135,7 +135,7 @@ def _groups(sites: Sequence[Site]) -> dict[str, list[int]]:
     return {one.group: [k for k, other in enumerate(sites) if other.group == one.group] for one in sites}
 
 
-def _group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
+def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
     """Bodies of each group's sites, and those a joint away from them: plates' forces are put on the talus too."""
     found = {}
     for group, members in _groups(sites).items():
@@ -164,7 +164,7 @@ def without_measured(
     weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
     size = np.linalg.norm(np.nan_to_num(measured.forces), axis=2)
     carrying = hysteresis(size > options.loaded * weight, size < options.unloaded * weight)
-    values, bodies = np.array(ready.values), _group_bodies(model, sites)
+    values, bodies = np.array(ready.values), group_bodies(model, sites)
     for group, members in _groups(sites).items():
         columns = [i for i, body in enumerate(measured.bodies) if body in bodies[group]]
         values[np.ix_(carrying[:, columns].any(axis=1), np.array(members))] = 0.0
@@ -245,7 +245,7 @@ def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrench
     ----------
     wrenches : at the motion's times, with the bodies that the file names
     """
-    places, bodies = site_motion(model, motion, sites).places, _group_bodies(model, sites)
+    places, bodies = site_motion(model, motion, sites).places, group_bodies(model, sites)
     members = _groups(sites)
     notes = []
     for k, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):

@@ -27,7 +27,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     forces = given.contact_forces
     if forces is None or not len(forces) or not forces.sites:
         return None
-    groups = groups_of(forces, given.wrenches, who)
+    groups = groups_of(forces, given.wrenches, given.model, who)
     figures = [Figure(_components(prepared, groups, behind, who), "full")]
     floor = _floor(prepared, groups)
     if floor:
@@ -52,7 +52,7 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
         return []
     lines = [
         Line(forces.time, np.linalg.norm(one.forces, axis=1), ORDINAL[i % len(ORDINAL)], one.label)
-        for i, one in enumerate(one for one in groups_of(forces, None, who) if one.against != GROUND)
+        for i, one in enumerate(one for one in groups_of(forces, None, None, who) if one.against != GROUND)
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
     return [draw_track(Track(title, "N", lines, 66, low=0.0), behind)]
@@ -179,17 +179,20 @@ def _grid(prepared: Prepared, groups: Sequence[Group]) -> Grid:
             f"{number(float(np.nanmax(size)))} N" + (f" ({float(np.nanmax(size)) / weight:.2f} BW)" if weight else ""),
         ]
         for vector in vectors:
-            cells.append("–" if one.measured is None else _difference(one.forces @ vector, one.measured @ vector))
+            cells.append(_difference(one, vector))
         rows.append(tuple(cells))
     compared = tuple(f"RMS off measured, {name}" for name in names)
-    if not any(one.measured is not None for one in groups):
+    if all(cell == "–" for row in rows for cell in row[3:]):
         compared, rows = (), [row[:3] for row in rows]
     return Grid(("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces")
 
 
-def _difference(estimate: Array, known: Array) -> str:
-    """RMS difference, also as a share of the known values' range."""
-    both = np.isfinite(estimate) & np.isfinite(known)
+def _difference(group: Group, vector: Array) -> str:
+    """RMS difference from what was measured, also as a share of its range, while both plate and estimate carry."""
+    if group.measured is None:
+        return "–"
+    known, estimate = group.measured @ vector, group.forces @ vector
+    both = np.isfinite(known) & group.estimated
     if not both.any():
         return "–"
     rms = float(np.sqrt(np.mean((estimate[both] - known[both]) ** 2)))

@@ -8,8 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.contact.shared import group_bodies
 from myomorph.model.contacts import ContactForces
-from myomorph.model.model import GROUND
+from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.model.spatial import Array
 from myomorph.report.contact_graph import row_label
@@ -44,7 +45,7 @@ def situation_of(given: ReportInput) -> Situation:
 
 
 def acting_forces(given: ReportInput) -> Wrenches | None:
-    """Forces to be drawn: contact forces as estimated, and those that were measured on other bodies."""
+    """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated in their place."""
     forces = given.contact_forces
     if forces is None or not len(forces) or not forces.sites:
         return given.wrenches
@@ -52,17 +53,33 @@ def acting_forces(given: ReportInput) -> Wrenches | None:
     measured = given.wrenches
     if measured is None or not len(measured.names):
         return estimated
-    touched = {one.body for one in forces.sites} | {one.against for one in forces.sites}
-    others = [k for k, body in enumerate(measured.bodies) if body not in touched]
-    if not others:
+    instead = _instead(forces, measured, given.model)
+    if instead.all():
         return estimated
     time = estimated.time
-    stacked = [
-        np.concatenate([getattr(estimated, what), _at(time, measured.time, getattr(measured, what)[:, others])], axis=1)
-        for what in ("forces", "points", "torques")
-    ]
-    names = (*estimated.names, *(measured.names[k] for k in others))
-    return Wrenches(time, names, (*estimated.bodies, *(measured.bodies[k] for k in others)), *stacked)
+    parts = {what: _at(time, measured.time, getattr(measured, what)) for what in ("forces", "points", "torques")}
+    parts["forces"] = np.where(instead[..., None], 0.0, np.nan_to_num(parts["forces"]))
+    stacked = [np.concatenate([getattr(estimated, what), values], axis=1) for what, values in parts.items()]
+    return Wrenches(time, (*estimated.names, *measured.names), (*estimated.bodies, *measured.bodies), *stacked)
+
+
+def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:
+    """(frames, wrenches) whether contacts were estimated then where a wrench was measured."""
+    bodies = _bodies(forces, model)
+    found = np.zeros((len(forces), len(measured.names)), dtype=bool)
+    for k, one in enumerate(forces.sites):
+        on = forces.strengths[:, k] > 0.0
+        for j, body in enumerate(measured.bodies):
+            if not body or body in bodies[one.group]:
+                found[on, j] = True
+    return found
+
+
+def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]]:
+    """Bodies of every group of sites; with a model those a joint away too, as forces on a foot are put on any of it."""
+    if model is not None:
+        return group_bodies(model, forces.sites)
+    return {name: {one.body for one in forces.sites if one.group == name} for name in (s.group for s in forces.sites)}
 
 
 def group_forces(forces: ContactForces) -> Wrenches:
@@ -89,6 +106,7 @@ class Group:
     style : of the style sheet
     against : what is touched
     forces : (frames, 3) as estimated [N]
+    estimated : (frames,) whether it might carry force
     measured : (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was measured
     """
 
@@ -97,20 +115,23 @@ class Group:
     style: str
     against: str
     forces: Array
+    estimated: np.ndarray
     measured: Array | None
 
 
-def groups_of(forces: ContactForces, measured: Wrenches | None, who: Sequence[Subject] = ()) -> tuple[Group, ...]:
+def groups_of(
+    forces: ContactForces, measured: Wrenches | None, model: Model | None = None, who: Sequence[Subject] = ()
+) -> tuple[Group, ...]:
     """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
+    near = _bodies(forces, model)
     names = tuple(dict.fromkeys(one.group for one in forces.sites))
     sides = [side_of(name, next(one.body for one in forces.sites if one.group == name)).lower() for name in names]
     found = []
     for i, (name, side) in enumerate(zip(names, sides, strict=True)):
         own = [k for k, one in enumerate(forces.sites) if one.group == name]
-        bodies = tuple(dict.fromkeys(forces.sites[k].body for k in own))
         known = None
         if measured is not None:
-            columns = [k for k, body in enumerate(measured.bodies) if body in bodies]
+            columns = [k for k, body in enumerate(measured.bodies) if body in near[name]]
             if columns:
                 known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
                 size = np.linalg.norm(np.nan_to_num(known), axis=1)
@@ -118,7 +139,8 @@ def groups_of(forces: ContactForces, measured: Wrenches | None, who: Sequence[Su
         style = side if side and sides.count(side) == 1 else ORDINAL[i % len(ORDINAL)]
         against = forces.sites[own[0]].against
         label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
-        found.append(Group(name, label, style, against, forces.forces[:, own].sum(axis=1), known))
+        ready = np.asarray((forces.strengths[:, own] > 0.0).any(axis=1))
+        found.append(Group(name, label, style, against, forces.forces[:, own].sum(axis=1), ready, known))
     return tuple(found)
 
 

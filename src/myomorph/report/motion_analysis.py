@@ -23,6 +23,7 @@ from myomorph.report.subjects import Subject, centroids, lowest_joint, standing_
 
 STILL_TIME, STILL_SPEED, STILL_SHARE = 0.5, 0.03, 0.05
 MOST_FRAMES = 20000
+STEP_TIME = 0.1
 NEARLY = 0.8
 
 
@@ -97,14 +98,11 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         return None
     sources = tuple({one.source for one in contacts.touches}) if contacts is not None else ()
     people = sum(1 for one in who if one.muscles)
-    preset = (
-        preset_of(given.preset)
-        if given.preset
-        else fitting_preset(prepared.movement.kind, sources, people, len(who) > people > 0)
-    )
-    persons = _persons(prepared, who, preset)
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
+    walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
+    preset = preset_of(given.preset) if given.preset else fitting_preset(walks, sources, people, len(who) > people > 0)
+    persons = _persons(prepared, who, preset)
     rhythm = _rhythm(persons)
     period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
@@ -154,6 +152,16 @@ def _contacts(prepared: Prepared) -> Contacts | None:
     if given.wrenches is not None and len(given.wrenches.names):
         return measured_contacts(given.wrenches, prepared.up, prepared.weight)
     return None
+
+
+def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) -> bool:
+    """Whether the right foot and the left one each stand alone for a while, as in steps and not in rising."""
+    if touching is None or len(time) < 2:
+        return False
+    alone = touching.sum(axis=1) == 1
+    step = float(np.median(np.diff(time)))
+    stood = {one.side: step * float((alone & on).sum()) for one, on in zip(limbs, touching.T, strict=True)}
+    return all(stood.get(side, 0.0) > STEP_TIME for side in ("right", "left"))
 
 
 def _clock(prepared: Prepared) -> Array:

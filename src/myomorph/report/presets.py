@@ -141,12 +141,12 @@ def preset_of(name: str) -> Preset:
     return PRESETS[name]
 
 
-def fitting_preset(kind: str, sources: tuple[str, ...], persons: int, holds: bool) -> Preset:
+def fitting_preset(walks: bool, sources: tuple[str, ...], persons: int, holds: bool) -> Preset:
     """The preset that a recording asks for by itself.
 
     Parameters
     ----------
-    kind : of the movement as the ground forces tell, "gait", "jump", ...
+    walks : whether feet strike the ground one after the other
     sources : what told of the contacts
     persons : subjects with muscles
     holds : whether an object without muscles is in the recording
@@ -157,4 +157,4 @@ def fitting_preset(kind: str, sources: tuple[str, ...], persons: int, holds: boo
         return PRESETS["drum"]
     if holds:
         return PRESETS["lift"]
-    return PRESETS["gait" if kind == "gait" else "motion"]
+    return PRESETS["gait" if walks else "motion"]
