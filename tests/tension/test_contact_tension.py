@@ -13,6 +13,7 @@ from myomorph.io.osim import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, SharedWrench, Site
 from myomorph.model.errors import BadData, BadModel
+from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.closed_motion import closed_motion
@@ -184,6 +185,19 @@ def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker
         assert np.abs(program.A[:, : len(ours)] @ ours - program.b).max() < 1e-5
 
 
+@pytest.mark.parametrize("exponent", [1.5, 3.0, 5.0])
+def test_every_exponent_is_solved_with_contacts(walker, exponent):
+    model, motion, _, tau = walker
+    ask = task(model, motion, soles(Cone(torsion=0.01)), smoothness=1.0)
+    found = solve_tension(model, motion, tau, TensionOptions(exponent=exponent), contacts=ask)
+    assert found.optimal.all()
+    options = TensionOptions(exponent=exponent)
+    again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site")), options)
+    assert again.optimal.all()
+    # Rounding of the forces is all that differs, but reserves of a high power near 0 hardly resist it.
+    np.testing.assert_allclose(again.activations, found.activations, atol=2e-3)
+
+
 def test_a_wrench_measured_for_one_foot_is_what_its_sites_carry(walker):
     model, motion, loads, tau = walker
     sites = soles(Cone(torsion=0.02))
@@ -274,6 +288,44 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
             0
         ]
         np.testing.assert_allclose(found.contacts.forces[frame], forces[0], atol=0.1)
+
+
+def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
+    """Two walkers in one tree: each obeys Newton's law with the hold's force on it, and the ground's."""
+    model, motion, _, _ = walker
+    part = Motion(
+        motion.time[:4],
+        motion.names,
+        motion.values[:4],
+        velocities=motion.velocities[:4],
+        accelerations=motion.accelerations[:4],
+    )
+    feet = soles()
+    pair = join_models({"one": model, "two": model})
+    together = join_motions({"one": part, "two": part})
+    sites = [
+        replace(site, name=f"{who}_{site.name}", body=f"{who}_{site.body}", group=f"{who}_{site.group}")
+        for who in ("one", "two")
+        for site in feet
+    ]
+    hold = Site("hold", "one_hand_r", [[0.0, -0.08, 0.0]], Cone(direction=None, grip=0.05), "two_hand_l")
+    ready = np.hstack([task(model, motion).strengths.values[:4]] * 2 + [np.ones((4, 1))])
+    # One of them must lean on the other: the feet of the second have no hold.
+    ready[:, 12:24] = 0.0
+    names = tuple(site.name for site in (*sites, hold))
+    ask = ContactTask((*sites, hold), Series(part.time, names, ready), options=ContactOptions(smoothness=0.0))
+    found = solve_tension(pair, together, inverse_dynamics(pair, together), contacts=ask)
+    assert found.optimal.all()
+    mass = sum(body.mass for body in model.bodies)
+    wanted = mass * (acceleration_of_the_center(model, part) - model.gravity)
+    passed = found.contacts.of("hold")
+    for who, on_it in (("one", passed), ("two", -passed)):
+        ground = found.contacts.forces[:, [name.startswith(who) for name in names]].sum(axis=1)
+        letters = [found.reserve_names.index(f"residual_F{a}_{who}_pelvis") for a in "XYZ"]
+        np.testing.assert_allclose(ground + on_it + found.reserves[:, letters], wanted, atol=0.02)
+    # Residuals take what arms cannot hold.
+    assert np.all(passed[:, 1] < -200.0)
+    assert found.contacts.wrenches("body").bodies.count("two_hand_l") == 1
 
 
 def test_a_model_that_does_not_float_has_no_contacts_first(data):

@@ -86,6 +86,10 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
     return found
 
 
+STILL = 1e-6
+"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no curvature to step by."""
+
+
 class Balance(NamedTuple):
     """A x = b of some frames, and what the muscles can pull with.
 
@@ -153,6 +157,8 @@ class TensionProblem:
         self._upper = np.where(self._enabled, [one.max_activation for one in muscles], 0.0)
         self.separable = self._variables(actuators)
         self.wells = emg_wells(emg, tree.model.muscle_names, len(self.separable.weight), len(coordinates))
+        if options.exponent > 2.0:
+            self.wells[:, 2, len(muscles) : len(muscles) + len(actuators)] = STILL
         self.smooth: Smoothing | None = smoothing(contacts, time) if contacts is not None else None
         self.window = CHUNK if self.smooth is None else self.smooth.window
         frames, edges = len(coordinates), 0 if contacts is None else len(contacts.columns)
