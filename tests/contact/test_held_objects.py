@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from myomorph.contact.held_objects import HoldOptions, find_holds, needed_wrench
+from myomorph.contact.raised import raised_contacts
+from myomorph.contact.site_motion import site_motion
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.free_object import free_object
@@ -122,3 +124,19 @@ def test_an_object_that_rests_tells_no_hold():
         needed_wrench(model, motion, "box")
     with pytest.raises(BadData, match="far not below near"):
         HoldOptions(near=0.1, far=0.05)
+
+
+def test_an_object_is_judged_by_its_own_height():
+    """A box of 0.2 m that a tall body stands beside has left the floor a centimetre up, not a tenth of the body."""
+    box, box_motion = sliding("box", lambda t: 0.1 + np.where(t > 1.0, 0.05 * (t - 1.0), 0.0))
+    tall, tall_motion = sliding("body", lambda t: 1.0 + 0.0 * t)
+    model = join_models({"tall": tall, "thing": box})
+    motion = join_motions({"tall": tall_motion, "thing": box_motion})
+    bottom = Site("bottom", "thing_box", np.array([[0.0, -0.1, 0.0]]))
+    sole = Site("sole", "tall_body", np.array([[0.0, -1.0, 0.0]]))
+    _, ready = raised_contacts(model, motion, bottom, (sole,))
+    assert ready[motion.time < 0.99] == pytest.approx(ready[0])
+    assert ready[0] > 0.9
+    assert np.all(ready[motion.values[:, 7] > 0.11] == 0.0)
+    assert site_motion(model, motion, (bottom,)).height == pytest.approx(0.1, abs=0.01)
+    assert site_motion(model, motion, (sole, bottom)).height > 0.4

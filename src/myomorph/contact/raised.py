@@ -13,6 +13,7 @@ from myomorph.model.contacts import Contacts, Site
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
+from myomorph.rigid.tree import compile_tree
 
 RESTING = 10.0
 """Percentile of a site's heights that is taken for the height it rests at."""
@@ -30,11 +31,14 @@ def raised_contacts(
 
     Parameters
     ----------
-    soles : sites under the feet, which tell how large the body is
+    soles : sites under the feet, which tell how large the body is; those of other bodies count for nothing, and an
+        object is judged by its own height
     height : of the surface [m]; None takes `resting_height`
     """
     height = resting_height(model, motion, site) if height is None else height
-    sites = (site, *soles)
+    tree = compile_tree(model)
+    part = {one.name: tree.roots[tree.body_index[one.body]] for one in (site, *soles)}
+    sites = (site, *(one for one in soles if part[one.name] == part[site.name]))
     found = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
     ready = strengths(model, motion, sites, found, StrengthOptions(floor=height))
     return Contacts((site.name,), found.of(site.name)), ready.values[:, 0]

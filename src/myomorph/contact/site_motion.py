@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
@@ -13,8 +14,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import Tree, compile_tree
 
 GRAVITY = 9.80665
 """Where a model has no gravity [m/s^2]."""
@@ -82,6 +83,8 @@ def up_of(model: Model) -> Array:
 def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
     """Places and speeds of sites; frames in which the motion is NaN are NaN.
 
+    In a model of several subjects and objects only those count whose the sites are.
+
     Raises
     ------
     BadData : no frame of the motion is whole
@@ -95,11 +98,20 @@ def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMoti
     points = poses.points(bodies, np.concatenate([one.points for one in sites]))
     places = np.stack([points[:, owner == k].mean(axis=1) for k in range(len(sites))], axis=1)
     lowest = np.stack([(points[:, owner == k] @ up).min(axis=1) for k in range(len(sites))], axis=1)
-    center = center_of_mass(tree, poses) @ up
+    center = center_of(tree, poses, np.isin(tree.roots, tree.roots[bodies])) @ up
     rises = _slope(motion.time, _slope(motion.time, center))
     gravity = float(np.linalg.norm(model.gravity)) or GRAVITY
     height = float(np.nanmedian(center - np.min(lowest, axis=1)))
     return SiteMotion(motion.time, up, places, lowest, _slope(motion.time, places), height, 1.0 + rises / gravity)
+
+
+def center_of(tree: Tree, poses: Poses, own: NDArray[np.bool_]) -> Array:
+    """Center of mass (frames, 3) of some bodies."""
+    numbers = np.flatnonzero(own)
+    mass = tree.arrays.mass[numbers]
+    centers = poses.points(numbers, tree.arrays.mass_center[numbers])
+    center: Array = np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
+    return center
 
 
 def _slope(time: Array, values: Array) -> Array:

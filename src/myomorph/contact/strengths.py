@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from myomorph.contact.site_motion import floor_under, site_motion
+from myomorph.contact.site_motion import center_of, floor_under, site_motion
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.kinematics import Poses, forward_kinematics
-from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 
 PIVOT = 0.3
 """Height of the virtual pivot point above the center of mass, over the height of that above the floor."""
@@ -106,10 +104,10 @@ def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PI
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     moving = site_motion(model, motion, sites)
-    owner = _owners(tree)
+    owner = tree.roots
     found = np.zeros((len(motion), len(sites), 3))
     for subject in np.unique(owner[1:]):
-        pivots = _center(tree, poses, owner == subject) + pivot * moving.height * moving.up
+        pivots = center_of(tree, poses, owner == subject) + pivot * moving.height * moving.up
         for k, site in enumerate(sites):
             up = site.cone.direction
             mine = owner[tree.body_index[site.body]] == subject and site.against == GROUND
@@ -119,24 +117,6 @@ def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PI
                 ahead = along > 0.1 * moving.height
                 found[ahead, k] = way[ahead] / along[ahead, None] - up
     return found
-
-
-def _owners(tree: Tree) -> Ints:
-    """(bodies,) the body on the ground that each hangs on: of several subjects, whose it is."""
-    parent = tree.arrays.parent
-    owner = np.arange(len(parent))
-    for b in range(1, len(parent)):
-        owner[b] = owner[parent[b]] if parent[b] > 0 else b
-    return owner
-
-
-def _center(tree: Tree, poses: Poses, own: NDArray[np.bool_]) -> Array:
-    """Center of mass (frames, 3) of some bodies."""
-    numbers = np.flatnonzero(own)
-    mass = tree.arrays.mass[numbers]
-    centers = poses.points(numbers, tree.arrays.mass_center[numbers])
-    center: Array = np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
-    return center
 
 
 def fade(x: Array, full: float) -> Array:

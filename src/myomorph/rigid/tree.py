@@ -120,6 +120,15 @@ class Tree:
         return table
 
     @cached_property
+    def roots(self) -> Ints:
+        """(bodies,) the body next to the ground that each hangs on, which tells subjects and objects apart."""
+        roots = np.arange(len(self.arrays.parent))
+        for body, parent in enumerate(self.arrays.parent):
+            if parent > 0:
+                roots[body] = roots[parent]
+        return roots
+
+    @cached_property
     def loops(self) -> LoopArrays:
         """The constraints that close loops."""
         loops = self.model.loops
