@@ -26,6 +26,9 @@ CLIPPED_SHARE = 0.001
 MEDIAN_FREQUENCY = (25.0, 350.0)
 """Range of the median frequency of surface EMG at its true rate [Hz], wide: 50 to 150 in most muscles."""
 
+NEGATIVE = 0.01
+"""Part of a channel's largest value below which it is negative, and not only ripples of a filter."""
+
 BEYOND_ONE = 1.5
 """Envelopes beyond this are no share of a maximum."""
 
@@ -36,7 +39,7 @@ class EmgFault:
 
     Attributes
     ----------
-    kind : "dead", "clipped", "unknown", "negative", "large" or "rate"
+    kind : "dead", "clipped", "unknown", "negative", "large", "copy" or "rate"
     start, stop : first and last time of it [s]
     text : one line
     """
@@ -63,14 +66,14 @@ def raw_faults(raw: Series) -> tuple[EmgFault, ...]:
 
 
 def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
-    """Faults of envelopes (samples, channels): unknown or negative samples, values far over 1, dead stretches."""
+    """Faults of envelopes (samples, channels): samples unknown, negative or far over 1, dead stretches, copies."""
     found: list[EmgFault] = []
     for name, column in zip(emg.names, emg.values.T, strict=True):
         found += _unknown(emg, name, column)
         known = np.isfinite(column)
         if not known.any():
             continue
-        negative = known & (column < 0.0)
+        negative = known & (column < -NEGATIVE * np.abs(column[known]).max())
         if negative.any():
             told = (
                 f"is negative in {negative.mean():.1%} of its samples, down to {column[negative].min():.3g}; taken as 0"
@@ -81,6 +84,10 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
             told = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
             found.append(_fault(emg, name, "large", large, told))
         found += _dead(emg, name, column, DEAD_ENVELOPE)
+        before = emg.values[:, : emg.names.index(name)].T
+        twin = next((k for k, other in enumerate(before) if np.array_equal(other, column, equal_nan=True)), None)
+        if twin is not None:
+            found.append(_fault(emg, name, "copy", known, f"is a copy of '{emg.names[twin]}'"))
     return tuple(found)
 
 

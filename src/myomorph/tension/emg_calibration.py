@@ -15,6 +15,7 @@ from myomorph.model.spatial import Array
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.contacts import ContactTask
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.emg import EmgTarget
@@ -22,7 +23,7 @@ from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
 from myomorph.tension.emg_wells import emg_wells
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
+from myomorph.tension.tension import Tension, TensionOptions
 
 MOST_FRAMES = 300
 """About how many frames of all trials together the gains are fitted on, evenly spread."""
@@ -72,11 +73,12 @@ def calibrate_emg(
     names = tuple(channels)
     cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
     told = [Emg(emg.time, names, np.array([emg[one] for one in names]).T) for emg in cleaned]
-    predicted = []
+    predicted, known = [], []
     for trial in trials:
         alone = solve_tension(model, trial.motion, trial.torques, tension, actuators, contacts=trial.contacts)
         means = channel_means(channels, alone.muscles, alone.activations)
         predicted.append(Series(trial.motion.time, names, means))
+        known.append(_contacts_known(model, trial, alone))
     delays, warnings = _delays(list(zip(told, predicted, strict=True)), options)
     moved = [shifted(emg, one.time, delays) for emg, one in zip(told, predicted, strict=True)]
     gains, offsets = np.ones(len(names)), np.zeros(len(names))
@@ -85,10 +87,27 @@ def calibrate_emg(
         every = max(sum(len(one) for one in predicted) // MOST_FRAMES, 1)
         pieces = [
             _Piece(model, trial, envelopes, channels, options, tension, actuators, every)
-            for trial, envelopes in zip(trials, moved, strict=True)
+            for trial, envelopes in zip(known, moved, strict=True)
         ]
         gains, offsets = _least_cost(pieces, *start, options.offsets)
     return EmgCalibration(names, delays, gains, offsets, warnings)
+
+
+def _contacts_known(model: Model, trial: EmgTrial, alone: Tension) -> EmgTrial:
+    """The trial with the contact forces that were found without EMG taken as known."""
+    if alone.contacts is None:
+        return trial
+    motion, torques = trial.motion, trial.torques
+    assert motion.velocities is not None
+    still = replace(motion, accelerations=np.zeros_like(motion.velocities))
+    # What contacts carry does not depend on how the body accelerates.
+    carried = inverse_dynamics(model, still, alone.contacts.wrenches()).values - inverse_dynamics(model, still).values
+    columns = {name: k for k, name in enumerate(model.coordinate_names)}
+    values = [
+        column + (carried[:, columns[name]] if name in columns else 0.0)
+        for name, column in zip(torques.names, torques.values.T, strict=True)
+    ]
+    return replace(trial, torques=Series(torques.time, torques.names, np.array(values).T), contacts=None)
 
 
 class _Piece:
