@@ -17,7 +17,7 @@ from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.virtual_bout import FEET, GRIPS
 from myomorph.study.virtual_mat import PARTS
-from myomorph.study.virtual_pair import PairOptions, VirtualPair, pair_sites, virtual_pair
+from myomorph.study.virtual_pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.solve import Tension, solve_tension
@@ -27,8 +27,6 @@ Row = dict[str, object]
 BOUTS = tuple((kind, seed) for seed in (0, 1) for kind in ("pull", "sway", "step"))
 CUTOFF = 6.0
 """Of the low-pass of kinematics, and of the true forces that estimates are compared with [Hz]."""
-CHANNELS = ("delt_ant", "delt_post", "biceps", "triceps", "rect_fem", "bifem", "tib_ant", "gastroc")
-"""The muscles (a) to (h) of [D] fig. 5.3, of which both sides are measured."""
 WORKERS = 2
 
 

@@ -18,10 +18,10 @@ def demo_command(
     *,
     out: Annotated[Path, Parameter(help="Folder to write.")] = Path("demo"),
     study: Annotated[
-        Literal["jump", "simulated", "shoulder"],
+        Literal["jump", "simulated", "shoulder", "judo"],
         Parameter(
-            help="A recorded countermovement jump, a simulated full-body squat with known truth, or six virtual "
-            "shoulders that swing on a force plate."
+            help="A recorded countermovement jump, a simulated full-body squat with known truth, six virtual "
+            "shoulders that swing on a force plate, or two simulated fighters whose contact forces are found."
         ),
     ] = "jump",
     threads: Threads = None,
@@ -44,6 +44,10 @@ def demo_command(
         f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square error "
         f"{100 * outcome.rms:.2f} cm"
     )
+    if study == "judo":
+        from myomorph.study.judo_demo import ERRORS
+
+        said(f"errors of feet and grips against the true forces: {out / ERRORS}")
     said(f"report: {(out / REPORT).resolve()}")
     return 0
 

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from myomorph.model.errors import UnknownName
+from myomorph.model.model import Model
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.study.ahead import compile_ahead, compile_motion
 from myomorph.study.results import file_source, value_source
@@ -16,7 +17,7 @@ from myomorph.study.run import Outcome, run_take
 from myomorph.study.settings import Differentiation
 from myomorph.study.steps import CHAIN, Take
 
-DemoName = Literal["jump", "simulated"]
+DemoName = Literal["jump", "simulated", "judo"]
 STEPS = (*CHAIN, "report")
 
 
@@ -36,6 +37,10 @@ def run_demo(name: str, out: Path) -> Outcome:
         ahead.wait("muscles")
     finally:
         ahead.stop()
+    if name == "judo":
+        from myomorph.study.judo_demo import run_judo_demo
+
+        return run_judo_demo(out)
     return run_take(demo_take(name), STEPS, out)
 
 
@@ -43,7 +48,8 @@ def demo_take(name: str) -> Take:
     """A demo's recording, ready for the steps.
 
     "jump": a recorded countermovement jump (package `biomdp`) with a leg model (package `myo-sim`);
-    "simulated": a full-body squat that the project simulates, with known truth.
+    "simulated": a full-body squat that the project simulates, with known truth; "judo": two simulated fighters who pull
+    on each other, every force known.
 
     Raises
     ------
@@ -56,7 +62,21 @@ def demo_take(name: str) -> Take:
         from myomorph.study.simulate import simulated_take
 
         return simulated_take()
+    if name == "judo":
+        from myomorph.study.judo_demo import BOUT, CUTOFF, judo_take
+        from myomorph.study.virtual_pair import virtual_pair
+
+        return judo_take(virtual_pair(BOUT, CUTOFF))
     raise UnknownName("study", name, get_args(DemoName), "the demo")
+
+
+def demo_model(name: str) -> Model:
+    """The model of a demo's recording; raises `UnknownName`."""
+    if name == "judo":
+        from myomorph.study.judo_demo import judo_model
+
+        return judo_model()
+    return demo_take(name).model
 
 
 def _jump_take() -> Take:

@@ -151,9 +151,9 @@ def model_of(found: Stored) -> Model:
 
 def _source_model(source: Source, found: Stored) -> Model:
     if source.name.startswith("demo:"):
-        from myomorph.study.demo import demo_take
+        from myomorph.study.demo import demo_model
 
-        return demo_take(source.name.removeprefix("demo:")).model
+        return demo_model(source.name.removeprefix("demo:"))
     if not Path(source.name).is_file():
         raise BadFile(source.name, "is gone, but the report needs the model", f"{found.path} was made with it")
     if file_source("model", source.name).sha256 != source.sha256:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -30,12 +30,14 @@ from myomorph.study.silence import silent_mujoco
 from myomorph.study.virtual_bout import FEET, GRIPS, Run, simulate_bout
 from myomorph.study.virtual_fighter import GRIP, Build, marker_points, sole_points
 from myomorph.study.virtual_mat import PARTS, STEP, compile_pair, fighter_text, with_fibers
-from myomorph.study.virtual_plan import Kind, make_plan, start_pose
+from myomorph.study.virtual_plan import Kind, Plan, make_plan, start_pose
 
 SETTLING = 0.3
 """Time at the start that is not recorded, while the fighters settle [s]."""
 FALLEN = 0.5
 """Distance of a joint from the plan at which a bout counts as lost [rad]."""
+CHANNELS = ("delt_ant", "delt_post", "bic_long", "tri_lat", "rect_fem", "bifemlh", "tib_ant", "gas_lat")
+"""The muscles (a) to (h) of [D] fig. 5.3, of which a laboratory would measure both sides."""
 LOADED = 0.02
 """Share of a fighter's weight from which on a foot touches."""
 
@@ -131,28 +133,60 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
     """
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
-    builds = {
-        part: Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15)) for part in PARTS
-    }
     with silent_mujoco():
-        compiled = compile_pair(builds)
-        builds = with_fibers(builds, compiled, start_pose(compiled))
-        compiled = compile_pair(builds)
-        plan = make_plan(compiled, builds, options.kind, random)
-        weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
-        tone = random.uniform(*options.tone, compiled.nu)
-        run = simulate_bout(compiled, builds, plan, weight, tone, options.until)
+        setting = _setting(options, random)
+        run = simulate_bout(setting.compiled, setting.builds, setting.plan, setting.weight, setting.tone, options.until)
         strayed = float(run.strayed[round(SETTLING / STEP) :].max())
         if strayed > FALLEN:
             raise BadData(
                 f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
                 "another seed"
             )
-        models = {part: fighter_model(part, builds[part]) for part in PARTS}
-        believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}
-        known = {part: fighter_model(part, believed[part]) for part in PARTS}
-    truth = _truth(compiled, models, run, options, cutoff)
-    return _recorded(believed, known, truth, options, random)
+        models, known = (
+            {part: fighter_model(part, builds[part]) for part in PARTS} for builds in (setting.builds, setting.believed)
+        )
+    truth = _truth(setting.compiled, models, run, options, cutoff)
+    return _recorded(setting.believed, known, truth, options, random)
+
+
+def pair_model(options: PairOptions | None = None) -> Model:
+    """Both fighters as the laboratory knows them, without a bout."""
+    options = options or PairOptions()
+    with silent_mujoco():
+        believed = _setting(options, np.random.default_rng(options.seed)).believed
+        return join_models({part: fighter_model(part, believed[part]) for part in PARTS})
+
+
+class _Setting(NamedTuple):
+    """All that is drawn before a bout.
+
+    Attributes
+    ----------
+    compiled : mujoco.MjModel of the pair
+    believed : the builds with strengths as the laboratory takes them
+    weight, tone : (muscles,) of the fighters' criterion
+    """
+
+    compiled: Any
+    builds: Mapping[str, Build]
+    believed: Mapping[str, Build]
+    plan: Plan
+    weight: Array
+    tone: Array
+
+
+def _setting(options: PairOptions, random: np.random.Generator) -> _Setting:
+    builds = {
+        part: Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15)) for part in PARTS
+    }
+    compiled = compile_pair(builds)
+    builds = with_fibers(builds, compiled, start_pose(compiled))
+    compiled = compile_pair(builds)
+    plan = make_plan(compiled, builds, options.kind, random)
+    weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
+    tone = random.uniform(*options.tone, compiled.nu)
+    believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}
+    return _Setting(compiled, builds, believed, plan, weight, tone)
 
 
 def fighter_model(part: str, build: Build) -> Model:
