@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import warnings
 import wave
@@ -29,10 +30,10 @@ def written(path, kind):
     return path
 
 
-@pytest.mark.parametrize(
-    ("kind", "step"),
-    [(np.uint8, 2**-8), (np.int16, 2**-16), (np.int32, 2**-24), (np.float32, 2**-24), (np.float64, 2**-24)],
-)
+STEPS = {np.uint8: 2**-8, np.int16: 2**-16, np.int32: 2**-24, np.float32: 2**-24, np.float64: 2**-24}
+
+
+@pytest.mark.parametrize(("kind", "step"), STEPS.items())
 def test_what_scipy_writes_is_read_back(tmp_path, kind, step):
     found = read_wav(written(tmp_path / "a.wav", kind), start=1.5)
     np.testing.assert_allclose(found.samples, SOUND, atol=1.01 * step)
@@ -130,12 +131,9 @@ def test_files_broken_anywhere_are_read_or_refused_but_never_break(tmp_path):
         for place in rng.integers(0, len(broken), 3):
             broken[place] = rng.integers(256)
         path.write_bytes(bytes(broken))
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), contextlib.suppress(BadFile):
             warnings.simplefilter("error")
-            try:
-                assert len(read_wav(path))
-            except BadFile:
-                pass
+            assert len(read_wav(path))
 
 
 def test_the_noun_checks_its_shape():
