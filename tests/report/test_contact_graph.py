@@ -81,6 +81,8 @@ def test_whose_limb_a_site_is_on() -> None:
     assert limb_of("uke_heel_l", who).label == "uke left foot"
     assert limb_of("tori_sleeve_r", who).label == "tori right hand"
     assert limb_of("seat").label == "seat"
+    assert limb_of("tori_foot_r_heel", who).label == "tori right foot"
+    assert row_label("uke_foot_l_toe", who) == "Uke left foot toe"
     assert row_label("calcn_r") == "Right foot"
     assert row_label("tori_toe_medial_l", who) == "Tori left toe medial"
 

@@ -62,9 +62,9 @@ def test_cuts_in_order_until_one_cuts() -> None:
     between = cut(what, ("contacts", "events", "parts"))
     assert between.by == "events"
     assert [one.name for one in between.stages] == [
-        "Before onset",
-        "Onset to right foot strike",
-        "After right foot strike",
+        "to onset",
+        "onset – R strike",
+        "from R strike",
     ]
     cycles = cut(what, ("cycles",))
     assert [one.name for one in cycles.stages] == ["Cycle 1", "Cycle 2", "Cycle 3", "Remainder"]

@@ -26,6 +26,7 @@ LONGEST_SCORE = 120.0
 MOST_STRIPES = 60
 MUSCLE_ROW = 31
 THIN = 8.0
+TOPS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 ORDINAL = ("first", "second", "third", "fourth")
 PERSONS = ("third", "second", "fourth")
 CUT_WORDS = {
@@ -98,7 +99,9 @@ def _score(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Se
 
 
 def _lead(prepared: Prepared, analysis: MotionAnalysis, graph: bool) -> str:
-    told = ["One time axis for all rows; activations from 0 to 1."]
+    told = ["One time axis for all rows."]
+    if analysis.activations is not None:
+        told.append(f"Activations from 0 to {_top(analysis.activations):g}.")
     if graph and analysis.contacts is not None:
         told.append("A line is a site that touches, a full dot where it begins and an open one where it ends.")
         if any(one.source == "sound" for one in analysis.contacts.touches):
@@ -169,7 +172,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
             f'<svg class="chart" viewBox="0 0 {WIDTH} 20" role="presentation"><text class="block start" x="2" y="15">'
             f"Muscles of {person.who.name}</text></svg>"
         )
-    peak = max(1.0, float(np.nanmax(series.values, initial=0.0)))
+    peak = _top(series)
     for pair in person.muscles:
         lines = [
             Line(time, values, f"emg {STYLE[side]}", f"EMG {side}".strip(), True)
@@ -182,6 +185,12 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
                 lines.append(Line(series.time, series[name], style, side or "activation"))
         rows.append(draw_track(Track(pair.label, "", lines, MUSCLE_ROW, low=0.0, high=peak, small=True), behind))
     return rows
+
+
+def _top(series: Series) -> float:
+    """Top of the muscles' rows: a round number over the largest activation, 1 or less where they are activations."""
+    largest = float(np.nanmax(series.values, initial=0.0)) if np.isfinite(series.values).any() else 1.0
+    return next((one for one in TOPS if one >= largest), largest)
 
 
 def _center(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Section | None:

@@ -15,7 +15,7 @@ from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 from myomorph.report.chart import number
-from myomorph.report.phases import PhaseOptions, contacts, side_of
+from myomorph.report.phases import PhaseOptions, contacts
 from myomorph.report.selection import printed
 from myomorph.report.subjects import Subject
 from myomorph.report.tracks import LEFT, Backdrop, opened
@@ -25,6 +25,7 @@ SHORTEST_LINE = 0.03
 BORDER = 0.011
 _HAND = re.compile(r"hand|palm|finger|thumb|stick|arm|wrist|grip|sleeve|lapel", re.IGNORECASE)
 _FOOT = re.compile(r"foot|feet|sole|heel|toe|ball|calcn|pedal|shoe|plate", re.IGNORECASE)
+_SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
 MARKS = {("hand", "right"): "star", ("hand", "left"): "plus", ("foot", "right"): "ring", ("foot", "left"): "cross"}
 """Symbols of strokes, those of [D] figure 5.8; a left foot has none there."""
 
@@ -54,12 +55,21 @@ class Row:
 
 def limb_of(site: str, who: Sequence[Subject] = ()) -> Limb:
     """Whose limb a site is on, as its name tells."""
-    owner = next((one for one in who if one.prefix and site.startswith(one.prefix)), None)
-    bare = site.removeprefix(owner.prefix) if owner else site
-    base, side = split_side(bare)
-    side = side or side_of(bare).lower()
-    part = "hand" if _HAND.search(bare) else "foot" if _FOOT.search(bare) else base
-    return Limb(owner.name if owner else "", part, side)
+    owner, bare, side = _told(site, who)
+    part = "hand" if _HAND.search(bare) else "foot" if _FOOT.search(bare) else bare
+    return Limb(owner, part, side)
+
+
+def _told(name: str, who: Sequence[Subject]) -> tuple[str, str, str]:
+    """Subject, words and side of a name: of "uke_foot_r_heel" uke, "foot heel" and right."""
+    owner = next((one for one in who if one.prefix and name.startswith(one.prefix)), None)
+    base, side = split_side(name.removeprefix(owner.prefix) if owner else name)
+    words = base.replace("_", " ").split()
+    if not side:
+        inner = next((word for word in words if word.lower() in _SIDES), "")
+        side = _SIDES.get(inner.lower(), "")
+        words = [word for word in words if word != inner]
+    return owner.name if owner else "", " ".join(words), side
 
 
 def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Contacts:
@@ -121,11 +131,10 @@ def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
 
 def row_label(site: str, who: Sequence[Subject] = ()) -> str:
     """A site's name in print: its subject, its side and its words; the bones of a foot are the foot."""
-    owner = next((one for one in who if one.prefix and site.startswith(one.prefix)), None)
-    base, side = split_side(site.removeprefix(owner.prefix) if owner else site)
-    words = printed(base).lower()
+    owner, bare, side = _told(site, who)
+    words = printed(bare).lower()
     words = "foot" if words in ("calcn", "calcaneus", "foot") else words
-    text = " ".join(one for one in (owner.name if owner else "", side, words) if one)
+    text = " ".join(one for one in (owner, side, words) if one)
     return text[:1].upper() + text[1:]
 
 

@@ -16,7 +16,7 @@ from myomorph.report.maps import floor_plot
 from myomorph.report.prepared import Prepared
 from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.subjects import Subject
-from myomorph.report.tracks import Backdrop, Band, Track, draw_track, time_axis
+from myomorph.report.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
 
 SELDOM = 2.5
 
@@ -28,11 +28,15 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     if forces is None or not len(forces) or not forces.sites:
         return None
     groups = groups_of(forces, given.wrenches, given.model, who)
-    figures = [Figure(_components(prepared, groups, behind, who), "full")]
+    blocks = tuple(dict.fromkeys(one.block for one in groups))
+    figures = [
+        Figure(_components(prepared, block, [one for one in groups if one.block == block], behind, who), "full")
+        for block in blocks
+    ]
     floor = _floor(prepared, groups)
     if floor:
         figures.append(Figure(floor, "full"))
-    legend = [(one.style, one.label) for one in groups]
+    legend = [(one.style, one.label) for one in groups] if len(blocks) == 1 else []
     if any(one.measured is not None for one in groups):
         legend.append(("measured", "measured"))
     return Section(
@@ -41,7 +45,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
         _lead(prepared, groups),
         tuple(legend),
         tuple(figures),
-        tuple(one for one in (_grid(prepared, groups), _uncarried_grid(given)) if one.rows),
+        tuple(one for one in (_grid(prepared, groups, who), _uncarried_grid(given)) if one.rows),
     )
 
 
@@ -105,31 +109,40 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     return " ".join(told)
 
 
-def _components(prepared: Prepared, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]) -> str:
-    given = prepared.given
-    forces = given.contact_forces
+def _components(
+    prepared: Prepared, block: str, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]
+) -> str:
+    """Rows for the three components of some groups' forces, under the names of their lines where there are more."""
+    forces = prepared.given.contact_forces
     assert forces is not None
     vectors, names = axis_names(prepared.up)
-    rows = []
+    heights = (118, 92, 92) if not block else (92, 74, 74)
+    rows = [named_lines([(one.style, one.label) for one in groups])] if block else []
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
-        lines: list[Line] = []
-        bands: list[Band] = []
-        for one in groups:
-            if one.measured is not None:
-                lines.append(Line(forces.time, one.measured @ vector, "measured", f"{one.label}, measured"))
-        for one in groups:
-            lines.append(Line(forces.time, one.forces @ vector, one.style, one.label))
-            if given.intervals is not None and one.name in given.intervals.names:
-                bands.append(_interval(prepared, one, vector))
-        weight = (
-            [Limit(prepared.weight, "body weight" if len(who) < 2 else "weight of all")]
-            if prepared.weight and i == 0
-            else []
-        )
-        wide, upright = ((), bands) if _at_instants(prepared) else (bands, ())
-        height = 118 if i == 0 else 92
-        rows.append(draw_track(Track(name.capitalize(), "N", lines, height, wide, upright, weight), behind))
+        lines = [
+            Line(forces.time, one.measured @ vector, "measured", f"{one.label}, measured")
+            for one in groups
+            if one.measured is not None
+        ]
+        lines += [Line(forces.time, one.forces @ vector, one.style, one.label) for one in groups]
+        levels = _weight(prepared, block, who) if i == 0 else []
+        known = prepared.given.intervals
+        open_ = [_interval(prepared, one, vector) for one in groups if known is not None and one.name in known.names]
+        wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
+        rows.append(draw_track(Track(name.capitalize(), "N", lines, heights[i], wide, upright, levels), behind))
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
+
+
+def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Limit]:
+    """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
+    model = prepared.given.model
+    if not block:
+        return [Limit(prepared.weight, "body weight")] if prepared.weight and len(who) < 2 else []
+    own = next((one for one in who if one.name == block), None)
+    if own is None or model is None:
+        return []
+    mass = sum(model.body(name).mass for name in own.bodies)
+    return [Limit(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}")]
 
 
 def _at_instants(prepared: Prepared) -> bool:
@@ -165,21 +178,21 @@ def _marks(prepared: Prepared, behind: Backdrop) -> str:
     )
 
 
-def _grid(prepared: Prepared, groups: Sequence[Group]) -> Grid:
+def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -> Grid:
     """Mean and peak of every group, and how far it is from what was measured."""
     vectors, names = axis_names(prepared.up)
-    weight = prepared.weight
     rows = []
-    for one in groups:
-        vertical = one.forces @ vectors[0]
-        size = np.linalg.norm(one.forces, axis=1)
+    for group in groups:
+        vertical = group.forces @ vectors[0]
+        size = np.linalg.norm(group.forces, axis=1)
         cells = [
-            one.label,
+            group.label,
             f"{number(float(np.nanmean(vertical)))} N",
-            f"{number(float(np.nanmax(size)))} N" + (f" ({float(np.nanmax(size)) / weight:.2f} BW)" if weight else ""),
+            f"{number(float(np.nanmax(size)))} N"
+            + "".join(f" ({float(np.nanmax(size)) / one.value:.2f} BW)" for one in _weight(prepared, group.block, who)),
         ]
         for vector in vectors:
-            cells.append(_difference(one, vector))
+            cells.append(_difference(group, vector))
         rows.append(tuple(cells))
     compared = tuple(f"RMS off measured, {name}" for name in names)
     if all(cell == "–" for row in rows for cell in row[3:]):

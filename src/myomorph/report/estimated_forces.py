@@ -13,9 +13,8 @@ from myomorph.model.contacts import ContactForces
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.model.spatial import Array
-from myomorph.report.contact_graph import row_label
+from myomorph.report.contact_graph import limb_of, row_label
 from myomorph.report.given import ReportInput, Situation
-from myomorph.report.phases import side_of
 from myomorph.report.subjects import Subject
 from myomorph.report.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT, Verdict
 
@@ -30,6 +29,7 @@ SITUATIONS: Mapping[Situation, str] = MappingProxyType(
     }
 )
 LOADED = 0.03
+BETWEEN = "between"
 ORDINAL = ("first", "second", "third", "fourth")
 
 
@@ -103,7 +103,8 @@ class Group:
 
     Attributes
     ----------
-    style : of the style sheet
+    block : whose groups it stands with: a subject's name, "" for the only one, `BETWEEN` where two bodies touch
+    style : of the style sheet, its own in its block
     against : what is touched
     forces : (frames, 3) as estimated [N]
     estimated : (frames,) whether it might carry force
@@ -112,6 +113,7 @@ class Group:
 
     name: str
     label: str
+    block: str
     style: str
     against: str
     forces: Array
@@ -125,22 +127,27 @@ def groups_of(
     """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
     near = _bodies(forces, model)
     names = tuple(dict.fromkeys(one.group for one in forces.sites))
-    sides = [side_of(name, next(one.body for one in forces.sites if one.group == name)).lower() for name in names]
+    members = {name: [k for k, one in enumerate(forces.sites) if one.group == name] for name in names}
+    first = {name: forces.sites[own[0]] for name, own in members.items()}
+    limbs = {name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names}
+    blocks = {name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names}
     found = []
-    for i, (name, side) in enumerate(zip(names, sides, strict=True)):
-        own = [k for k, one in enumerate(forces.sites) if one.group == name]
+    for name, own in members.items():
         known = None
-        if measured is not None:
-            columns = [k for k, body in enumerate(measured.bodies) if body in near[name]]
-            if columns:
-                known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
-                size = np.linalg.norm(np.nan_to_num(known), axis=1)
-                known[size < LOADED * size.max(initial=0.0)] = np.nan
-        style = side if side and sides.count(side) == 1 else ORDINAL[i % len(ORDINAL)]
-        against = forces.sites[own[0]].against
+        columns = [] if measured is None else [k for k, body in enumerate(measured.bodies) if body in near[name]]
+        if columns and measured is not None:
+            known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
+            size = np.linalg.norm(np.nan_to_num(known), axis=1)
+            known[size < LOADED * size.max(initial=0.0)] = np.nan
+        beside = [one for one in names if blocks[one] == blocks[name]]
+        side = limbs[name].side
+        alone = bool(side) and [limbs[one].side for one in beside].count(side) == 1
+        style = side if alone else ORDINAL[beside.index(name) % len(ORDINAL)]
+        against = first[name].against
         label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
         ready = np.asarray((forces.strengths[:, own] > 0.0).any(axis=1))
-        found.append(Group(name, label, style, against, forces.forces[:, own].sum(axis=1), ready, known))
+        force = forces.forces[:, own].sum(axis=1)
+        found.append(Group(name, label, blocks[name], style, against, force, ready, known))
     return tuple(found)
 
 

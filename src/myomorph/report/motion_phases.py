@@ -102,10 +102,10 @@ def _between_events(what: Cuttable) -> tuple[Stage, ...]:
     inside = [one for one in what.events if what.span[0] < one.time < what.span[1]]
     if not inside:
         return ()
-    labels = [f"{one.side} {one.label}".strip().capitalize() for one in inside]
+    labels = [f"{one.side[:1]} {one.label.replace('Foot ', '').lower()}".strip() for one in inside]
     borders = [what.span[0], *(one.time for one in inside), what.span[1]]
-    names = [f"Before {labels[0].lower()}", *(f"{a} to {b.lower()}" for a, b in itertools.pairwise(labels))]
-    return _single(borders, [*names, f"After {labels[-1].lower()}"])
+    names = [f"to {labels[0]}", *(f"{a} – {b}" for a, b in itertools.pairwise(labels))]
+    return _single(borders, [*names, f"from {labels[-1]}"])
 
 
 def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:

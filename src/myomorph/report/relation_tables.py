@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 import numpy as np
 
 from myomorph.report.chart import number
@@ -123,7 +125,7 @@ def relation_section(analysis: MotionAnalysis) -> Section | None:
         return None
     rows: dict[str, dict[str, int]] = {}
     for i, name in enumerate(found.rows):
-        label, side = _split(name)
+        label, side = _split(name, {one.label for one in analysis.limbs})
         rows.setdefault(label, {})[side] = i
     locking, columns = analysis.locking, list(found.columns)
     if locking is not None:
@@ -164,15 +166,15 @@ def _relation_lead(analysis: MotionAnalysis, found: Correlations) -> str:
     return " ".join(told)
 
 
-def _split(name: str) -> tuple[str, str]:
-    """Label and side of a row: of "Soleus, right" as of "right foot"."""
-    label, comma, side = name.rpartition(", ")
-    if comma and side in ("right", "left"):
-        return label, side
-    for side in ("right", "left"):
-        if name.startswith(f"{side} "):
-            return f"{name.removeprefix(side + ' ').capitalize()} touches", side
-    return name, ""
+def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
+    """Label and side of a row: of "Soleus, right" as of "right foot" and "tori left foot"."""
+    if name not in limbs:
+        label, comma, side = name.rpartition(", ")
+        return (label, side) if comma and side in ("right", "left") else (name, "")
+    words = name.split()
+    side = next((word for word in words if word in ("right", "left")), "")
+    told = " ".join(word for word in words if word != side)
+    return f"{told[:1].upper() + told[1:]} touches", side
 
 
 def _cell(found: Correlations, i: int, j: int) -> Cell:

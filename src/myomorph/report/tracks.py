@@ -204,6 +204,17 @@ def time_axis(behind: Backdrop) -> str:
     return "".join([*parts, "</svg>"])
 
 
+def named_lines(lines: Sequence[tuple[str, str]]) -> str:
+    """A row that names styles of lines, for stacks with a legend of their own."""
+    parts = [f'<svg class="chart" viewBox="0 0 {WIDTH} 18" role="presentation">']
+    x = float(LEFT)
+    for style, name in lines:
+        parts.append(f'<path class="line {style}" d="M{x:g} 10h22"/>')
+        parts.append(f'<text class="tick end" x="{x + 28:g}" y="13.5">{escape(name)}</text>')
+        x += 46 + 6.0 * len(name)
+    return "".join([*parts, "</svg>"])
+
+
 def phase_names(behind: Backdrop) -> str:
     """The row of phases' names that begins a stack; "" without phases. Names that do not fit are cut."""
     if not behind.phases:
