@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from myomorph.model.spatial import Array
-from myomorph.study.virtual_control import Controller, Drives
+from myomorph.study.virtual_control import Controller, Wanted
 from myomorph.study.virtual_fighter import Build, sole_points
 from myomorph.study.virtual_mat import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP
 from myomorph.study.virtual_plan import Plan
@@ -62,11 +62,11 @@ def simulate_bout(
     m = compiled
     data = mujoco.MjData(m)
     data.qpos[:] = plan.poses[0]
-    controller = Controller(m, weight, tone, Drives(), (m.site("tori_grip_r").id, m.site("lapel").id))
+    controller = Controller(m, weight, tone)
     steps = round(min(plan.duration, until) / STEP)
     found = _room(m, steps)
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
-    activation, aim = tone.copy(), tone
+    activation, chosen = tone.copy(), tone
     error = np.empty(m.nv)
     for k in range(steps):
         mujoco.mj_step1(m, data)
@@ -75,11 +75,11 @@ def simulate_bout(
             q, rates, accelerations = plan.at(m, k * STEP)
             mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
             found.strayed[k : k + CONTROL] = np.abs(error).max()
-            s = controller.drives.stiffness
-            wanted = accelerations + s * error + 2.0 * np.sqrt(s) * (rates - data.qvel)
+            stiff = controller.drives.stiffness
+            aim = accelerations + stiff * error + 2.0 * np.sqrt(stiff) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(k * STEP)
-            aim = controller.activations(data, wanted, standing, np.array([lapel, 0.0, 0.0]), sleeve)
-        activation = activation + (aim - activation) * (1.0 - np.exp(-STEP / LAG))
+            chosen = controller.activations(data, Wanted(aim, standing, np.array([lapel, 0.0, 0.0]), sleeve))
+        activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
         data.ctrl[:] = activation
         found.time[k], found.qpos[k], found.activations[k] = k * STEP, data.qpos, activation
         mujoco.mj_step2(m, data)

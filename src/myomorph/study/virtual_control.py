@@ -33,17 +33,45 @@ SMALL = 1e-3
 
 @dataclass(frozen=True)
 class Drives:
-    """Weights of what the fighters want, in units of what each may be off."""
+    """How far off each aim may be for a cost of 1; the smaller, the more the fighters want it.
+
+    Attributes
+    ----------
+    acceleration, root : of joints and of pelves [rad/s^2, m/s^2]
+    foot, lapel, sleeve : accelerations of soles, of the lapel's gap and of the sleeve's length [m/s^2]
+    pull : of the intended force at the lapel [N]
+    effort : factor of the muscles' cost
+    friction : coefficient that the fighters count on
+    stiffness : of the way back to the plan [1/s^2]
+    """
 
     acceleration: float = 6.0
     root: float = 2.0
     foot: float = 0.3
-    grip: float = 1.0
-    pull: float = 25.0
+    lapel: float = 1.0
     sleeve: float = 1.0
+    pull: float = 25.0
     effort: float = 0.3
     friction: float = 0.6
     stiffness: float = 120.0
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What the fighters intend at an instant.
+
+    Attributes
+    ----------
+    accelerations : (nv,)
+    standing : corners of soles on the mat: number of the body, point in it (3,), and where it came down (3,) [m]
+    lapel : (3,) force on tori's hand [N]
+    sleeve : pull [N]
+    """
+
+    accelerations: Array
+    standing: Sequence[tuple[int, Array, Array]]
+    lapel: Array
+    sleeve: float
 
 
 class Controller:
@@ -51,97 +79,85 @@ class Controller:
 
     Parameters
     ----------
-    compiled : mujoco.MjModel
+    compiled : mujoco.MjModel of the pair
     weight, tone : (muscles,) w and a0
-    feet : bodies and corner points (body number, (3,)) that stand
     """
 
-    def __init__(self, compiled: Any, weight: Array, tone: Array, drives: Drives, grip: tuple[int, int]):
-        self.m, self.weight, self.tone, self.drives = compiled, weight, tone, drives
-        self.before = tone.copy()
-        self.grip = grip
-        self.sleeve = compiled.tendon("sleeve").id
-        self.roots = np.concatenate(
-            [compiled.jnt_dofadr[j] + np.arange(6) for j in range(compiled.njnt) if compiled.jnt_type[j] == 0]
-        )
+    def __init__(self, compiled: Any, weight: Array, tone: Array, drives: Drives | None = None):
+        self.drives = drives or Drives()
+        self._m, self._weight, self._tone = compiled, weight, tone
+        self._before = tone.copy()
+        self._scale = np.full(compiled.nv, self.drives.acceleration)
+        for j in np.flatnonzero(compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
+            start = compiled.jnt_dofadr[j]
+            self._scale[start : start + 6] = self.drives.root
 
-    def sleeve_jacobian(self, data: Any) -> Array:
-        """d(length of the sleeve)/d(rates), (nv,)."""
-        m = self.m
-        J1, p1 = _site_jacobian(m, data, m.site("tori_grip_l").id)
-        J2, p2 = _site_jacobian(m, data, m.site("cuff").id)
-        apart = p1 - p2
-        found: Array = (apart / np.linalg.norm(apart)) @ (J1 - J2)
-        return found
+    def activations(self, data: Any, wanted: Wanted) -> Array:
+        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date."""
+        m, drives = self._m, self.drives
+        soles = [jacobian(m, data, body, point) for body, point, _ in wanted.standing]
+        feet = np.vstack([J for J, _ in soles]) if soles else np.zeros((0, m.nv))
+        grip, gap = _between(m, data, "tori_grip_r", "lapel")
+        B, b = self._accelerations(data, feet, grip)
+        aims = _Aims(B, b)
+        aims.add(np.eye(m.nv), wanted.accelerations, self._scale)
+        if soles:
+            missed = np.concatenate([at - kept for (_, at), (_, _, kept) in zip(soles, wanted.standing, strict=True)])
+            aims.add(feet, -_RATE * (feet @ data.qvel) - _STIFF * missed, drives.foot)
+        aims.add(grip, -_RATE * (grip @ data.qvel) - _STIFF * gap, drives.lapel)
+        sleeve, longer, rate = self._sleeve(data, wanted.sleeve)
+        aims.add(sleeve[None], np.array([_STIFF * longer - _RATE * rate]), drives.sleeve)
+        muscles = slice(0, m.nu)
+        effort = drives.effort * self._weight * (0.05 + np.abs(self._before - self._tone))
+        aims.pull(muscles, self._tone, effort)
+        aims.pull(slice(m.nu, None), np.zeros(B.shape[1] - m.nu), 1e-7)
+        aims.pull(slice(-3, None), wanted.lapel, drives.pull**-2)
+        found = _solve(aims.H, aims.c, m.nu, len(feet) // 3, drives.friction)
+        self._before = np.clip(found[muscles], 0.0, 1.0)
+        return self._before
 
-    def activations(
-        self,
-        data: Any,
-        wanted: Array,
-        standing: Sequence[tuple[int, Array, Array]],
-        pull: Array,
-        sleeve: float,
-    ) -> Array:
-        """Activations (muscles,) at the state of `data`.
-
-        Parameters
-        ----------
-        wanted : (nv,) accelerations
-        standing : corners of soles on the mat: body, point in it
-        pull : (3,) intended force of the lapel on tori's hand [N]
-        sleeve : intended pull of the sleeve [N]
-        """
-        m, drives = self.m, self.drives
-        nv, nu = m.nv, m.nu
-        M = mass_matrix(m, data)
+    def _accelerations(self, data: Any, feet: Array, grip: Array) -> tuple[Array, Array]:
+        """Qdd = B x + b with x the activations, the forces of soles and that of the lapel."""
+        m = self._m
         arms = -moments(m, data)
         active, passive, slope = muscle_strength(m, data)
-        tendon = data.qfrc_passive  # the sleeve's spring
-        reached = [jacobian(m, data, body, point) for body, point, _ in standing]
-        corner = [J for J, _ in reached]
-        missed = [place - anchor for (_, place), (_, _, anchor) in zip(reached, standing, strict=True)]
-        one, two = self.grip
-        J1, p1 = _site_jacobian(m, data, one)
-        J2, p2 = _site_jacobian(m, data, two)
-        Jg = J1 - J2
-        contacts = np.vstack(corner) if corner else np.zeros((0, nv))
-        B = np.hstack([arms.T * active, contacts.T, Jg.T])
-        b = -data.qfrc_bias + tendon + arms.T @ passive
         # What muscles lose by moving faster is stiff on light bodies such as feet: a step of implicit Euler.
-        M = M + HORIZON * (arms.T * (self.before * slope)) @ arms
-        B, b = (np.linalg.solve(M, one) for one in (B, b))
-        n, k = B.shape[1], len(contacts)
-        H, c = np.zeros((n, n)), np.zeros(n)
+        mass = mass_matrix(m, data) + HORIZON * (arms.T * (self._before * slope)) @ arms
+        # The passive forces of MuJoCo are the sleeve's alone.
+        free = data.qfrc_passive - data.qfrc_bias + arms.T @ passive
+        B = np.linalg.solve(mass, np.column_stack([arms.T * active, feet.T, grip.T, free]))
+        return B[:, :-1], B[:, -1]
 
-        def add(A: Array, target: Array, scale: Array | float) -> None:
-            A, target = A / np.reshape(scale, (-1, 1)), target / scale
-            H[:] += A.T @ A
-            c[:] -= A.T @ target
+    def _sleeve(self, data: Any, pull: float) -> tuple[Array, float, float]:
+        """d(length)/d(rates) (nv,) of the sleeve, what it lacks for a pull [m], and how fast it grows [m/s]."""
+        J, apart = _between(self._m, data, "tori_grip_l", "cuff")
+        length = float(np.linalg.norm(apart))
+        slope = apart / length @ J
+        return slope, SLEEVE_LENGTH + pull / SLEEVE_STIFFNESS - length, float(slope @ data.qvel)
 
-        scale = np.full(nv, drives.acceleration)
-        scale[self.roots] = drives.root
-        add(B, wanted - b, scale)
-        if k:
-            still = -40.0 * (contacts @ data.qvel) - 400.0 * np.concatenate(missed)
-            add(contacts @ B, still - contacts @ b, drives.foot)
-        speed = Jg @ data.qvel
-        add(Jg @ B, -400.0 * (p1 - p2) - 40.0 * speed - Jg @ b, drives.grip)
-        Js = self.sleeve_jacobian(data)[None]
-        longer = SLEEVE_LENGTH + sleeve / SLEEVE_STIFFNESS - float(data.ten_length[self.sleeve])
-        stretch = 400.0 * longer - 40.0 * float(data.ten_velocity[self.sleeve])
-        add(Js @ B, np.array([stretch]) - Js @ b, drives.sleeve)
-        unit = np.zeros((3, n))
-        unit[:, -3:] = np.eye(3)
-        add(unit, pull, drives.pull)
-        effort = drives.effort * self.weight * (0.05 + np.abs(self.before - self.tone))
-        diagonal = np.arange(nu)
-        H[diagonal, diagonal] += effort
-        c[:nu] -= effort * self.tone
-        rest = np.arange(nu, n)
-        H[rest, rest] += 1e-7
-        found = _solve(H, c, nu, k, drives.friction)
-        self.before = np.clip(found[:nu], 0.0, 1.0)
-        return self.before
+
+_STIFF, _RATE = 400.0, 40.0
+"""Of what holds soles, lapel and sleeve where they should be: critically damped [1/s^2], [1/s]."""
+
+
+class _Aims:
+    """A sum of squares x'Hx / 2 + c'x of accelerations B x + b and of x itself."""
+
+    def __init__(self, B: Array, b: Array):
+        self._B, self._b = B, b
+        self.H, self.c = np.zeros((B.shape[1], B.shape[1])), np.zeros(B.shape[1])
+
+    def add(self, J: Array, target: Array, scale: Array | float) -> None:
+        """The square of (J qdd - target) / scale."""
+        A, miss = J @ self._B / np.reshape(scale, (-1, 1)), (target - J @ self._b) / scale
+        self.H += A.T @ A
+        self.c -= A.T @ miss
+
+    def pull(self, some: slice, target: Array, weight: Array | float) -> None:
+        """Weight (x - target)^2 of some of x."""
+        chosen = np.arange(len(self.c))[some]
+        self.H[chosen, chosen] += weight
+        self.c[chosen] -= weight * target
 
 
 def mass_matrix(m: Any, data: Any) -> Array:
@@ -177,39 +193,29 @@ def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
     return active, passive, slope
 
 
-def _site_jacobian(m: Any, data: Any, site: int) -> tuple[Array, Array]:
-    J = np.zeros((3, m.nv))
-    mujoco.mj_jacSite(m, data, J, None, site)
-    return J, data.site_xpos[site].copy()
+def _between(m: Any, data: Any, first: str, second: str) -> tuple[Array, Array]:
+    """d/d(rates) (3, nv) of the way from the second site to the first, and that way (3,) [m]."""
+    one, other = np.zeros((3, m.nv)), np.zeros((3, m.nv))
+    a, b = m.site(first).id, m.site(second).id
+    mujoco.mj_jacSite(m, data, one, None, a)
+    mujoco.mj_jacSite(m, data, other, None, b)
+    return one - other, data.site_xpos[a] - data.site_xpos[b]
 
 
-def _solve(H: Array, c: Array, nu: int, k: int, friction: float) -> Array:
+def _solve(H: Array, c: Array, muscles: int, corners: int, friction: float) -> Array:
     """Min x'Hx/2 + c'x with activations in 0..1 and forces of corners inside pyramids about y."""
     n = len(c)
-    corners = k // 3
+    low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    low[:muscles], high[:muscles] = 0.0, 1.0
+    across = np.array([[1.0, -friction, 0.0], [-1.0, -friction, 0.0], [0.0, -friction, 1.0], [0.0, -friction, -1.0]])
     G = np.zeros((4 * corners, n))
     for i in range(corners):
-        at = nu + 3 * i
-        for r, (axis, sign) in enumerate(((0, 1.0), (0, -1.0), (2, 1.0), (2, -1.0))):
-            G[4 * i + r, at + axis] = sign
-            G[4 * i + r, at + 1] = -friction
-    low, high = np.full(n, -np.inf), np.full(n, np.inf)
-    low[:nu], high[:nu] = 0.0, 1.0
-    low[nu + 1 : nu + k : 3] = 0.0
+        at = muscles + 3 * i
+        G[4 * i : 4 * i + 4, at : at + 3] = across
+        low[at + 1] = 0.0
     solver = piqp.DenseSolver()
-    solver.settings.eps_abs = 1e-5
-    solver.settings.eps_rel = 1e-5
-    h_low = np.full(len(G), -np.inf)
-    solver.setup(
-        H,
-        c,
-        None,
-        None,
-        G if len(G) else None,
-        h_low if len(G) else None,
-        np.zeros(len(G)) if len(G) else None,
-        low,
-        high,
-    )
+    solver.settings.eps_abs = solver.settings.eps_rel = 1e-5
+    faces = (G, None, np.zeros(len(G))) if corners else (None, None, None)
+    solver.setup(H, c, None, None, *faces, low, high)
     solver.solve()
     return np.array(solver.result.x)
