@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
 from myomorph.contact.held_objects import find_holds, needed_wrench
+from myomorph.contact.raised import raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
@@ -109,12 +110,10 @@ def task(folder: Path, lift: str, way: str) -> Task:
         sites, ready = (*palms, *feet), np.hstack([held, standing])
     else:
         model, moving = both(folder, lift)
-        thing, thing_motion = box(folder, lift)
-        floor = Site("floor_under_box", "body", _bottom())
-        resting = strengths(thing, thing_motion, (floor,)).values
+        floor = Site("floor_under_box", "box_body", _bottom())
         feet = tuple(replace(one, body=f"man_{one.body}") for one in feet)
-        sites = (*sites, *feet, replace(floor, body="box_body"))
-        ready = np.hstack([held, standing, resting])
+        sites = (*sites, *feet, floor)
+        ready = np.hstack([held, standing, raised_contacts(model, moving, floor, feet)[1][:, None]])
     ways = np.zeros((*ready.shape, 3))
     ways[:, 2 : 2 + len(feet)] = lean
     ready_at = Series(motion.time, tuple(one.name for one in sites), ready)
