@@ -15,7 +15,7 @@ from myomorph.model.series import Emg, ForcePlate, Markers, Motion
 from myomorph.model.surface import Surface
 from myomorph.report import replay_charts as charts
 from myomorph.report.given import ReportInput
-from myomorph.report.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, tubes
+from myomorph.report.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
 from myomorph.report.replay_muscles import MuscleIndex
 from myomorph.report.replay_scene import outline
 from myomorph.report.shapes import normals, outward, reduced, sphere
@@ -90,12 +90,18 @@ def test_arrows_stand_where_forces_act_and_are_as_long_as_they_are_strong() -> N
     body = PlayedBody(given)
     assert given.wrenches is not None
     frame = 60
-    arrows = body.at(frame).measured
-    assert len(arrows) == 1
-    assert arrows[0, 0] == pytest.approx(given.wrenches.points[frame, 0])
+    ends = body.at(frame).measured
+    assert np.isfinite(ends[:, 0, 0]).tolist() == [True, False]
+    assert ends[0, 0] == pytest.approx(given.wrenches.points[frame, 0])
     length = WEIGHT * body.scene.size * given.wrenches.forces[frame, 0, 1] / (given.model.mass * GRAVITY)  # type: ignore[union-attr]
-    assert np.linalg.norm(arrows[0, 1] - arrows[0, 0]) == pytest.approx(length, rel=1e-6)
-    assert not len(body.at(0).measured)
+    assert np.linalg.norm(ends[0, 1] - ends[0, 0]) == pytest.approx(length, rel=1e-6)
+    assert np.isnan(body.at(0).measured).all()
+    shafts, heads = arrows(ends, body.scene.size, np.zeros(3))
+    tip = heads.positions[0] + turned(heads.wxyzs[:1].astype(float), np.array([[0.0, 0.0, heads.scales[0, 2]]]))[0]
+    assert tip == pytest.approx(ends[0, 1], abs=1e-6)
+    assert 2 * (shafts.scales[0, 2] + heads.scales[0, 2]) == pytest.approx(length, rel=1e-5)
+    assert not shafts.scales[1].any()
+    assert not heads.scales[1].any()
 
 
 def test_contact_forces_have_arrows_of_their_own() -> None:
@@ -109,9 +115,8 @@ def test_contact_forces_have_arrows_of_their_own() -> None:
     points = np.tile([[[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]], (51, 1, 1))
     contacts = ContactForces(time, (site, toe), np.ones((51, 2)), forces, points, np.zeros_like(forces))
     body = PlayedBody(replace(given, contact_forces=contacts))
-    arrows = body.at(75).estimated
-    assert arrows[:, 0] == pytest.approx(np.array([[0.1, 0.0, 0.0]]))
-    assert not len(body.at(10).estimated), "nothing is known before the contacts' clock"
+    assert body.at(75).estimated[:, 0] == pytest.approx(np.array([[0.1, 0.0, 0.0]]))
+    assert np.isnan(body.at(10).estimated).all(), "nothing is known before the contacts' clock"
     chart = charts.force_chart(body)
     assert chart is not None
     mine = next(one for one in chart.curves if one.label == "foot_r, estimated")

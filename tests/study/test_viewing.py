@@ -76,7 +76,7 @@ def test_what_a_command_wrote_is_shown(arm: SimpleNamespace, command: Callable[.
         body = replay.bodies[0]
         assert np.isfinite(body.activations).all()
         replay.seek(0.31)
-        assert len(body.at(31).measured) == 1
+        assert np.isfinite(body.at(31).measured).all()
     finally:
         replay.close()
 

@@ -17,6 +17,9 @@ from myomorph.report.web_page import add_floor, add_lights, open_server, quiet, 
 FRAMES = 30.0
 """Frames a second that the page is sent [Hz]."""
 
+TOO_NEAR, SIDE_BY_SIDE = 0.1, 0.45
+"""Distance of two bodies below which they begin side by side, and how far apart they then are, in sizes of the body."""
+
 GOES_AWAY = 0.4
 """Way over the floor from which on the view follows, in sizes of the body."""
 
@@ -96,6 +99,7 @@ class Replay:
             if playing and self.now >= self._span[1] - 1e-9:
                 self.now = self._span[0]
             self.playing = playing
+            self._draw(slow=True)
 
     def redraw(self) -> None:
         """Draw everything as it is now, though no frame has passed."""
@@ -132,6 +136,7 @@ class Replay:
     def part(self, distance: float) -> None:
         """Move every body to the right of the one before it, by a distance beyond where it was [m]."""
         with self.lock:
+            self.apart = distance
             for i, shown in enumerate(self.shown):
                 shown.node.position = i * distance * self.bodies[0].scene.right
 
@@ -160,6 +165,10 @@ class Replay:
         self.floor = add_floor(page, "/around/ground", scene.up, scene.floor)
         self.shown = [ShownBody(page, f"/around/body{i}", one, i) for i, one in enumerate(self.bodies)]
         self._frames = [-1] * len(self.bodies)
+        roots = [one.at(self._frame(i)).origins[1] for i, one in enumerate(self.bodies)]
+        together = len(roots) > 1 and float(np.linalg.norm(np.ptp(roots, axis=0))) < TOO_NEAR * scene.size
+        self.apart = round(SIDE_BY_SIDE * scene.size, 1) if together else 0.0
+        self.part(self.apart)
         self._start = np.array(self.bodies[0].at(self._frame(0)).origins[1])
         self.follows = self.bodies[0].travelled > GOES_AWAY * scene.size
         camera = self._server.initial_camera

@@ -23,6 +23,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 Bytes = NDArray[np.uint8]
+Single = NDArray[np.float32]
 
 FRAMES_LOOKED_AT = 24
 """Frames that tell how far the body reaches and where it looks."""
@@ -42,17 +43,20 @@ FADED = np.array([0.80, 0.77, 0.72])
 WEIGHT = 0.45
 """Length of an arrow of one body weight, as a share of the body's size."""
 
-LEAST_FORCE = 0.01
+LEAST_FORCE = 0.005
 """Smaller forces are not drawn, as a share of body weight."""
+
+SHAFT, HEAD = 0.006, 0.045
+"""Radius of an arrow's shaft and length of its head, as shares of the body's size; both of a short one are smaller."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
     """Muscle paths as straight tubes along z: middles, turns (w, x, y, z), sizes (radius, radius, half length)."""
 
-    positions: Array
-    wxyzs: Array
-    scales: Array
+    positions: Single
+    wxyzs: Single
+    scales: Single
     colors: Bytes
 
 
@@ -66,7 +70,7 @@ class Instant:
     rotations, origins : (bodies + 1, 3, 3), (bodies + 1, 3) poses, the ground first
     tubes : of the muscles
     recorded, modelled : (markers, 3) NaN where hidden [m]
-    measured, estimated : (arrows, 2, 3) start and end of the forces of plates and of contacts
+    measured, estimated : (forces, 2, 3) start and end of the arrows of plates and of contacts, NaN without a force
     center : (3,) of mass [m]
     """
 
@@ -184,7 +188,19 @@ class PlayedBody:
         return np.array([np.interp(0.5 * steps[-1], steps, own[:, i]) for i in range(3)])
 
 
-def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array) -> Tubes:
+def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
+    """Shafts and heads of arrows from their starts to their ends (arrows, 2, 3) beside a body of a size [m]."""
+    along = ends[:, 1] - ends[:, 0]
+    lengths = np.nan_to_num(np.linalg.norm(along, axis=1))
+    neck = ends[:, 1] - along * (np.minimum(HEAD * size, 0.4 * lengths) / np.maximum(lengths, 1e-12))[:, None]
+    radii = np.minimum(SHAFT * size, 0.06 * lengths)
+    owner, colors = np.repeat(np.arange(len(ends)), 2), np.tile(color, (len(ends), 1))
+    shafts = np.stack([ends[:, 0], neck], axis=1).reshape(-1, 3)
+    heads = np.stack([neck, ends[:, 1]], axis=1).reshape(-1, 3)
+    return tubes(shafts, owner, radii, colors, 0.0), tubes(heads, owner, 2.6 * radii, colors, 0.0)
+
+
+def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array, beyond: float = 0.35) -> Tubes:
     """A tube between every two points that follow each other on a muscle.
 
     Parameters
@@ -192,6 +208,7 @@ def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array) -> Tub
     points : (points, 3), NaN where a path has no more
     muscle : (points,) index of the muscle of each point
     radii, colors : (muscles,) [m], (muscles, 3) in 0..1
+    beyond : how far a tube goes on at both ends, in radii, so that no gap opens where a path bends
 
     Returns
     -------
@@ -208,8 +225,7 @@ def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array) -> Tub
     turns[unit[:, 2] < -1.0 + 1e-9] = (0.0, 1.0, 0.0, 0.0)
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
     radius = np.where(exists, radii[owner], 0.0)
-    # A little longer than the path, so that no gap opens where it bends.
-    half = np.where(exists, 0.5 * lengths + 0.35 * radius, 0.0)
+    half = np.where(exists, 0.5 * lengths + beyond * radius, 0.0)
     return Tubes(
         positions=np.where(exists[:, None], 0.5 * (start + end), 0.0).astype(np.float32),
         wxyzs=turns.astype(np.float32),
@@ -277,7 +293,6 @@ class _Arrows:
     """External forces at the motion's times."""
 
     def __init__(self, wrenches: Wrenches | None, time: Array, scene: Scene):
-        self._none = np.zeros((0, 2, 3))
         self._wrenches = wrenches if wrenches is not None and len(wrenches) and wrenches.names else None
         self._scene = scene
         if self._wrenches is not None:
@@ -285,15 +300,16 @@ class _Arrows:
             self._inside = _inside(self._wrenches.time, time)
 
     def at(self, frame: int) -> Array:
-        """(arrows, 2, 3) that act at a frame."""
-        if self._wrenches is None or not self._inside[frame]:
-            return self._none
+        """(forces, 2, 3) start and end of their arrows at a frame, NaN where none acts [m]."""
+        if self._wrenches is None:
+            return np.zeros((0, 2, 3))
         near = self._near[frame]
         start, force = self._wrenches.points[near], self._wrenches.forces[near]
-        size = np.linalg.norm(force, axis=1)
-        acts = np.isfinite(start).all(axis=1) & (size > LEAST_FORCE * self._scene.weight)
+        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > LEAST_FORCE * self._scene.weight)
         scale = WEIGHT * self._scene.size / self._scene.weight
-        return np.stack([start[acts], start[acts] + scale * force[acts]], axis=1)
+        ends = np.stack([start, start + scale * force], axis=1)
+        found: Array = np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
+        return found
 
 
 def _inside(clock: Array, time: Array) -> np.ndarray:

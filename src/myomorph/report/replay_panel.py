@@ -96,7 +96,7 @@ class Panel:
         self._slider = gui.add_slider("Time [s]", start, max(stop, start + 0.001), 0.001, start)
         self._on(self._slider, replay.seek)
         self._play = gui.add_button("Play", icon="player-play")
-        self._play.on_click(lambda _: self._toggle())
+        self._play.on_click(lambda _: replay.play(not replay.playing))
         speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
         self._on(speed, lambda value: setattr(replay, "speed", float(value)))
         loop = gui.add_checkbox("Loop", replay.loop)
@@ -134,7 +134,7 @@ class Panel:
             follow = gui.add_checkbox("Follow the body", replay.follows)
             self._on(follow, replay.follow)
             if len(replay.bodies) > 1:
-                apart = gui.add_slider("Apart [m]", 0.0, 3.0, 0.1, 0.0, hint="Bodies side by side")
+                apart = gui.add_slider("Apart [m]", 0.0, 3.0, 0.1, min(replay.apart, 3.0), hint="Bodies side by side")
                 self._on(apart, replay.part)
             picture = gui.add_button("Save a picture", icon="camera")
             picture.on_click(self._save_picture)
@@ -149,10 +149,6 @@ class Panel:
 
     def _look(self, event: Any) -> None:
         self._replay.look_from(*VIEWS[event.target.value])
-
-    def _toggle(self) -> None:
-        self._replay.play(not self._replay.playing)
-        self._replay.redraw()
 
     def _choose(self, number: int, event: Any) -> None:
         if event.client is None or event.target.value == self._replay.chosen[number]:

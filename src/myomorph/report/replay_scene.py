@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.spatial import Array
-from myomorph.report.replay_body import Instant, PlayedBody, Tubes
+from myomorph.model.surface import Surface
+from myomorph.report.replay_body import Instant, PlayedBody, Tubes, arrows
 from myomorph.report.scene import Solid
-from myomorph.report.shapes import coarser, reduced, sphere, tube
+from myomorph.report.shapes import coarser, cone, reduced, sphere, tube
 from myomorph.report.web_page import BONE, Links
 
 LAYERS: Mapping[str, str] = MappingProxyType(
@@ -70,14 +71,20 @@ class ShownBody:
         self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
-            self._tubes = self._add_tubes(first.tubes)
+            self._layers["muscles"] = [self._add_batch("muscles", tube(), first.tubes)]
+        for name, ends in (("measured", first.measured), ("estimated", first.estimated)):
+            if len(ends):
+                shafts, heads = arrows(ends, scene.size, np.array(COLORS[name]) / 255.0)
+                self._layers[name] = [
+                    self._add_batch(f"{name}_shafts", tube(), shafts),
+                    self._add_batch(f"{name}_heads", cone(), heads),
+                ]
         size = scene.size
         for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
             if count:
                 self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
         if np.isfinite(body.centers).any():
             self._layers["center"] = [self._add_balls("center", 1, CENTER_RADIUS * size), *self._add_trace()]
-        self._arrows = {name: self._add_arrows(name) for name in ("measured", "estimated")}
         self._add_plates()
         self._visible = dict.fromkeys(LAYERS, True)
         self._labels: list[Any] = []
@@ -85,16 +92,12 @@ class ShownBody:
     @property
     def layers(self) -> tuple[str, ...]:
         """Those that this body has."""
-        given = self.body.given
-        forces = {"measured": given.wrenches is not None, "estimated": given.contact_forces is not None}
-        return tuple(name for name in LAYERS if self._layers[name] or forces.get(name, name == "floor"))
+        return tuple(name for name in LAYERS if self._layers[name] or name == "floor")
 
     def toggle(self, layer: str, visible: bool) -> None:
         """Show a layer, or hide it."""
         self._visible[layer] = visible
-        if layer in self._arrows and visible:
-            return  # Arrows appear with the next frame that has a force.
-        for handle in (*self._layers[layer], *([self._arrows[layer]] if layer in self._arrows else ())):
+        for handle in self._layers[layer]:
             handle.visible = visible
 
     def draw(self, instant: Instant) -> None:
@@ -102,20 +105,18 @@ class ShownBody:
         if self._visible["bones"]:
             self._links.pose(instant.rotations, instant.origins)
         if self._visible["muscles"] and self._layers["muscles"]:
-            self._tubes.batched_positions = instant.tubes.positions
-            self._tubes.batched_wxyzs = instant.tubes.wxyzs
-            self._tubes.batched_scales = instant.tubes.scales
-            self._tubes.batched_colors = instant.tubes.colors
+            _move(self._layers["muscles"][0], instant.tubes)
+            self._layers["muscles"][0].batched_colors = instant.tubes.colors
+        for name, ends in (("measured", instant.measured), ("estimated", instant.estimated)):
+            if self._visible[name] and self._layers[name]:
+                parts = arrows(ends, self.body.scene.size, np.zeros(3))
+                for handle, part in zip(self._layers[name], parts, strict=True):
+                    _move(handle, part)
         for name, places in (("recorded", instant.recorded), ("modelled", instant.modelled)):
             if self._visible[name] and self._layers[name]:
                 self._place(self._layers[name][0], places)
         if self._visible["center"] and self._layers["center"]:
             self._place(self._layers["center"][0], instant.center[None])
-        for name, points in (("measured", instant.measured), ("estimated", instant.estimated)):
-            if self._visible[name]:
-                self._arrows[name].visible = bool(len(points))
-                if len(points):
-                    self._arrows[name].points = points.astype(np.float32)
 
     def label(self, texts: Mapping[int, str], frame: int) -> None:
         """Name muscles at their middles, by their indices; nothing takes the names away."""
@@ -132,14 +133,14 @@ class ShownBody:
         """Call `told(index of the muscle)` where a muscle is clicked."""
         if self._layers["muscles"]:
             owner = self.body.tube_muscles
-            self._tubes.on_click(lambda event: told(int(owner[event.instance_index])))
+            self._layers["muscles"][0].on_click(lambda event: told(int(owner[event.instance_index])))
 
-    def _add_tubes(self, shown: Tubes) -> Any:
-        unit = tube()
-        handle = self._page.add_batched_meshes_simple(
-            f"{self._root}/muscles",
-            unit.vertices.astype(np.float32),
-            unit.faces.astype(np.uint32),
+    def _add_batch(self, name: str, shape: Surface, shown: Tubes) -> Any:
+        """Copies of one surface, each with its own place, turn, size and color."""
+        return self._page.add_batched_meshes_simple(
+            f"{self._root}/{name}",
+            shape.vertices.astype(np.float32),
+            shape.faces.astype(np.uint32),
             batched_wxyzs=shown.wxyzs,
             batched_positions=shown.positions,
             batched_scales=shown.scales,
@@ -148,29 +149,18 @@ class ShownBody:
             cast_shadow=False,
             receive_shadow=False,
         )
-        self._layers["muscles"] = [handle]
-        return handle
 
     def _add_balls(self, name: str, count: int, radius: float) -> Any:
-        ball = sphere(radius)
-        return self._page.add_batched_meshes_simple(
-            f"{self._root}/{name}",
-            ball.vertices.astype(np.float32),
-            ball.faces.astype(np.uint32),
-            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-            batched_positions=np.zeros((count, 3)),
-            batched_scales=np.zeros(count),
-            batched_colors=np.tile(np.array(COLORS[name], dtype=np.uint8), (count, 1)),
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        none = np.zeros((count, 3), dtype=np.float32)
+        turns = np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (count, 1))
+        colors = np.tile(np.array(COLORS[name], dtype=np.uint8), (count, 1))
+        return self._add_batch(name, sphere(radius), Tubes(none, turns, none, colors))
 
     @staticmethod
     def _place(handle: Any, places: Array) -> None:
         seen = np.asarray(np.isfinite(places).all(axis=1))
         handle.batched_positions = np.where(seen[:, None], places, 0.0).astype(np.float32)
-        handle.batched_scales = seen.astype(np.float32)
+        handle.batched_scales = np.repeat(seen[:, None], 3, axis=1).astype(np.float32)
 
     def _add_trace(self) -> list[Any]:
         """The path of the center of mass in space, and its shadow on the floor."""
@@ -184,18 +174,6 @@ class ShownBody:
             self._lines("trace", np.stack([path[:-1], path[1:]], axis=1), COLORS["center"], 2.0),
             self._lines("shadow", np.stack([shadow[:-1], shadow[1:]], axis=1), (120, 120, 126), 1.5),
         ]
-
-    def _add_arrows(self, name: str) -> Any:
-        size = self.body.scene.size
-        return self._page.add_arrows(
-            f"{self._root}/{name}",
-            np.array([[np.zeros(3), self.body.scene.up]]),
-            COLORS[name],
-            shaft_radius=0.006 * size,
-            head_radius=0.015 * size,
-            head_length=0.045 * size,
-            visible=False,
-        )
 
     def _add_plates(self) -> None:
         corners = [one.corners[outline(one.corners)] for one in self.body.given.plates]
@@ -224,6 +202,10 @@ class ShownBody:
             thickness=width,
             thickness_units="screen",
         )
+
+
+def _move(handle: Any, shown: Tubes) -> None:
+    handle.batched_positions, handle.batched_wxyzs, handle.batched_scales = shown.positions, shown.wxyzs, shown.scales
 
 
 def outline(corners: Array) -> list[int]:

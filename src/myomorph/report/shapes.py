@@ -82,6 +82,16 @@ def tube(sides: int = 6) -> Surface:
 
 
 @lru_cache(maxsize=1)
+def cone(sides: int = 12) -> Surface:
+    """Closed unit cone along z, its base at -1 and its tip at 1."""
+    around = np.arange(sides) * 2.0 * np.pi / sides
+    ring = np.stack([np.cos(around), np.sin(around), np.full(sides, -1.0)], axis=1)
+    tips = np.tile([0.0, 0.0, 1.0], (sides, 1))
+    fan = np.stack([np.zeros(sides - 2, np.int64), np.arange(2, sides), np.arange(1, sides - 1)], axis=1)
+    return Surface(np.concatenate([tips, ring, ring]), np.concatenate([_quads(2, sides), fan + 2 * sides]))
+
+
+@lru_cache(maxsize=1)
 def _box() -> Surface:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
