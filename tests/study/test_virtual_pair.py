@@ -27,6 +27,7 @@ from myomorph.study.virtual_mat import LAPEL, PARTS, compile_pair, fighter_text
 from myomorph.study.virtual_pair import PairOptions, pair_sites, virtual_pair
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget
+from myomorph.tension.parts import tension_of
 from myomorph.tension.solve import solve_tension
 
 CUTOFF = 6.0
@@ -136,6 +137,23 @@ def test_forces_between_the_fighters_are_equal_and_opposite(bout, motion):
     assert np.abs(found.reserves[:, residuals]).max() < 1.0
     assert left.force_error < 1.0
     assert torques.names == bout.model.coordinate_names
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_each_part_of_the_solution_balances_by_itself(bout, motion, part):
+    found = solved(bout, motion, "simultaneous")
+    own, alone = tension_of(found, part), bout.models[part]
+    moved = part_of(motion, part)
+    assert own.muscles == alone.muscle_names
+    torques = inverse_dynamics(alone, moved, part_of(found.contacts.wrenches(), part))
+    given = np.einsum("fm,fmj->fj", own.forces, muscle_kinematics(alone, moved).dense())
+    for name in alone.coordinate_names[6:]:
+        j = alone.coordinate_names.index(name)
+        reserve = own.reserves[:, own.reserve_names.index(f"reserve_{name}")]
+        np.testing.assert_allclose(given[:, j] + reserve, torques[name], atol=1e-4 * np.abs(torques.values).max())
+    assert set(own.residual_names) == {f"residual_{kind}{axis}_pelvis" for kind in "FM" for axis in "XYZ"}
+    with pytest.raises(UnknownName, match="unknown part 'judge'"):
+        tension_of(found, "judge")
 
 
 def test_noise_is_as_large_as_stated():
