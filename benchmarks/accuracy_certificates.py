@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -12,11 +12,14 @@ import numpy as np
 from scipy.optimize import linprog
 
 from benchmarks.accuracy_hidden_plates import LOADED
+from benchmarks.accuracy_pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.strengths import leans
-from myomorph.model.series import Series
+from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
+from myomorph.study.virtual_bout import FEET
+from myomorph.study.virtual_pair import VirtualPair
 from myomorph.tension.certificates import (
     CertificateOptions,
     contact_intervals,
@@ -39,6 +42,10 @@ EVERY = 5
 
 MODEL_ERROR = 0.05
 """Share of the weight that residuals may give: what errors of model and motion may amount to (Hicks et al. 2015)."""
+
+
+ROUNDING = 1.0
+"""Beyond an interval that still counts as inside [N]."""
 
 
 def solved(
@@ -174,6 +181,59 @@ def measure_faults(folder: Path) -> Iterator[Row]:
             }
 
 
+def measure_truth() -> Iterator[Row]:
+    """Simulated fighters whose forces are known: whether the truth lies inside, and where the error lies."""
+    pairs = [(pair, recorded_motion(pair)) for pair in bouts()]
+    for known in (KNOWN[0], KNOWN[3], KNOWN[5]):
+        inside, near, width, along, groups = [], [], [], [], ()
+        for pair, motion in pairs:
+            problem, names = pair_problem(pair, motion, known)
+            over_frames(problem.solve, len(motion), None, problem.window)
+            frames = np.arange(10, len(motion) - 10, 4 * EVERY)
+            found = contact_intervals(problem, problem.result(names), frames.tolist())
+            groups = found.groups
+            truth = np.stack([pair.truth.forces[name] for name in groups], axis=1)[frames]
+            miss = found.forces - truth
+            inside.append((truth >= found.low - ROUNDING) & (truth <= found.high + ROUNDING))
+            near.append((truth >= found.near_low) & (truth <= found.near_high))
+            width.append(found.high - found.low)
+            along.append((miss * found.direction).sum(axis=(1, 2)) ** 2 / (miss**2).sum(axis=(1, 2)))
+        of_feet = np.array([name in FEET for name in groups])
+        yield {
+            "known": known.words,
+            "instants": sum(map(len, along)),
+            "feet inside": float(np.concatenate(inside)[:, of_feet].mean()),
+            "grips inside": float(np.concatenate(inside)[:, ~of_feet].mean()),
+            "feet, width [N]": float(np.median(np.concatenate(width)[:, of_feet])),
+            "grips, width [N]": float(np.median(np.concatenate(width)[:, ~of_feet])),
+            "feet near optimum": float(np.concatenate(near)[:, of_feet].mean()),
+            "grips near optimum": float(np.concatenate(near)[:, ~of_feet].mean()),
+            "error along least determined": float(np.concatenate(along).mean()),
+            "by chance": 1.0 / (3 * len(groups)),
+        }
+
+
+def pair_problem(pair: VirtualPair, motion: Motion, known: Knowledge) -> tuple[TensionProblem, tuple[str, ...]]:
+    """The simultaneous problem of a bout."""
+    wrenches = [pair.plates[part] for part in known.plates]
+    torques = inverse_dynamics(pair.model, motion, together(wrenches) if wrenches else None)
+    sites = open_sites(pair, known)
+    names = tuple(one.name for one in sites)
+    columns = [pair.touching.names.index(name) for name in names]
+    task = ContactTask(sites, Series(motion.time, names, pair.touching.values[:, columns]))
+    return tension_problem(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
+
+
+def together(wrenches: Sequence[Wrenches]) -> Wrenches:
+    """Several loads as one."""
+    parts = {
+        name: np.concatenate([getattr(one, name) for one in wrenches], axis=1)
+        for name in ("forces", "points", "torques")
+    }
+    names = tuple(name for one in wrenches for name in one.names)
+    return Wrenches(wrenches[0].time, names, tuple(body for one in wrenches for body in one.bodies), **parts)
+
+
 def _forgotten(task: ContactTask, foot: str) -> ContactTask:
     """The foot is said not to touch."""
     mine = np.array([one.group == foot for one in task.sites])
@@ -223,4 +283,4 @@ def run() -> list[Row]:
     from benchmarks.cases import data_folder
 
     folder = data_folder()
-    return [*measure(folder), *measure_programs(folder), *measure_faults(folder)]
+    return [*measure(folder), *measure_programs(folder), *measure_faults(folder), *measure_truth()]

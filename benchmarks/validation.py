@@ -126,6 +126,7 @@ def run() -> list[Row]:
         "pair_bouts": accuracy_pair.measure_bouts,
         "pair": accuracy_pair.measure,
         "pair_open": accuracy_pair.measure_open,
+        "certificates_truth": accuracy_certificates.measure_truth,
         "certificates": lambda: accuracy_certificates.measure(folder),
         "certificates_programs": lambda: accuracy_certificates.measure_programs(folder),
         "certificates_faults": lambda: accuracy_certificates.measure_faults(folder),
