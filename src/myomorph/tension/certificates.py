@@ -28,7 +28,7 @@ from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.near_optimal import near_extremes
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.simplex import least_values
-from myomorph.tension.solved import SolvedFrames, solved_frames
+from myomorph.tension.solved import SolvedFrames, solved_frames, subject_weight
 from myomorph.tension.tension import Tension
 
 ON_BOUND = 1e-7
@@ -41,7 +41,7 @@ class CertificateOptions:
 
     Attributes
     ----------
-    residual : what residuals at floating bodies may give beyond what they gave, as a share of the body's weight
+    residual : what residuals at a body that floats may give beyond what they gave, as a share of its subject's weight
         [1, times 1 m for moments]
     reserve : what reserves and actuators without bounds may give beyond what they gave [N m or N]
     deviations : how far a measured force may be missed, in standard deviations, where it was not missed by more
@@ -197,13 +197,15 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
     """Bounds (frames, variables) of what the data leave open: see `CertificateOptions`."""
     x, shared = solved.x, solved.shared
     lower, upper = (np.tile(one, (len(solved), 1)) for one in (shared.lower, shared.upper))
-    weight = _weight(problem)
+    tree = problem.assembly.tree
     for k, one in enumerate(problem.actuators):
         i = solved.muscles + k
         bounded = np.isfinite([one.min_control, one.max_control]).all()
         if bounded and not one.name.startswith(RESIDUAL):
             continue
-        more = options.residual * weight if one.name.startswith(RESIDUAL) else options.reserve
+        more = options.reserve
+        if one.name.startswith(RESIDUAL):
+            more = options.residual * subject_weight(tree, one.body)
         reach = np.abs(x[:, i]) + more / one.optimal_force
         lower[:, i], upper[:, i] = np.maximum(lower[:, i], -reach), np.minimum(upper[:, i], reach)
     told = (solved.wells[:, 2] > 0.0) & (solved.wells[:, 1] > solved.wells[:, 0])
@@ -303,12 +305,6 @@ def _groups(problem: TensionProblem, by: str) -> tuple[tuple[str, ...], list[Arr
     labels = [site.group if by == "group" else site.name for site in columns.sites]
     names = tuple(dict.fromkeys(labels))
     return names, [np.array([labels[k] == name for k in columns.site]) for name in names]
-
-
-def _weight(problem: TensionProblem) -> float:
-    """Weight of the whole model, without gravity its mass times 9.81 m/s^2 [N]."""
-    model = problem.assembly.tree.model
-    return model.mass * (float(np.linalg.norm(model.gravity)) or 9.80665)
 
 
 def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:

@@ -33,8 +33,8 @@ class RelaxationOptions:
 
     Attributes
     ----------
-    residual : residual force at a root from which a frame is marked, as a share of the model's weight (Hicks et al.
-        2015 ask for less than that of the greatest external force)
+    residual : residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks et
+        al. 2015 ask for less than that of the greatest external force)
     moment : residual moment, as a share of the weight times the height of the center of mass above the floor
     named : relaxations smaller than this share of the weight are not named beside greater ones
     """
@@ -97,10 +97,10 @@ def relaxations(
     if not held or not held <= set(problem.assembly.rows):
         return ()
     roots = Roots(problem, problem.contacts, tension)
-    limits = (options.residual * roots.weight, options.moment * roots.weight * roots.center)
+    limits = roots.weights[:, None] * [options.residual, options.moment * roots.center]
     left = roots.left.reshape(len(tension), -1, 2, 3)
-    worst = np.linalg.norm(left, axis=3).max(axis=1)
-    marked = np.flatnonzero((tension.status != MISSING) & ((worst[:, 0] > limits[0]) | (worst[:, 1] > limits[1])))
+    beyond = (np.linalg.norm(left, axis=3) > limits).any(axis=(1, 2))
+    marked = np.flatnonzero((tension.status != MISSING) & beyond)
     found = []
     for frame in marked.tolist():
         allowed = smallest_relaxation(roots, frame, limits)

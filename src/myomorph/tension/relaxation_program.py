@@ -17,6 +17,7 @@ from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.relaxation_words import Allowance, Kind
 from myomorph.tension.simplex import extremes
+from myomorph.tension.solved import subject_weight
 from myomorph.tension.tension import Tension
 
 COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
@@ -25,6 +26,9 @@ COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull"
 NEAR = 0.1
 """A contact costs twice as much where its site is by this share of the center of mass' height farther from where it
 touches than the nearest site is, and more with the square of that."""
+
+LEAST = 0.1
+"""Share of the whole weight that a light object is taken to have, so that noise of what is held is not blamed."""
 
 STILL = np.zeros(3)
 
@@ -37,6 +41,7 @@ class Roots:
     ----------
     bodies : the bodies that float
     up, weight : against gravity, and of the whole model [N]
+    weights : (bodies,) of the subject or object that each carries, of small ones `LEAST` of the whole [N]
     residuals : (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
     edges : (frames, rows, edges) of unit forces at the edges of the sites' cones
     axes : (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
@@ -54,6 +59,7 @@ class Roots:
     bodies: tuple[str, ...] = field(init=False)
     up: Array = field(init=False)
     weight: float = field(init=False)
+    weights: Array = field(init=False)
     residuals: Array = field(init=False)
     edges: Array = field(init=False)
     axes: Array = field(init=False)
@@ -70,6 +76,8 @@ class Roots:
         self.poses = forward_kinematics(tree, c)
         gravity = float(np.linalg.norm(tree.model.gravity))
         self.weight = tree.model.mass * (gravity or GRAVITY)
+        each = [subject_weight(tree, body) for body in self.bodies]
+        self.weights = np.maximum(each, LEAST * self.weight)
         self.up = -tree.model.gravity / gravity if gravity > 0.0 else np.eye(3)[1]
         self.residuals = self._residuals()
         self.edges = self._dense(columns)
@@ -157,12 +165,12 @@ class _Column:
     at: float
 
 
-def smallest_relaxation(roots: Roots, frame: int, limits: tuple[float, float]) -> tuple[Allowance, ...]:
+def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowance, ...]:
     """The relaxation of least cost of one frame, greatest allowance first.
 
     Parameters
     ----------
-    limits : of residual force and moment [N], [N m]
+    limits : (bodies, 2) of residual force and moment [N], [N m]
     """
     columns = [*_residuals(roots, frame, limits), *_edges(roots, frame), *_beyond_cones(roots, frame)]
     matrix = np.array([one.column for one in columns]).T
@@ -185,12 +193,12 @@ def smallest_relaxation(roots: Roots, frame: int, limits: tuple[float, float]) -
     return _allowances(roots, frame, columns, points[0])
 
 
-def _residuals(roots: Roots, frame: int, limits: tuple[float, float]) -> list[_Column]:
+def _residuals(roots: Roots, frame: int, limits: Array) -> list[_Column]:
     """What residuals give within their limits, and what would go beyond."""
     found = []
     for i, amount in enumerate(roots.left[frame]):
         # A box inside the ball of the limit.
-        most = limits[(i // 3) % 2] / np.sqrt(3.0)
+        most = float(limits.reshape(-1)[i // 3]) / np.sqrt(3.0)
         given = float(np.clip(amount, -most, most))
         column = roots.residuals[frame, :, i]
         found.append(_Column("residual", i, True, STILL, column, 0.0, -most, most, given))

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.spatial import Array
+from myomorph.rigid.tree import Tree
+from myomorph.tension.contact_columns import GRAVITY
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.separable import Separable
 from myomorph.tension.tension import Tension
@@ -104,3 +106,13 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     wells = problem.wells if len(problem.wells) == 1 else problem.wells[frames]
     wells = np.broadcast_to(wells, (len(frames), 3, n))
     return SolvedFrames(frames, A, b, x, shared, wells, values, muscles, controls, edges)
+
+
+def subject_weight(tree: Tree, body: str) -> float:
+    """Weight of the subject or object that a body belongs to: all that hangs on the same joint to the ground [N]."""
+    parent, mass = tree.arrays.parent, tree.arrays.mass
+    root = np.arange(len(parent))
+    for b in range(1, len(parent)):
+        root[b] = root[parent[b]] if parent[b] > 0 else b
+    mine = mass[root == root[tree.body_index[body]]].sum()
+    return (float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY) * float(mine or mass.sum())
