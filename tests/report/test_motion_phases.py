@@ -50,6 +50,16 @@ def test_phases_of_contacts_cover_the_recording_once() -> None:
     assert {one.name for one in phases} == {"right foot", "left foot", "both feet", "no contact"}
 
 
+def test_what_always_touches_is_not_named() -> None:
+    touching = np.stack([TIME % 4.0 < 2.0, np.ones_like(TIME, dtype=bool)], axis=1)
+    names = ("right foot", "left hand")
+    assert [one.name for one in cut(Cuttable(SPAN, TIME, (), names, touching), ("contacts",)).stages] == [
+        "right foot",
+        "nothing else",
+    ]
+    assert cut(Cuttable(SPAN, TIME, (), names, np.ones_like(touching)), ("contacts",)).stages == ()
+
+
 def test_a_flicker_is_no_phase() -> None:
     touching = np.ones((len(TIME), 1), dtype=bool)
     touching[500] = False

@@ -109,14 +109,21 @@ def _between_events(what: Cuttable) -> tuple[Stage, ...]:
 
 
 def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
-    """Where what touches changes; all phases with the same contacts are one stage, in order of appearance."""
+    """Where what touches changes; all phases with the same contacts are one stage, in order of appearance.
+
+    What touches from the first frame to the last tells no phase from another, and is not named.
+    """
     if what.touching is None or not len(what.contact_names) or not what.touching.any():
         return ()
     runs = _steady(what.touching, what.time)
+    always = what.touching.all(axis=0)
+    if always.all():
+        return ()
     found: dict[str, list[Phase]] = {}
     for start, stop in runs:
-        touching = [name for name, on in zip(what.contact_names, what.touching[(start + stop) // 2], strict=True) if on]
-        name = together(touching, what.nothing)
+        on = what.touching[(start + stop) // 2] & ~always
+        touching = [name for name, one in zip(what.contact_names, on, strict=True) if one]
+        name = together(touching, "nothing else" if always.any() else what.nothing)
         last = float(what.time[min(stop + 1, len(what.time) - 1)])
         if last > what.time[start]:
             found.setdefault(name, []).append(Phase(name, float(what.time[start]), last))

@@ -73,7 +73,7 @@ def report_page(given: ReportInput) -> str:
     return rendered(
         given,
         parts,
-        _numbered(prepared),
+        _numbered(prepared, parts),
         facts=_facts(prepared),
         tiles=_tiles(prepared),
         verdicts=prepared.verdicts,
@@ -148,7 +148,7 @@ def _text(name: str) -> str:
     return (files("myomorph.report") / "templates" / name).read_text(encoding="utf-8")
 
 
-def _numbered(prepared: Prepared) -> Sequence[Reference]:
+def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Reference]:
     given = prepared.given
     return references(
         given.fit is not None,
@@ -156,6 +156,7 @@ def _numbered(prepared: Prepared) -> Sequence[Reference]:
         given.tension is not None,
         prepared.movement.kind == "jump",
         given.identification is not None,
+        any(one.key == "analysis" for one in parts),
     )
 
 

@@ -88,6 +88,46 @@ REFERENCES: tuple[Reference, ...] = (
         "",
     ),
     Reference(
+        "experts",
+        "what the analysis of a motion shows: center of gravity, contacts and muscles of experts ([D])",
+        "Motion analysis with contact force estimation, and analysis of masters' skills from musculoskeletal "
+        "estimation. Chapters 4 and 5 of a dissertation on subject-specific musculoskeletal modeling.",
+        "",
+    ),
+    Reference(
+        "bartlett1946",
+        "how sure a period is",
+        "Bartlett MS (1946). On the theoretical specification and sampling properties of autocorrelated time-series. "
+        "Suppl J R Stat Soc 8:27–41.",
+        "https://doi.org/10.2307/2983611",
+    ),
+    Reference(
+        "mcleod2005",
+        "likeness of a signal with itself one period later",
+        "McLeod P, Wyvill G (2005). A smarter way to find pitch. Proc Int Comput Music Conf, 138–141.",
+        "",
+    ),
+    Reference(
+        "bartlett1935",
+        "how many independent samples a correlation has",
+        "Bartlett MS (1935). Some aspects of the time-correlation problem in regard to tests of significance. "
+        "J R Stat Soc 98:536–543.",
+        "https://doi.org/10.2307/2342284",
+    ),
+    Reference(
+        "benjamini1995",
+        "which of many correlations stand out",
+        "Benjamini Y, Hochberg Y (1995). Controlling the false discovery rate: a practical and powerful approach to "
+        "multiple testing. J R Stat Soc B 57:289–300.",
+        "https://doi.org/10.1111/j.2517-6161.1995.tb02031.x",
+    ),
+    Reference(
+        "zar1999",
+        "whether something keeps a rhythm",
+        "Zar JH (1999). Biostatistical Analysis, 4th edition. Prentice Hall, chapter 27.",
+        "",
+    ),
+    Reference(
         "ayusawa2014",
         "identification of masses from the wrench on the base link",
         "Ayusawa K, Venture G, Nakamura Y (2014). Identifiability and identification of inertial parameters using the "
@@ -132,8 +172,11 @@ REFERENCES: tuple[Reference, ...] = (
 )
 
 
+ANALYSIS = ("experts", "bartlett1946", "mcleod2005", "bartlett1935", "benjamini1995", "zar1999")
+
+
 def references(
-    kinematics: bool, dynamics: bool, tension: bool, jump: bool, identification: bool = False
+    kinematics: bool, dynamics: bool, tension: bool, jump: bool, identification: bool = False, analysis: bool = False
 ) -> tuple[Reference, ...]:
     """Those that a report with these parts relies on."""
     wanted = set() if identification and not (kinematics or dynamics or tension) else {"hicks2015", "opensim"}
@@ -142,6 +185,7 @@ def references(
     wanted |= {"crowninshield1981", "millard2013"} if tension else set()
     wanted |= {"dissertation", "ayusawa2014", "ae1992", "wensing2018"} if identification else set()
     wanted |= {"owen2014", "mcmahon2018"} if jump else set()
+    wanted |= set(ANALYSIS) if analysis else set()
     return tuple(one for one in REFERENCES if one.key in wanted)
 
 
