@@ -16,15 +16,13 @@ from numpy.typing import ArrayLike
 
 from myomorph.contact.sound import Strokes
 from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array, frozen_array
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics, gather_dependents
-from myomorph.rigid.loops import free_coordinates
-from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.rigid.forward import forward_accelerations, gathered
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 
 LINEAR, PRIOR = 0.5, 1.0
 """Exponent of an instrument that answers linearly, and how much it counts beside the strokes: as if known to 0.1 where
@@ -126,8 +124,8 @@ def calibration_pairs(strokes: Strokes, known: Mapping[str, Sequence[tuple[float
 def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, direction: ArrayLike) -> Array:
     """Mass (frames,) with which a point of a body meets a blow along a direction [kg].
 
-    1 / (d^T J M^-1 J^T d) over the coordinates that are free, joints taken as loose: over a few
-    milliseconds a blow outruns what muscles hold.
+    1 / (d^T J M^-1 J^T d) over the coordinates that are free, couplers and loops kept, joints taken as loose:
+    over a few milliseconds a blow outruns what muscles hold. It is inf where the point cannot move that way.
 
     Parameters
     ----------
@@ -138,38 +136,31 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
     ------
     UnknownName
         where the model lacks the body
+    BadModel
+        where coordinates move no mass
     """
     tree = compile_tree(model)
     if body not in tree.body_index:
         raise UnknownName("body", body, tuple(tree.body_index))
     coordinates = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, coordinates)
-    b, free = tree.body_index[body], free_coordinates(tree)
+    b = tree.body_index[body]
     places = poses.points(np.array([b]), np.atleast_2d(np.asarray(point, float)))[:, 0]
     along = np.broadcast_to(np.asarray(direction, float), places.shape)
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    found = np.empty(len(coordinates))
-    for frame, pose in enumerate(coordinates):
-        # Rows d(direction . point)/d(coordinates), and the inertia as torques of unit accelerations.
-        row = (along[frame] @ poses.jacobian(frame, b, places[frame])[3:])[None]
-        inertia = _inertia(tree, pose, free)
-        gather_dependents(tree.arrays, pose.copy(), row)
-        yields = row[0, free] @ np.linalg.lstsq(inertia, row[0, free], rcond=None)[0]
-        found[frame] = 1.0 / yields if yields > 0.0 else np.inf
+    rows = np.array([along[f] @ poses.jacobian(f, b, places[f])[3:] for f in range(len(along))])
+    still, nothing = np.zeros_like(rows), np.zeros((len(rows), len(tree.arrays.parent), 6))
+    push = gathered(tree, coordinates, rows)
+    try:
+        pushed, _ = forward_accelerations(tree, coordinates, still, still, nothing, push)
+        alone, _ = forward_accelerations(tree, coordinates, still, still, nothing, still)
+    except np.linalg.LinAlgError:
+        raise BadModel(
+            f"model '{model.name}' has coordinates that move no mass: a blow has no effective mass"
+        ) from None
+    yields = np.einsum("fj,fj->f", rows, pushed - alone)
+    found: Array = np.where(yields > 0.0, 1.0 / np.where(yields > 0.0, yields, 1.0), np.inf)
     return found
-
-
-def _inertia(tree: Tree, pose: Array, free: Ints) -> Array:
-    """Mass matrix (free, free) at one pose (coordinates,), coordinates that follow others folded in."""
-    count = len(free)
-    units = np.zeros((count + 1, len(pose)))
-    units[np.arange(count), free] = 1.0
-    poses = np.tile(pose, (count + 1, 1))
-    still = Motion(np.arange(count + 1.0), tree.model.coordinate_names, poses, np.zeros_like(poses), units)
-    torques = inverse_dynamics(tree.model, still).values
-    rows = torques[:-1] - torques[-1]
-    gather_dependents(tree.arrays, pose.copy(), rows)
-    return rows[:, free]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,217 @@
+"""Strokes as forces: pulses keep their impulse on any clock, and masses are what Newton says they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.contact.sound import Instrument, Stroke, Strokes
+from myomorph.contact.strokes import (
+    Blow,
+    blow_wrenches,
+    blows_from_sound,
+    calibrate_impulse,
+    calibration_pairs,
+    effective_mass,
+    pulse,
+    striking_sites,
+    velocity_change,
+)
+from myomorph.io.osim import read_osim
+from myomorph.model.contacts import Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.functions import linear
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.spatial import Transform
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from trees import floating_tree, random_tree
+
+STILL, TIP = Transform.identity(), [0.0, -0.4, 0.0]
+
+
+@pytest.mark.parametrize("rate", [30.0, 100.0, 333.0, 20_000.0])
+@pytest.mark.parametrize("duration", [0.002, 0.008, 0.05])
+def test_a_pulse_keeps_impulse_and_middle_on_any_clock(rate, duration):
+    rng = np.random.default_rng(1)
+    time = np.cumsum(rng.uniform(0.5, 1.5, int(rate))) / rate
+    force = pulse(time, 0.4321, 1.7, duration)
+    assert np.trapezoid(force, time) == pytest.approx(1.7, rel=1e-12)
+    assert np.trapezoid(force * time, time) / 1.7 == pytest.approx(0.4321 + 0.5 * duration, rel=1e-9)
+    assert force.min() > -1e-9 * force.max()
+    assert np.count_nonzero(force) <= duration / np.diff(time).min() + 3
+
+
+def test_a_pulse_on_a_fast_clock_is_a_half_sine():
+    time = np.arange(0.0, 0.1, 1e-5)
+    since = time - 0.05
+    inside = (since > 0) & (since < 0.008)
+    expected = np.where(inside, 2.0 * np.pi / (2 * 0.008) * np.sin(np.pi * since / 0.008), 0.0)
+    np.testing.assert_allclose(pulse(time, 0.05, 2.0, 0.008), expected, atol=2.0)
+    np.testing.assert_allclose(pulse(time, 0.05, 2.0, 0.008)[10:5395:7], expected[10:5395:7], atol=0.01)
+
+
+def test_what_lies_beyond_the_clock_is_lost_and_nothing_else_happens():
+    time = np.arange(0.0, 1.0, 0.01)
+    assert np.abs(pulse(time, 5.0, 1.0, 0.008)).max() == 0.0
+    assert np.abs(pulse(time, -5.0, 1.0, 0.008)).max() == 0.0
+    assert np.trapezoid(pulse(time, -0.004, 1.0, 0.008), time) == pytest.approx(0.5)
+    with pytest.raises(BadData, match="two frames or more"):
+        pulse(time[:1], 0.0, 1.0, 0.008)
+    with pytest.raises(BadData, match="a pulse of 0 s"):
+        pulse(time, 0.0, 1.0, 0.0)
+
+
+def rods(*names: str, mass: float = 0.06, length: float = 0.4) -> Model:
+    """Sticks that turn about their ends, hanging down beside each other; body and coordinate have one name."""
+    across = mass * length**2 / 12.0
+    center, inertia = np.array([0.0, -0.5 * length, 0.0]), np.diag([across, 1e-9, across])
+    joints = []
+    for name in names:
+        axis = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), (name,))
+        joints.append(Joint(f"pin_{name}", "PinJoint", GROUND, name, STILL, STILL, (axis,), (name,)))
+    bodies = tuple(Body(name, mass, center, inertia) for name in names)
+    return Model("rods", bodies, tuple(joints), tuple(Coordinate(name) for name in names), np.array([0.0, -9.81, 0.0]))
+
+
+def at(model: Model, *poses) -> Motion:
+    return Motion(np.arange(len(poses), dtype=float), model.coordinate_names, np.array(poses, dtype=float))
+
+
+def test_a_rod_about_its_end_meets_a_blow_at_its_tip_with_a_third_of_its_mass():
+    model = rods("stick")
+    ways = [[1.0, 0.0, 0.0], [np.cos(0.7), np.sin(0.7), 0]]
+    found = effective_mass(model, at(model, [0.0], [0.7]), "stick", TIP, ways)
+    np.testing.assert_allclose(found, 0.06 / 3.0, rtol=1e-7)
+    assert effective_mass(model, at(model, [0.0]), "stick", TIP, [0.0, 1.0, 0.0])[0] == np.inf
+
+
+def test_a_free_body_meets_a_blow_beside_its_center_with_less_than_its_mass():
+    model = floating_tree(3, bodies=1)
+    body = model.bodies[0]
+    motion = at(model, np.zeros(6))
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        way, lever = rng.normal(size=(2, 3))
+        way /= np.linalg.norm(way)
+        # The joint's frames lie off the body's: the law holds in the ground, whatever they are.
+        at_center = effective_mass(model, motion, body.name, body.mass_center, way)[0]
+        assert at_center == pytest.approx(body.mass, rel=1e-8)
+        assert effective_mass(model, motion, body.name, body.mass_center + lever, way)[0] < body.mass
+
+
+def test_an_impulse_over_the_effective_mass_is_the_change_of_velocity():
+    model = random_tree(4, bodies=7)
+    rng = np.random.default_rng(3)
+    body, point, way = model.bodies[-1].name, rng.normal(size=3), np.array([0.6, 0.0, 0.8])
+    motion = at(model, rng.normal(size=7))
+    # The inertia as inverse dynamics tells it, and the accelerations that a force of 1 N alone causes.
+    zero = np.zeros_like(motion.values)
+    asked = np.vstack([zero, np.eye(7)])
+    still = Motion(np.arange(8.0), motion.names, np.tile(motion.values, (8, 1)), np.zeros((8, 7)), asked)
+    bare = inverse_dynamics(model, still).values
+    tree = compile_tree(model)
+    b = np.array([tree.body_index[body]])
+    place = forward_kinematics(tree, motion.values).points(b, point[None])[:, 0]
+    held = Motion(np.zeros(1), motion.names, motion.values, zero, zero)
+    load = Wrenches(np.zeros(1), ("blow",), (body,), way[None, None], place[:, None], np.zeros((1, 1, 3)))
+    caused = np.linalg.solve((bare[1:] - bare[0]).T, bare[0] - inverse_dynamics(model, held, load).values[0])
+    ahead = forward_kinematics(tree, motion.values + 1e-6 * caused).points(b, point[None])[0, 0]
+    mass = effective_mass(model, motion, body, point, way)[0]
+    assert 1e-6 / ((ahead - place[0]) @ way) == pytest.approx(mass, rel=1e-4)
+
+
+def test_the_effective_mass_of_a_walkers_hand_is_less_than_its_arm(data):
+    model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    motion = at(model, [one.default for one in model.coordinates])
+    hand = effective_mass(model, motion, "hand_r", [0.0, -0.1, 0.0], [1.0, 0.0, 0.0])[0]
+    masses = {one.name: one.mass for one in model.bodies}
+    assert 0.2 * masses["hand_r"] < hand < sum(masses[f"{one}_r"] for one in ("humerus", "ulna", "radius", "hand"))
+
+
+def test_the_law_of_impulses_is_found_again():
+    rng = np.random.default_rng(5)
+    energy = np.exp(rng.uniform(np.log(1e-6), np.log(1e-3), 60))
+    exact = calibrate_impulse(energy, 20.0 * energy**0.5)
+    assert (exact.scale, exact.exponent) == pytest.approx((20.0, 0.5))
+    assert exact.error < 1e-9
+    scattered = calibrate_impulse(energy, 20.0 * energy**0.42 * np.exp(0.1 * rng.standard_normal(60)))
+    assert scattered.exponent == pytest.approx(0.42, abs=0.02)
+    assert scattered.error == pytest.approx(0.1, abs=0.03)
+    assert calibrate_impulse(energy[:1], [0.3]).impulse(energy[0]) == pytest.approx(0.3)
+    assert np.isnan(calibrate_impulse(energy[:1], [0.3]).error)
+    same = calibrate_impulse(np.full(3, 1e-4), [0.2, 0.21, 0.19])
+    assert same.exponent == pytest.approx(0.5)
+    assert same.covers(1.5e-4)
+    assert not same.covers(3e-4)
+    with pytest.raises(BadData, match="above 0"):
+        calibrate_impulse([1.0, 0.0], [1.0, 1.0])
+    with pytest.raises(BadData, match="2 energies and 1 impulses"):
+        calibrate_impulse([1.0, 2.0], [1.0])
+
+
+DRUM = Instrument("drum", "1", 0.0, ("tip",))
+
+
+def heard(*strokes: tuple[float, float]) -> Strokes:
+    return Strokes((DRUM,), tuple(Stroke("drum", time, energy, 1.0) for time, energy in strokes))
+
+
+def test_known_strokes_calibrate_the_nearest_that_were_heard():
+    strokes = heard((1.0, 1e-4), (2.0, 4e-4), (3.0, 9e-4))
+    laws = calibration_pairs(strokes, {"drum": [(1.01, 0.1), (2.99, 0.3)]})
+    assert laws["drum"].impulse(4e-4) == pytest.approx(0.2)
+    blows, warnings = blows_from_sound(strokes, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]})
+    assert [one.time for one in blows] == [1.0, 2.0]
+    np.testing.assert_allclose(blows[0].direction, [0, 0, 1])
+    assert warnings == ()
+    louder, warnings = blows_from_sound(heard((1.0, 1.0)), laws, {0: "tip"}, {})
+    assert "1 of 1 strokes are louder or softer than those calibrated on, first on 'drum' at 1.000 s" in warnings[0]
+    np.testing.assert_allclose(louder[0].direction, [0, 1, 0])
+    with pytest.raises(BadData, match="none of the 1 known strokes on 'drum' was heard"):
+        calibration_pairs(strokes, {"drum": [(1.5, 0.1)]})
+    with pytest.raises(UnknownName, match="'bell'"):
+        calibration_pairs(strokes, {"bell": [(1.5, 0.1)]})
+    with pytest.raises(UnknownName, match="'drum'"):
+        blows_from_sound(strokes, {}, {0: "tip"}, {})
+
+
+SITES = tuple(Site(f"tip_{name}", name, [TIP]) for name in "ab")
+
+
+def test_the_stick_that_stops_is_the_one_that_struck():
+    model = rods("a", "b")
+    time = np.arange(0.0, 1.0, 0.005)
+    # Stick a swings on; stick b is turned round at 0.5 s.
+    angles = np.column_stack([0.5 * np.sin(4.0 * time), 3.0 * np.abs(time - 0.5)])
+    motion = Motion(time, ("a", "b"), angles)
+    drum = Instrument("drum", "1", 0.0, ("tip_a", "tip_b"))
+    strokes = Strokes((drum,), (Stroke("drum", 0.5, 1e-4, 1.0), Stroke("drum", 7.0, 1e-4, 1.0)))
+    assert striking_sites(strokes, model, motion, SITES) == {0: "tip_b"}
+    change = velocity_change(model, motion, SITES[1], 0.5)
+    np.testing.assert_allclose(change[0], 2.0 * 3.0 * 0.4, rtol=0.05)
+    mass = effective_mass(model, Motion(time[100:101], ("a", "b"), angles[100:101]), "b", TIP, change)
+    np.testing.assert_allclose(mass[0] * np.linalg.norm(change), 0.02 * 2.4, rtol=0.05)
+
+
+def test_blows_are_loads_whose_torque_over_time_is_their_moment():
+    model = rods("a", "b")
+    time = np.arange(0.0, 1.0, 0.01)
+    zeros = np.zeros((len(time), 2))
+    motion = Motion(time, ("a", "b"), zeros, zeros, zeros)
+    given = (("tip_a", 0.301, 0.5), ("tip_b", 0.5, 0.2), ("tip_a", 0.6, 0.1))
+    blows = [Blow(*one, np.array([1.0, 0.0, 0.0])) for one in given]
+    loads = blow_wrenches(blows, model, motion, SITES)
+    assert loads.names == ("tip_a", "tip_b")
+    assert loads.bodies == ("a", "b")
+    without, with_ = inverse_dynamics(model, motion), inverse_dynamics(model, motion, loads)
+    taken = np.trapezoid(without.values - with_.values, time, axis=0)
+    np.testing.assert_allclose(taken, 0.4 * np.array([0.6, 0.2]), rtol=1e-9)
+    with pytest.raises(UnknownName, match="'tip_c'"):
+        blow_wrenches([Blow("tip_c", 0.3, 0.5, [1.0, 0, 0])], model, motion, SITES)
+    with pytest.raises(BadData, match="expected a vector with a length"):
+        Blow("tip_a", 0.3, 0.5, [0.0, 0, 0])
+    with pytest.raises(BadData, match="impulse of a blow on 'tip_a' is -1"):
+        Blow("tip_a", 0.3, -1.0, [0.0, 1.0, 0])
