@@ -147,6 +147,15 @@ def test_opensim_opens_the_whole_and_agrees(data, tmp_path):
     )
 
 
+def test_torques_of_a_pair_are_those_of_opensim(data, tmp_path):
+    model = read_osim(data("opensim-gait-subject01/ref_rra/subject01_simbody_adjusted.osim"))
+    whole = join_models({"tori": model, "uke": model, "box": free_object("box", 15.0, (0.6, 0.3, 0.4))})
+    write_osim(whole, tmp_path / "pair.osim")
+    motion = moving(whole, frames=3)
+    theirs = opensim_torques(tmp_path / "pair.osim", whole, motion.values, motion.velocities, motion.accelerations)
+    np.testing.assert_allclose(inverse_dynamics(whole, motion).values, theirs, rtol=1e-8, atol=1e-7)
+
+
 def test_parts_that_are_kept_name_what_they_meant(data):
     model = read_osim(data("shoulder-bonepin/subject1_abdbonepin.osim"))
     whole = join_models({"a": model, "b": model})
