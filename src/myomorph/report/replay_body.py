@@ -19,6 +19,7 @@ from myomorph.report.centroid import centroid
 from myomorph.report.given import ReportInput
 from myomorph.report.image import activation_color
 from myomorph.report.scene import Scene, make_scene, nearest_samples
+from myomorph.report.web_page import DEEPER
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -31,8 +32,8 @@ FRAMES_LOOKED_AT = 24
 SLACK, TIGHT = 0.002, 0.0085
 """Radius of a muscle without tension, and what its maximum isometric force adds, as shares of the body's size."""
 
-FOUND, DEEPER, OTHERS = 1.5, 1.5, 0.82
-"""How much thicker and deeper in color muscles are that were searched for, and how far the others fade."""
+FOUND, OTHERS = 1.5, 0.82
+"""How much thicker muscles are that were searched for, and how far the others fade."""
 
 FLESH = (0.72, 0.24, 0.24)
 """Color of muscles whose activation was not asked for."""
@@ -259,11 +260,11 @@ class _Muscles:
         share = np.sqrt(np.clip(np.nan_to_num(force) / most, 0.0, 1.0))
         radii = size * (SLACK + TIGHT * share)
         colors = activation_color(self.activations[frame]) if self._solved else np.tile(FLESH, (len(share), 1))
+        colors = colors**DEEPER
         if found:
             other = np.ones(len(radii), dtype=bool)
             other[list(found)] = False
             radii[~other] = np.maximum(FOUND * radii[~other], size * (SLACK + 0.5 * TIGHT))
-            colors[~other] = colors[~other] ** DEEPER
             radii[other] = np.minimum(radii[other], size * 1.2 * SLACK)
             colors[other] = (1.0 - OTHERS) * colors[other] + OTHERS * FADED
         return radii, colors

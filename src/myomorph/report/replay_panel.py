@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from myomorph.model.errors import MyomorphError
-from myomorph.report.image import png
+from myomorph.report.image import ACTIVATION, png
 from myomorph.report.replay_muscles import MuscleIndex
 from myomorph.report.replay_plots import Curves
-from myomorph.report.replay_scene import LAYERS, MOST_LABELS
+from myomorph.report.replay_scene import COLORS, LAYERS, MOST_LABELS
 
 if TYPE_CHECKING:
     from myomorph.report.replay import Replay
@@ -21,6 +21,7 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
 VIEWS = {"Front": (1.0, 0.0, 0.05), "Right": (0.0, 1.0, 0.05), "Back": (-1.0, 0.0, 0.05), "Left": (0.0, -1.0, 0.05)}
 ALL = "all"
 WIDTH = 330
+SMALL = "display:flex;gap:0.7em;align-items:center;font-size:0.78em;opacity:0.85;padding:0.2em 0.6em 0.5em"
 MOST_ROWS = 10
 
 
@@ -115,6 +116,8 @@ class Panel:
             names = self._indices[0].names
             self._muscle = gui.add_dropdown("Muscle", (ALL, *names), initial_value=ALL, hint="Type to search")
             self._on(self._muscle, lambda name: self._stand_out(() if name == ALL else (name,)))
+            if any(one.given.tension is not None for one in replay.bodies):
+                gui.add_html(_scale())
             self._numbers = gui.add_markdown("")
         for number, shown in enumerate(replay.shown):
             shown.on_muscle(partial(self._clicked, number))
@@ -125,6 +128,7 @@ class Panel:
             for name in (one for one in LAYERS if one in present):
                 box = self._gui.add_checkbox(LAYERS[name], True)
                 self._on(box, partial(self._replay.toggle, name))
+            self._gui.add_html(_key([name for name in LAYERS if name in present and name in COLORS]))
 
     def _add_views(self) -> None:
         gui, replay = self._gui, self._replay
@@ -215,6 +219,24 @@ class Panel:
 
 def _label(name: str, activation: float, tension: float) -> str:
     return f"{name}  {activation:.2f}, {tension:.0f} N" if np.isfinite(activation) else name
+
+
+def _scale() -> str:
+    """What the colors of muscles mean, as HTML."""
+    colors = ",".join(f"rgb({r},{g},{b})" for r, g, b in ACTIVATION[:: len(ACTIVATION) // 8].tolist())
+    bar = f"flex:1;height:0.6em;border-radius:2px;background:linear-gradient(to right,{colors})"
+    return (
+        f'<div style="{SMALL}"><span>activation 0</span><span style="{bar}"></span><span>1; thick: tight</span></div>'
+    )
+
+
+def _key(layers: Sequence[str]) -> str:
+    """What the colors of layers mean, as HTML."""
+    dots = [
+        f'<span><b style="color:rgb({",".join(str(one) for one in COLORS[name])})">●</b> {LAYERS[name]}</span>'
+        for name in layers
+    ]
+    return f'<div style="{SMALL};flex-wrap:wrap">{"".join(dots)}</div>'
 
 
 def _plain(text: str) -> str:

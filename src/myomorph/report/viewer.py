@@ -12,10 +12,7 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.body_view import BodyView
 from myomorph.report.image import level_color
-from myomorph.report.web_page import MARKER, Links, add_floor, open_server, quiet, view_from
-
-DEEPER = 1.35
-"""Exponent on colors, which the page's lights make paler."""
+from myomorph.report.web_page import DEEPER, MARKER, Links, add_floor, open_server, quiet, view_from
 
 
 class WebViewer:

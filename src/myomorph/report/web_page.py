@@ -23,11 +23,11 @@ HOST = "127.0.0.1"
 BONE = (214, 207, 193)
 """Color of links that nothing is told of."""
 
+DEEPER = 1.35
+"""Exponent on colors, which the page's lights make paler."""
+
 MARKER = (70, 70, 70)
 """Color of recorded markers."""
-
-MARKER_SIZE = 0.008
-"""Radius of markers [m]."""
 
 
 def open_server(port: int | None, title: str) -> Any:
