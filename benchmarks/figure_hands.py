@@ -9,10 +9,11 @@ import matplotlib
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt
+import numpy as np
 
 from benchmarks.cases import data_folder
 from benchmarks.hands_lift import BOX_MASS, LIFTS, hands_measured, recorded
-from benchmarks.hands_lift_forces import found, left_floor
+from benchmarks.hands_lift_forces import found, holding, left_floor, left_open, task
 from benchmarks.hands_spine import carried_moment, of_laboratory, spine
 
 FILE = Path(__file__).resolve().parents[1] / "docs" / "images" / "hands-lift.svg"
@@ -48,6 +49,9 @@ def draw(file: Path) -> None:
                 told = passing.from_above + carried_moment(passing, one)
                 label = words.replace("found", "ours, from above")
                 moment.plot(time, -told[:, 2], color=color, ls=style, lw=1.1, label=label)
+        held = np.flatnonzero(holding(folder, lift)[1].any(axis=1))[::2]
+        _, greatest, least = (-one[:, 1] for one in left_open(task(folder, lift, "hidden"), held.tolist()).of("hands"))
+        force.fill_between(time[held], least, greatest, color="#b2182b", alpha=0.12, lw=0, label="left open, no plate")
         for axis in (force, moment):
             axis.axvline(off, color="#bbbbbb", lw=0.8)
             axis.spines[["top", "right"]].set_visible(False)
@@ -56,10 +60,10 @@ def draw(file: Path) -> None:
         moment.text(off + 0.03, 2.0, "off the floor", color="#777777", fontsize=8)
     axes[0, 0].set_ylabel("hands on the box, up [N]")
     axes[1, 0].set_ylabel("extending moment at L5/S1 [N m]")
-    for row, (place, columns) in enumerate(((0.955, 4), (0.045, 3))):
+    for row, (place, columns) in enumerate(((0.95, 3), (0.045, 3))):
         handles, labels = axes[row, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="center", bbox_to_anchor=(0.5, place), ncols=columns, frameon=False)
-    figure.tight_layout(rect=(0.0, 0.09, 1.0, 0.91))
+    figure.tight_layout(rect=(0.0, 0.09, 1.0, 0.90))
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, metadata={"Date": None})
 
