@@ -127,13 +127,14 @@ def onsets(heard: Heard, options: SoundOptions | None = None) -> tuple[Onset, ..
         return ()
     table = np.array([_excess(signal, rate, hops, options) for signal, rate in heard.levels])
     excess = table.sum(axis=0)
-    # Where nothing has been learnt yet, everything is unforeseen.
-    excess[: round(LEARNT / HOP)] = 0.0
+    # Where nothing has been learnt yet everything is unforeseen, and at the end too little is heard.
+    excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
     rest = 2 * round(0.5 * options.rest / HOP) + 1
     peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
     found: list[Onset] = []
     for peak in peaks:
-        signal, rate = heard.levels[int(np.argmax(table[:, peak]))]
+        # The fastest level that shows it tells the time best.
+        signal, rate = heard.levels[int(np.argmax(table[:, peak] >= 0.5 * table[:, peak].max()))]
         time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
         if found and time - found[-1].time < 0.5 * options.rest:
             continue
