@@ -21,7 +21,7 @@ from myomorph.report.pictures import pictures, proportion
 from myomorph.report.prepared import prepare
 from myomorph.report.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
 from myomorph.report.scene import make_scene
-from myomorph.report.strip import even_times, picture_strip
+from myomorph.report.strip import even_times, picture_strip, pictures_beside
 from myomorph.report.subjects import centroids, subjects
 from myomorph.report.tracks import Backdrop
 
@@ -187,6 +187,18 @@ def test_the_strip_is_not_empty_and_the_same_twice() -> None:
     assert len(images) == 4
     assert len(set(images)) > 1
     assert all(len(one) > 1000 and one.startswith("data:image/png;base64,") for one in images)
+
+
+def test_pictures_stand_near_their_times_and_apart() -> None:
+    wanted = np.array([200.0, 202.0, 400.0, 410.0, 590.0])
+    places = pictures_beside(wanted, 80.0, 100.0, 600.0)
+    assert np.diff(places).min() >= 80.0 - 1e-9
+    assert places[0] >= 140.0
+    assert places[-1] <= 560.0
+    assert places[:2].mean() == pytest.approx(201.0)
+    assert places[2:4].mean() == pytest.approx(405.0)
+    free = np.array([150.0, 300.0, 450.0])
+    np.testing.assert_array_equal(pictures_beside(free, 80.0, 100.0, 600.0), free)
 
 
 def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:

@@ -32,7 +32,7 @@ PERSONS = ("third", "second", "fourth")
 CUT_WORDS = {
     "given": "Phases are those given.",
     "events": "Phases lie between events.",
-    "contacts": "Phases are cut where the contacts change.",
+    "contacts": "Phases are cut where the contacts change; what always touches is not named.",
     "cycles": "Phases are the periods of the center of gravity.",
     "parts": "Nothing cuts this motion, so phases are four equal parts.",
 }
@@ -243,13 +243,13 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
         (1.0, "m") if float(_extent(np.concatenate([one for _, _, one in paths])).max()) > 0.5 else (1e3, "mm")
     )
     shown = [(label, style, factor * one) for label, style, one in paths]
-    title, level = "Path over the ground, from above", not _thin(paths)
+    title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
     return floor_plot(title, across, shown, width=505, height=300, unit=unit, level=level)
 
 
-def _thin(paths: list[tuple[str, str, Array]]) -> bool:
+def _thin(paths: list[Array]) -> bool:
     """Whether paths (frames, 2) together are so long and thin that one scale would hide their width."""
-    extent = _extent(np.concatenate([one for _, _, one in paths]))
+    extent = _extent(np.concatenate(paths))
     return bool(extent.max() > THIN * extent.min() > 0.0)
 
 
@@ -296,7 +296,9 @@ def _reaching(inside: np.ndarray) -> np.ndarray:
 
 def _path_caption(analysis: MotionAnalysis) -> str:
     stages = analysis.cutting.stages
-    told = "Its origin is where the first phase starts; each axis fills the chart where the way is long and thin."
+    told = "Its origin is where the first phase starts."
+    if _thin([one.center.values[:, 1:] for one in analysis.persons]):
+        told += " The way is long and thin: each axis has a scale of its own."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
         words = ("blue", "violet", "green", "ochre")
         told += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from myomorph.model.spatial import Array
 from myomorph.report.chart import number
 from myomorph.report.image import data_uri
 from myomorph.report.pictures import pictures, proportion
@@ -42,9 +43,9 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
         f'{count} instants">',
         *behind.behind(frame),
     ]
-    for i, one in enumerate(drawn):
-        middle = LEFT + room / OVERLAP * (i + 0.5)
-        wide = one.width * TALL / PIXELS
+    wide = max(one.width for one in drawn) * TALL / PIXELS
+    places = pictures_beside(frame.x(scene.time), wide / OVERLAP, LEFT, WIDTH - RIGHT)
+    for i, (one, middle) in enumerate(zip(drawn, places, strict=True)):
         time = number(float(scene.time[i]), 0.01)
         parts.append(
             f'<image href="{data_uri(one.image)}" x="{middle - wide / 2:.1f}" y="0" width="{wide:.1f}" '
@@ -54,6 +55,21 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
         parts.append(f'<path class="zero" d="M{middle:.1f} {height - 7:.1f}L{at:.1f} {height:.1f}"/>')
         parts.append(f'<text class="tick x" x="{middle:.1f}" y="{height - 10:.1f}">{time} s</text>')
     return "".join([*parts, "</svg>"])
+
+
+def pictures_beside(wanted: Array, wide: float, left: float, right: float) -> Array:
+    """Places as near to those wanted (ascending) as can be, in least squares, `wide` apart and within the borders."""
+    apart = wide * np.arange(len(wanted))
+    blocks: list[tuple[float, int]] = []
+    for one in wanted - apart:
+        mean, count = float(one), 1
+        while blocks and blocks[-1][0] > mean:
+            before, several = blocks.pop()
+            mean, count = (several * before + count * mean) / (several + count), several + count
+        blocks.append((mean, count))
+    found = np.repeat([mean for mean, _ in blocks], [count for _, count in blocks])
+    low, high = left + wide / 2, right - wide / 2 - apart[-1]
+    return np.clip(found, min(low, high), max(low, high)) + apart
 
 
 def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) -> list[int]:
