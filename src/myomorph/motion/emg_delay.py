@@ -13,7 +13,7 @@ from myomorph.model.series import Emg, Series
 from myomorph.model.spatial import Array, frozen_array
 
 USUAL = 0.05
-"""Delay where none can be found [s]: 49 to 56 ms in Cavanagh and Komi (1979), table 1."""
+"""Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)."""
 
 DOUBT = 1.92
 """Drop of the log-likelihood at the ends of a 95 % interval: half the 95th percentile of chi^2 with one degree."""
