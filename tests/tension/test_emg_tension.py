@@ -34,7 +34,7 @@ def optimality(problem, found, exponent: float) -> float:
         A[shape.row, np.repeat(np.arange(n), np.diff(shape.start))] = given.values[0]
         x = np.concatenate([found.activations[frame], found.reserves[frame] / problem.assembly.optimal_forces])
         slope = exponent * np.sign(x) * np.abs(x) ** (exponent - 1.0)
-        wells = problem.wells[frame]
+        wells = problem.wells[frame : frame + 1][0]
         beyond = x - np.clip(x, wells[0], wells[1])
         slope += 2.0 * wells[2] * np.where(wells[2] > 0.0, beyond, 0.0)
         inside = (x > problem.separable.lower + 1e-7) & (x < problem.separable.upper - 1e-7)

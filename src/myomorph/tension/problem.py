@@ -158,7 +158,7 @@ class TensionProblem:
         self.separable = self._variables(actuators)
         self.wells = emg_wells(emg, tree.model.muscle_names, len(self.separable.weight), len(coordinates))
         if options.exponent > 2.0:
-            self.wells[:, 2, len(muscles) : len(muscles) + len(actuators)] = STILL
+            self.wells.base[2, len(muscles) : len(muscles) + len(actuators)] = STILL
         self.smooth: Smoothing | None = smoothing(contacts, time) if contacts is not None else None
         self.window = CHUNK if self.smooth is None else self.smooth.window
         frames, edges = len(coordinates), 0 if contacts is None else len(contacts.columns)
@@ -255,7 +255,7 @@ class TensionProblem:
             given.values,
             given.right,
             np.zeros((1, variables)),
-            self.wells if len(self.wells) == 1 else self.wells[begin : begin + frames],
+            self.wells[begin : begin + frames],
             no_links() if self.smooth is None else self.smooth.links(begin, begin + frames, linked),
             np.zeros(given.right.shape[1]),
             x,

@@ -103,7 +103,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     if problem.contacts is not None:
         left = np.einsum("frn,fn->fr", A, x) - b
         x[:, edges:] = left[:, problem.assembly.extra_row] / problem.contacts.extra.unit
-    wells = problem.wells if len(problem.wells) == 1 else problem.wells[frames]
+    wells = problem.wells[frames]
     wells = np.broadcast_to(wells, (len(frames), 3, n))
     return SolvedFrames(frames, A, b, x, shared, wells, values, muscles, controls, edges)
 
