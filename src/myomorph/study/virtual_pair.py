@@ -56,6 +56,7 @@ class PairOptions:
     emg_gain, emg_noise : of envelopes: standard deviation of a channel's gain about 1, and white noise
     weight_spread : standard deviation of the logarithm of a muscle's weight in its fighter's own criterion
     tone : least and greatest activation that a muscle keeps without need
+    vigor : factor of the pulls, and of how far the fighters lean back for them
     until : when the bout ends, where the plan is not over sooner [s]
     """
 
@@ -68,6 +69,7 @@ class PairOptions:
     emg_noise: float = 0.02
     weight_spread: float = 0.5
     tone: tuple[float, float] = (0.01, 0.05)
+    vigor: float = 1.0
     until: float = float("inf")
 
 
@@ -182,7 +184,7 @@ def _setting(options: PairOptions, random: np.random.Generator) -> _Setting:
     compiled = compile_pair(builds)
     builds = with_fibers(builds, compiled, start_pose(compiled))
     compiled = compile_pair(builds)
-    plan = make_plan(compiled, builds, options.kind, random)
+    plan = make_plan(compiled, builds, options.kind, random, options.vigor)
     weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
     tone = random.uniform(*options.tone, compiled.nu)
     believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}

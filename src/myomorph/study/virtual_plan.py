@@ -98,8 +98,14 @@ class Plan:
         return k, float(np.clip((time - times[k]) / length, 0.0, 1.0)), length
 
 
-def make_plan(compiled: Any, builds: Mapping[str, Build], kind: str, random: np.random.Generator) -> Plan:
+def make_plan(
+    compiled: Any, builds: Mapping[str, Build], kind: str, random: np.random.Generator, vigor: float = 1.0
+) -> Plan:
     """A plan of one kind, its measures drawn at random.
+
+    Parameters
+    ----------
+    vigor : factor of the pulls, and of how far the fighters lean back for them
 
     Raises
     ------
@@ -108,13 +114,20 @@ def make_plan(compiled: Any, builds: Mapping[str, Build], kind: str, random: np.
     """
     if kind not in get_args(Kind):
         raise UnknownName("kind of bout", kind, get_args(Kind), "the simulation")
-    base = Stance(0.0, (0.12, 0.12), (-0.05, -0.05), drop=random.uniform(0.07, 0.1), lapel=50.0, sleeve=35.0)
+    base = Stance(
+        0.0,
+        (0.12 * vigor, 0.12 * vigor),
+        (-0.05, -0.05),
+        drop=random.uniform(0.07, 0.1),
+        lapel=50.0 * vigor,
+        sleeve=35.0 * vigor,
+    )
     hard = replace(
         base,
-        back=(random.uniform(0.2, 0.23), random.uniform(0.2, 0.23)),
+        back=(random.uniform(0.2, 0.23) * vigor, random.uniform(0.2, 0.23) * vigor),
         lean=(random.uniform(-0.1, 0.0), random.uniform(-0.1, 0.0)),
-        lapel=random.uniform(100.0, 140.0),
-        sleeve=random.uniform(60.0, 90.0),
+        lapel=random.uniform(100.0, 140.0) * vigor,
+        sleeve=random.uniform(60.0, 90.0) * vigor,
     )
     lifted = (0.0, 0.0)
     still = replace(base, time=0.3)
