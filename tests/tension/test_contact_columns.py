@@ -133,6 +133,23 @@ def test_a_force_along_the_direction_costs_its_square_however_it_is_divided(data
     np.testing.assert_allclose(z @ columns.arrays.turn[pressing], 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("torsion", [0.0, 0.02])
+@pytest.mark.parametrize("points", [1, 3])
+def test_a_force_that_leans_as_wanted_costs_least_and_no_more(data, torsion, points):
+    model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    motion = any_motion(model, 1)
+    site = Site("sole", "calcn_r", FOOT[:points], Cone(torsion=torsion))
+    lean = np.array([0.15, 0.0, -0.1])
+    task = ContactTask((site,), full(motion, [site]), leans=lean[None, None])
+    terms = contact_terms(compile_tree(model), motion.time, task)
+    columns, size = terms.columns, terms.amounts[0] / terms.columns.weight[0]
+    # min sum c z^2 with a force of 1 along the direction: z = size / c, scaled.
+    z = size / columns.cost
+    z /= size @ z
+    np.testing.assert_allclose((size * z) @ columns.arrays.push, [0.15, 1.0, -0.1], atol=1e-12)
+    assert columns.cost @ z**2 == pytest.approx(1.0)
+
+
 def test_a_site_weighs_what_the_heavier_of_both_bodies_trees_does(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     columns = compile_contacts(compile_tree(model), [Site("sole", "calcn_r", FOOT)])

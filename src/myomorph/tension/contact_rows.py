@@ -175,7 +175,8 @@ def _leaning(task: ContactTask, columns: ContactColumns) -> Array:
     """By how much each edge (frames, edges) is favoured so that a force which leans as wanted costs least.
 
     Of a pyramid of edges d + mu t_k with costs 1 / w_k the cheapest force is sum_k w_k (d + mu t_k), which is
-    d + lean for w_k = 1 + 2 lean . t_k / mu, as sum_k t_k t_k^T = n / 2 of n edges. The cone stays as it is.
+    d + lean for w_k = 1 + 2 lean . t_k / mu, as sum_k t_k t_k^T = n / 2 of n edges; where edges of torsion, which do
+    not lean, share the force, the others lean the more. The cone stays as it is.
     """
     shares = np.ones((len(task.strengths), len(columns)))
     if task.leans is None:
@@ -186,7 +187,7 @@ def _leaning(task: ContactTask, columns: ContactColumns) -> Array:
             continue
         edges = np.flatnonzero((columns.site == k) & (columns.normal != 0.0))
         across = (columns.arrays.push[edges] - cone.direction) / cone.friction
-        lean = np.nan_to_num(task.leans[:, k])
+        lean = np.nan_to_num(task.leans[:, k]) * len(edges) / np.any(np.abs(across) > 1e-12, axis=1).sum()
         size = np.linalg.norm(lean, axis=1, keepdims=True)
         lean = lean * np.minimum(1.0, MOST_LEAN * cone.friction / np.maximum(size, 1e-12))
         shares[:, edges] = 1.0 + 2.0 / cone.friction * lean @ across.T
