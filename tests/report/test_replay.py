@@ -10,6 +10,7 @@ from walker import GRAVITY, everything, model, motion, steps
 
 from myomorph.model.contacts import ContactForces, Site
 from myomorph.model.errors import BadData
+from myomorph.model.join import join_models, join_motions
 from myomorph.model.model import Marker
 from myomorph.model.series import Emg, ForcePlate, Markers, Motion
 from myomorph.model.surface import Surface
@@ -22,6 +23,8 @@ from myomorph.report.shapes import normals, outward, reduced, sphere
 from myomorph.report.web_page import quaternions
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+
+WAYS = ("up", "ahead", "right")
 
 
 def turned(wxyz: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -72,7 +75,7 @@ def test_a_tighter_muscle_is_thicker_by_its_cross_section() -> None:
     radii = np.array([body.at(frame).tubes.scales[own, 0].max() for frame in range(0, 200, 10)])
     most = max(one.max_isometric_force for one in body.model.muscles)
     share = np.sqrt(body.tensions[::10, 0] / most)
-    assert radii == pytest.approx(body.scene.size * (SLACK + TIGHT * share), rel=1e-5)
+    assert radii == pytest.approx(body.size * (SLACK + TIGHT * share), rel=1e-5)
 
 
 def test_muscles_that_were_found_stand_out() -> None:
@@ -93,10 +96,10 @@ def test_arrows_stand_where_forces_act_and_are_as_long_as_they_are_strong() -> N
     ends = body.at(frame).measured
     assert np.isfinite(ends[:, 0, 0]).tolist() == [True, False]
     assert ends[0, 0] == pytest.approx(given.wrenches.points[frame, 0])
-    length = WEIGHT * body.scene.size * given.wrenches.forces[frame, 0, 1] / (given.model.mass * GRAVITY)  # type: ignore[union-attr]
+    length = WEIGHT * body.size * given.wrenches.forces[frame, 0, 1] / (given.model.mass * GRAVITY)  # type: ignore[union-attr]
     assert np.linalg.norm(ends[0, 1] - ends[0, 0]) == pytest.approx(length, rel=1e-6)
     assert np.isnan(body.at(0).measured).all()
-    shafts, heads = arrows(ends, body.scene.size, np.zeros(3))
+    shafts, heads = arrows(ends, body.size, np.zeros(3))
     tip = heads.positions[0] + turned(heads.wxyzs[:1].astype(float), np.array([[0.0, 0.0, heads.scales[0, 2]]]))[0]
     assert tip == pytest.approx(ends[0, 1], abs=1e-6)
     assert 2 * (shafts.scales[0, 2] + heads.scales[0, 2]) == pytest.approx(length, rel=1e-5)
@@ -236,6 +239,26 @@ def test_surfaces_are_reduced_to_what_a_screen_needs() -> None:
     assert len(fewer[0].faces) > 300
     assert len(fewer[1].faces) > 30
     assert reduced(balls, 1.0, 10**6)[0] is balls[0]
+
+
+def test_two_people_in_one_model_have_a_center_and_a_color_each() -> None:
+    one = model()
+    pair = join_models({"anna": one, "bo": one})
+    moved = join_motions({"anna": motion(one), "bo": motion(one)})
+    apart = np.array(moved.values)
+    apart[:, moved.names.index("bo_pelvis_tz")] += 1.4
+    body = PlayedBody(ReportInput("pair", model=pair, motion=replace(moved, values=apart)))
+    assert [who.name for who in body.subjects] == ["anna", "bo"]
+    centers = body.at(30).centers
+    assert centers[1] - centers[0] == pytest.approx([0.0, 0.0, 1.4], abs=1e-9)
+    assert body.at(30).middle == pytest.approx(centers.mean(axis=0))
+    alone = PlayedBody(ReportInput("anna", model=one, motion=motion(one)))
+    assert body.size == pytest.approx(alone.size, rel=0.1), "thickness is that of one person"
+    chart = charts.center_chart(body)
+    assert chart is not None
+    assert [one.label for one in chart.curves] == [f"{who} {way}" for who in ("anna", "bo") for way in WAYS]
+    found = MuscleIndex(body.muscles, [who.prefix for who in body.subjects]).matches("bo rectus femoris")
+    assert found == ("bo_recfem_r", "bo_recfem_l")
 
 
 def test_the_way_over_the_floor() -> None:

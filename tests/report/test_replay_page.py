@@ -109,7 +109,9 @@ def click(browser: Browser, text: str) -> None:
     place = browser.run(
         f"""(() => {{
             const all = [...document.querySelectorAll('button, label')];
-            const found = all.find(one => one.textContent.trim() === {text!r}).getBoundingClientRect();
+            const button = all.find(one => one.textContent.trim() === {text!r});
+            button.scrollIntoView({{block: 'center'}});
+            const found = button.getBoundingClientRect();
             return [found.x + found.width / 2, found.y + found.height / 2];
         }})()"""
     )
@@ -149,7 +151,7 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     browser.until("document.body.innerText.includes('activation')")
     body = page.bodies[0]
     muscle = body.muscles.index("recfem_r")
-    assert page.panel.found(0) == (muscle,)
+    wait(lambda: page.panel.found(0) == (muscle,), 10, "the one muscle")
     frame = body.frame_at(0.6)
     row = ["recfem_r", f"{body.activations[frame, muscle]:.2f}", f"{body.tensions[frame, muscle]:.0f} N"]
     rows = "[...document.querySelectorAll('tr')].map(row => [...row.children].map(one => one.textContent).join('|'))"
@@ -176,7 +178,9 @@ def test_a_layer_is_hidden(page: Replay, browser: Browser) -> None:
 
 def test_the_camera_looks_from_where_it_is_told(page: Replay, browser: Browser) -> None:
     page.seek(0.6)
+    before = settled(browser)
     click(browser, "Front")
+    other(browser, before, 300)
     front = settled(browser)
     click(browser, "Right")
     other(browser, front, 300)

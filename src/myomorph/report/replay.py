@@ -165,7 +165,7 @@ class Replay:
         self.floor = add_floor(page, "/around/ground", scene.up, scene.floor)
         self.shown = [ShownBody(page, f"/around/body{i}", one, i) for i, one in enumerate(self.bodies)]
         self._frames = [-1] * len(self.bodies)
-        roots = [one.at(self._frame(i)).origins[1] for i, one in enumerate(self.bodies)]
+        roots = [one.at(self._frame(i)).middle for i, one in enumerate(self.bodies)]
         together = len(roots) > 1 and float(np.linalg.norm(np.ptp(roots, axis=0))) < TOO_NEAR * scene.size
         self.apart = round(SIDE_BY_SIDE * scene.size, 1) if together else 0.0
         self.part(self.apart)
@@ -181,7 +181,7 @@ class Replay:
         """Where a camera sees all bodies from a direction, and the middle that it looks at, where the page has them."""
         scene = self.bodies[0].scene
         roots = [
-            one.at(self._frame(i)).origins[1] + self.around.position + shown.node.position
+            one.at(self._frame(i)).middle + self.around.position + shown.node.position
             for i, (one, shown) in enumerate(zip(self.bodies, self.shown, strict=True))
         ]
         place = np.mean(roots, axis=0)

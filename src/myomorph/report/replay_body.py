@@ -15,16 +15,19 @@ from myomorph.model.series import Wrenches
 from myomorph.model.spatial import Array
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
-from myomorph.report.centroid import centroid
 from myomorph.report.given import ReportInput
 from myomorph.report.image import activation_color
 from myomorph.report.scene import Scene, make_scene, nearest_samples
+from myomorph.report.subjects import Subject, centroids, subjects
 from myomorph.report.web_page import DEEPER
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 Bytes = NDArray[np.uint8]
 Single = NDArray[np.float32]
+
+TALL = 1.2
+"""Most size of a body against its height."""
 
 FRAMES_LOOKED_AT = 24
 """Frames that tell how far the body reaches and where it looks."""
@@ -72,7 +75,7 @@ class Instant:
     tubes : of the muscles
     recorded, modelled : (markers, 3) NaN where hidden [m]
     measured, estimated : (forces, 2, 3) start and end of the arrows of plates and of contacts, NaN without a force
-    center : (3,) of mass [m]
+    centers : (subjects, 3) of mass [m]
     """
 
     known: bool
@@ -83,7 +86,14 @@ class Instant:
     modelled: Array
     measured: Array
     estimated: Array
-    center: Array
+    centers: Array
+
+    @property
+    def middle(self) -> Array:
+        """(3,) the mean of the centers of mass, or where nothing has a mass, the first body's origin [m]."""
+        seen = self.centers[np.isfinite(self.centers).all(axis=1)]
+        found: Array = seen.mean(axis=0) if len(seen) else self.origins[1]
+        return found
 
 
 class PlayedBody:
@@ -92,6 +102,14 @@ class PlayedBody:
     Parameters
     ----------
     given : with a model and a motion
+
+    Attributes
+    ----------
+    known : (frames,) whether the coordinates of each frame are
+    scene : the body at some frames: its solids, directions and floor
+    size : that all that is drawn is thick by [m]
+    subjects : people and objects in the model
+    centers : (frames, subjects, 3) of mass [m]
 
     Raises
     ------
@@ -113,13 +131,16 @@ class PlayedBody:
         self.scene: Scene = make_scene(
             replace(model, muscles=()), motion, self._some.tolist(), given.surfaces, wrenches=given.wrenches
         )
+        # Two people far apart, or one who leaps, do not make a body larger.
+        self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))
         self._paths = compile_paths(model)
         self._muscles = _Muscles(model, given, motion.time)
         self._markers = _Markers(model, given, motion.time, self._tree.body_index)
-        self._measured = _Arrows(given.wrenches, motion.time, self.scene)
+        self._measured = _Arrows(given.wrenches, motion.time, self.scene.weight, self.size)
         estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
-        self._estimated = _Arrows(estimated, motion.time, self.scene)
-        self.centers: Array = centroid(model, motion).values
+        self._estimated = _Arrows(estimated, motion.time, self.scene.weight, self.size)
+        self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
+        self.centers: Array = np.stack([one.values for one in centroids(model, motion, self.subjects)], axis=1)
 
     @property
     def time(self) -> Array:
@@ -171,12 +192,12 @@ class PlayedBody:
             known=known,
             rotations=rotations,
             origins=origins,
-            tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.scene.size, found)),
+            tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.size, found)),
             recorded=self._markers.recorded[frame],
             modelled=self._markers.modelled(rotations, origins),
             measured=self._measured.at(frame),
             estimated=self._estimated.at(frame),
-            center=self.centers[posed],
+            centers=self.centers[posed],
         )
 
     def middle_of(self, frame: int, muscle: int) -> Array:
@@ -293,9 +314,9 @@ class _Markers:
 class _Arrows:
     """External forces at the motion's times."""
 
-    def __init__(self, wrenches: Wrenches | None, time: Array, scene: Scene):
+    def __init__(self, wrenches: Wrenches | None, time: Array, weight: float, size: float):
         self._wrenches = wrenches if wrenches is not None and len(wrenches) and wrenches.names else None
-        self._scene = scene
+        self._weight, self._scale = weight, WEIGHT * size / weight
         if self._wrenches is not None:
             self._near = nearest_samples(self._wrenches.time, time)
             self._inside = _inside(self._wrenches.time, time)
@@ -306,9 +327,8 @@ class _Arrows:
             return np.zeros((0, 2, 3))
         near = self._near[frame]
         start, force = self._wrenches.points[near], self._wrenches.forces[near]
-        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > LEAST_FORCE * self._scene.weight)
-        scale = WEIGHT * self._scene.size / self._scene.weight
-        ends = np.stack([start, start + scale * force], axis=1)
+        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > LEAST_FORCE * self._weight)
+        ends = np.stack([start, start + self._scale * force], axis=1)
         found: Array = np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
         return found
 

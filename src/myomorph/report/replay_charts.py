@@ -131,16 +131,16 @@ def _vertical(body: PlayedBody, wrenches: Wrenches, dashed: bool) -> list[Curve]
 
 
 def center_chart(body: PlayedBody) -> Chart | None:
-    """Height of the center of mass over the floor, and how far it goes ahead and to the right of its middle."""
-    if not np.isfinite(body.centers).any():
-        return None
-    scene = body.scene
-    axes = (("up", scene.up), ("ahead", scene.forward), ("right", scene.right))
-    curves = []
-    for (label, axis), color in zip(axes, SEVERAL, strict=False):
-        values = body.centers @ axis
-        curves.append(Curve(label, 100.0 * (values - np.nanmean(values)), color))
-    return Chart("Center of mass from its mean [cm]", tuple(curves))
+    """Where every subject's center of mass is against its mean: upwards, ahead and to the right."""
+    scene, curves = body.scene, []
+    ways = (("up", scene.up), ("ahead", scene.forward), ("right", scene.right))
+    for k, subject in enumerate(body.subjects):
+        for (label, axis), color in zip(ways, SEVERAL, strict=False):
+            values = body.centers[:, k] @ axis
+            if np.isfinite(values).any():
+                name = f"{subject.name} {label}".strip()
+                curves.append(Curve(name, 100.0 * (values - np.nanmean(values)), color, dashed=k > 0))
+    return Chart("Center of mass from its mean [cm]", tuple(curves[:MOST_CURVES])) if curves else None
 
 
 def at_times(time: Array, clock: Array, values: Array) -> Array:

@@ -15,12 +15,13 @@ class MuscleIndex:
     Parameters
     ----------
     names : of the muscles
+    prefixes : what the names of a subject begin with, where there are several
     """
 
-    def __init__(self, names: Sequence[str]):
+    def __init__(self, names: Sequence[str], prefixes: Sequence[str] = ()):
         self.names = tuple(names)
         side_of = {name: side for pair in pairs(names) for side, of in pair.members.items() for name in of}
-        self._words = tuple(_words(name, side_of.get(name, "")) for name in names)
+        self._words = tuple(_words(name, side_of.get(name, ""), prefixes) for name in names)
 
     def matches(self, text: str) -> tuple[str, ...]:
         """Names that hold every word of a text, in their own or their anatomical name; a whole name stands alone.
@@ -40,7 +41,8 @@ class MuscleIndex:
         )
 
 
-def _words(name: str, side: str) -> str:
-    base = split_side(name.rsplit("__", 1)[-1])[0]
+def _words(name: str, side: str, prefixes: Sequence[str]) -> str:
+    own = next((name.removeprefix(one) for one in prefixes if one and name.startswith(one)), name)
+    base = split_side(own.rsplit("__", 1)[-1])[0]
     told = [label for label, pattern in MAJOR_MUSCLES if re.fullmatch(pattern, base, re.IGNORECASE)]
     return " ".join([name, name.replace("_", " "), side, *told]).lower()

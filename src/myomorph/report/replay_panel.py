@@ -36,7 +36,7 @@ class Panel:
 
     def __init__(self, replay: Replay, server: Any):
         self._replay, self._server, self._gui = replay, server, server.gui
-        self._indices = [MuscleIndex(one.muscles) for one in replay.bodies]
+        self._indices = [MuscleIndex(one.muscles, [who.prefix for who in one.subjects]) for one in replay.bodies]
         self._found: list[tuple[int, ...]] = [()] * len(replay.bodies)
         self._subject = 0
         server.gui.main_panel.dock_right()

@@ -67,24 +67,26 @@ class ShownBody:
         surfaces = [coarser(one.surface, DETAIL * scene.size) for one in scene.solids]
         surfaces = reduced(surfaces, scene.size, MOST_TRIANGLES)
         solids = [Solid(one.body, surface) for one, surface in zip(scene.solids, surfaces, strict=True)]
-        self._links = Links(page, root, solids, BONES[number % len(BONES)])
+        self._links = Links(page, root, solids, self._bone_colors(number))
+        size = body.size
         self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
             self._layers["muscles"] = [self._add_batch("muscles", tube(), first.tubes)]
         for name, ends in (("measured", first.measured), ("estimated", first.estimated)):
             if len(ends):
-                shafts, heads = arrows(ends, scene.size, np.array(COLORS[name]) / 255.0)
+                shafts, heads = arrows(ends, size, np.array(COLORS[name]) / 255.0)
                 self._layers[name] = [
                     self._add_batch(f"{name}_shafts", tube(), shafts),
                     self._add_batch(f"{name}_heads", cone(), heads),
                 ]
-        size = scene.size
         for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
             if count:
                 self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
         if np.isfinite(body.centers).any():
-            self._layers["center"] = [self._add_balls("center", 1, CENTER_RADIUS * size), *self._add_trace()]
+            balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
+            traces = [self._add_trace(k) for k in range(len(first.centers))]
+            self._layers["center"] = [balls, *(line for lines in traces for line in lines)]
         self._add_plates()
         self._visible = dict.fromkeys(LAYERS, True)
         self._labels: list[Any] = []
@@ -109,14 +111,14 @@ class ShownBody:
             self._layers["muscles"][0].batched_colors = instant.tubes.colors
         for name, ends in (("measured", instant.measured), ("estimated", instant.estimated)):
             if self._visible[name] and self._layers[name]:
-                parts = arrows(ends, self.body.scene.size, np.zeros(3))
+                parts = arrows(ends, self.body.size, np.zeros(3))
                 for handle, part in zip(self._layers[name], parts, strict=True):
                     _move(handle, part)
         for name, places in (("recorded", instant.recorded), ("modelled", instant.modelled)):
             if self._visible[name] and self._layers[name]:
                 self._place(self._layers[name][0], places)
         if self._visible["center"] and self._layers["center"]:
-            self._place(self._layers["center"][0], instant.center[None])
+            self._place(self._layers["center"][0], instant.centers)
 
     def label(self, texts: Mapping[int, str], frame: int) -> None:
         """Name muscles at their middles, by their indices; nothing takes the names away."""
@@ -162,17 +164,26 @@ class ShownBody:
         handle.batched_positions = np.where(seen[:, None], places, 0.0).astype(np.float32)
         handle.batched_scales = np.repeat(seen[:, None], 3, axis=1).astype(np.float32)
 
-    def _add_trace(self) -> list[Any]:
-        """The path of the center of mass in space, and its shadow on the floor."""
-        scene = self.body.scene
-        path = self.body.centers[:: max(len(self.body.centers) // TRACE_STEPS, 1)]
+    def _bone_colors(self, number: int) -> dict[int, tuple[int, int, int]]:
+        """A color for every subject, by the numbers of its bodies; `number` colors come before."""
+        names = self.body.model.body_names
+        return {
+            names.index(name) + 1: BONES[(number + k) % len(BONES)]
+            for k, subject in enumerate(self.body.subjects)
+            for name in subject.bodies
+        }
+
+    def _add_trace(self, subject: int) -> list[Any]:
+        """The path of a center of mass in space, and its shadow on the floor."""
+        scene, centers = self.body.scene, self.body.centers[:, subject]
+        path = centers[:: max(len(centers) // TRACE_STEPS, 1)]
         path = path[np.isfinite(path).all(axis=1)]
         if len(path) < 2:
             return []
         shadow = path + (scene.floor + 0.002 - path @ scene.up)[:, None] * scene.up
         return [
-            self._lines("trace", np.stack([path[:-1], path[1:]], axis=1), COLORS["center"], 2.0),
-            self._lines("shadow", np.stack([shadow[:-1], shadow[1:]], axis=1), (120, 120, 126), 1.5),
+            self._lines(f"trace{subject}", np.stack([path[:-1], path[1:]], axis=1), COLORS["center"], 2.0),
+            self._lines(f"shadow{subject}", np.stack([shadow[:-1], shadow[1:]], axis=1), (120, 120, 126), 1.5),
         ]
 
     def _add_plates(self) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -108,9 +109,16 @@ class Links:
     ----------
     root : name of the node that they hang on
     solids : in the bodies' frames
+    colors : of bodies, by their numbers
     """
 
-    def __init__(self, page: Any, root: str, solids: Sequence[Solid], color: tuple[int, int, int] = BONE):
+    def __init__(
+        self,
+        page: Any,
+        root: str,
+        solids: Sequence[Solid],
+        colors: Mapping[int, tuple[int, int, int]] = MappingProxyType({}),
+    ):
         self.handles: dict[int, Any] = {}
         for body in sorted({one.body for one in solids}):
             surface = joined_surfaces([outward(one.surface) for one in solids if one.body == body])
@@ -118,7 +126,7 @@ class Links:
                 f"{root}/link{body}",
                 np.asarray(surface.vertices, dtype=np.float32),
                 np.asarray(surface.faces, dtype=np.uint32),
-                color=color,
+                color=colors.get(body, BONE),
                 side="front",
                 cast_shadow=False,
                 receive_shadow=False,
