@@ -18,7 +18,7 @@ from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.subjects import Subject
 from myomorph.report.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
 
-SELDOM = 2.5
+SELDOM, NEAR_FLOOR = 2.5, 0.2
 
 
 def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
@@ -78,6 +78,8 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
         for i, name in enumerate(wrenches.names):
             load = np.linalg.norm(np.nan_to_num(wrenches.forces[:, i]), axis=1)
             shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
+            if label:
+                shown &= np.abs(wrenches.points[:, i] @ prepared.up - prepared.floor) < NEAR_FLOOR
             points = wrenches.points[:, i][:, [first, second]] * np.array([1.0, flip])
             group = next((one for one in groups if one.name == name), None)
             if not label and (group is None or group.against != GROUND):

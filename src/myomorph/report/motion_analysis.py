@@ -258,10 +258,12 @@ def _of_first(activations: Series | None, persons: tuple[Person, ...]) -> Series
 def _rows(
     activations: Series | None, clock: Array, limbs: tuple[Limb, ...], touching: np.ndarray | None
 ) -> Series | None:
-    """Contacts and muscles as columns of one series."""
+    """Contacts that change and muscles as columns of one series."""
     rows: list[Series] = []
-    if touching is not None and limbs:
-        rows.append(Series(clock, tuple(one.label for one in limbs), touching.astype(np.float64)))
+    changing = np.zeros(0, dtype=bool) if touching is None else touching.any(axis=0) & ~touching.all(axis=0)
+    if touching is not None and changing.any():
+        names = tuple(one.label for one, changes in zip(limbs, changing, strict=True) if changes)
+        rows.append(Series(clock, names, touching[:, changing].astype(np.float64)))
     if activations is not None and activations.names:
         rows.append(activations)
     return rows[0] if len(rows) == 1 else _joined(rows) if rows else None

@@ -180,7 +180,7 @@ def _cycles(what: Cuttable) -> tuple[Stage, ...]:
 
 def _parts(what: Cuttable) -> tuple[Stage, ...]:
     borders = np.linspace(*what.span, PARTS + 1).tolist()
-    return _single(borders, [f"Part {i + 1} of {PARTS}" for i in range(PARTS)])
+    return _single(borders, [f"Part {i + 1}" for i in range(PARTS)])
 
 
 @dataclass(frozen=True, eq=False)
