@@ -260,7 +260,8 @@ def _rows(
 ) -> Series | None:
     """Contacts that change and muscles as columns of one series."""
     rows: list[Series] = []
-    changing = np.zeros(0, dtype=bool) if touching is None else touching.any(axis=0) & ~touching.all(axis=0)
+    state = np.zeros((1, 0), dtype=bool) if touching is None else touching
+    changing = np.asarray(state.any(axis=0) & ~state.all(axis=0))
     if touching is not None and changing.any():
         names = tuple(one.label for one, changes in zip(limbs, changing, strict=True) if changes)
         rows.append(Series(clock, names, touching[:, changing].astype(np.float64)))
