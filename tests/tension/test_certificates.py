@@ -166,7 +166,9 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
     assert (found.high >= found.forces - 1e-6).all()
     assert (found.near_low <= found.forces + 1e-6).all()
     assert (found.near_high >= found.forces - 1e-6).all()
-    # Near the optimum less is open than at all.
+    # Near the optimum less is open than at all, and nothing else.
+    assert (found.near_low >= found.low - 1e-3).all()
+    assert (found.near_high <= found.high + 1e-3).all()
     width = found.high - found.low
     assert (found.near_high - found.near_low).sum() < 0.5 * width.sum()
     frames = np.arange(0, len(motion), 7)

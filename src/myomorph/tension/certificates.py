@@ -6,7 +6,7 @@ Physics gives many contact forces that would do. For each frame and group of sit
 
 with S x the net force of the group: every force that equations of motion, cones, bounds of activations, what was
 measured and reserves no greater than used (and a tolerance) allow. What effort and EMG prefer is asked for apart: the
-same over all x whose cost is within a share of the one found.
+same over those x whose cost is within a share of the one found.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class ContactIntervals:
     low, high : (frames, groups, 3) least and greatest of each component that the data allow [N]; NaN where the frame
         was not solved, infinite where nothing bounds them
     normal, normal_low, normal_high : (frames, groups) the same of the force along the cones [N]
-    near_low, near_high : (frames, groups, 3) the same among solutions near the optimum; NaN where not asked for
+    near_low, near_high : (frames, groups, 3) the same among those of them near the optimum; NaN where not asked for
     direction : (frames, groups, 3) the unit combination of the forces that the data and effort determine least
     spread : (frames,) how far forces may move along it until the cost has grown by the share `near` [N]
     sentences : one a frame: what that direction is
@@ -264,7 +264,8 @@ def _part(
     low, high = least[:, :, 0] + 0.0, 0.0 - least[:, :, 1]
     near = np.full((2, *shape, 3), np.nan)
     if options.near > 0.0 and len(good):
-        near[:, good] = near_extremes(solved.of(good), functions[good, :, :3], options.near)
+        bounds = lower[good], upper[good]
+        near[:, good] = near_extremes(solved.of(good), bounds, functions[good, :, :3], options.near)
     direction, spread = _least_determined(solved, good, functions[..., :3, :], options.near)
     return found[..., :3], low, high, near[0], near[1], found[..., 3], direction, spread
 

@@ -24,12 +24,13 @@ MOST = 12
 """Values of s that are tried."""
 
 
-def near_extremes(solved: SolvedFrames, functions: Array, share: float) -> Array:
+def near_extremes(solved: SolvedFrames, bounds: tuple[Array, Array], functions: Array, share: float) -> Array:
     """Least and greatest values of linear functions of contact amplitudes among solutions near the optimum.
 
     Parameters
     ----------
     solved : frames that were solved
+    bounds : (frames, variables) least and greatest, with what was found between them
     functions : (frames, groups, 3, variables), of variables whose exponent is 2 alone
     share : increase of the cost that is allowed, of the cost of the solution that was found
 
@@ -41,7 +42,7 @@ def near_extremes(solved: SolvedFrames, functions: Array, share: float) -> Array
     costs = np.stack([functions, -functions], axis=1).reshape(frames, -1, functions.shape[-1])
     found = solved.cost(solved.x)
     # What was found may be dearer than each frame alone has to be, for the sake of the frames beside it.
-    alone = _solve(solved, np.zeros((frames, 1, costs.shape[2])))
+    alone = _solve(solved, bounds, np.zeros((frames, 1, costs.shape[2])))
     least = np.fmin(solved.cost(alone)[:, 0], found)
     allowed = ((1.0 + share) * found - least)[:, None]
     best = np.fmin(np.einsum("fkn,fn->fk", costs, solved.x), np.einsum("fkn,fn->fk", costs, alone[:, 0]))
@@ -51,7 +52,7 @@ def near_extremes(solved: SolvedFrames, functions: Array, share: float) -> Array
     under, over = np.zeros(s.shape), np.full(s.shape, np.inf)
     done = (size == 0.0) | ~(allowed > 0.0)
     for _ in range(MOST):
-        x = _solve(solved, s[..., None] * costs)
+        x = _solve(solved, bounds, s[..., None] * costs)
         more = solved.cost(x) - least[:, None]
         value = np.einsum("fkn,fkn->fk", costs, x)
         inside = (more <= allowed) & np.isfinite(more)
@@ -68,7 +69,7 @@ def near_extremes(solved: SolvedFrames, functions: Array, share: float) -> Array
     return np.stack([ends[:, 0], -ends[:, 1]])
 
 
-def _solve(solved: SolvedFrames, tilt: Array) -> Array:
+def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Array:
     """The x of least cost(x) + tilt^T x, (frames, many, variables) of tilts alike; NaN where there is none."""
     frames, many, n = tilt.shape
     x = np.empty((frames, many, n))
@@ -81,7 +82,7 @@ def _solve(solved: SolvedFrames, tilt: Array) -> Array:
             wells = np.array(solved.wells[k])[None]
             status = np.empty(many, np.int8)
             solve_separable(
-                solved.shared,
+                solved.shared._replace(lower=bounds[0][k].copy(), upper=bounds[1][k].copy()),
                 values,
                 right,
                 targets[k],
