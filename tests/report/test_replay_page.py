@@ -6,10 +6,12 @@ import socket
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import Browser, browser_program, wait
+from PIL import Image
 from walker import everything
 
 from myomorph.model.errors import BadData
@@ -186,6 +188,19 @@ def test_the_camera_looks_from_where_it_is_told(page: Replay, browser: Browser) 
     other(browser, front, 300)
     click(browser, "Front")
     same_again(browser, front)
+
+
+def test_a_picture_is_saved(page: Replay, browser: Browser, tmp_path: Path) -> None:
+    browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    page.seek(0.6)
+    click(browser, "Save a picture")
+    wait(lambda: [one for one in tmp_path.iterdir() if one.suffix == ".png"], 30, "a file")
+    (saved,) = tmp_path.iterdir()
+    assert saved.name == "walker_first_steps_0.600s.png"
+    pixels = np.asarray(Image.open(saved))
+    assert pixels.shape[2] == 4
+    opaque = (pixels[..., 3] > 200).mean()
+    assert 0.001 < opaque < 0.5, "the background is transparent"
 
 
 def test_another_recording_is_chosen(page: Replay, browser: Browser) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -188,8 +189,9 @@ class Panel:
             return
         camera = client.camera
         pixels = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=30.0)
-        stem = "".join(one if one.isalnum() else "_" for one in self._replay.bodies[0].given.title)
-        client.send_file_download(f"{stem}_{self._replay.now:.3f}s.png", png(np.asarray(pixels, dtype=np.uint8)))
+        stem = re.sub(r"\W+", "_", self._replay.bodies[0].given.title)
+        name = f"{stem}_{self._replay.now:.3f}s.png"
+        client.send_file_download(name, png(np.asarray(pixels, dtype=np.uint8)), save_immediately=True)
 
     def _state_text(self, frames: Sequence[int]) -> str:
         told = []
