@@ -24,6 +24,7 @@ from myomorph.report.subjects import Subject, centroids, lowest_joint, standing_
 STILL_TIME, STILL_SPEED, STILL_SHARE = 0.5, 0.03, 0.05
 MOST_FRAMES = 20000
 STEP_TIME = 0.1
+PERSONS = ("third", "second", "fourth")
 NEARLY = 0.8
 
 
@@ -292,3 +293,13 @@ def leveled(series: Series) -> Series:
             fit = np.polynomial.polynomial.polyfit(x[known], column[known], 1)
             column -= fit[0] + fit[1] * x
     return Series(series.time, series.names, values)
+
+
+def person_styles(analysis: MotionAnalysis) -> list[str]:
+    """Style of every person's lines."""
+    return [PERSONS[i % 3] for i in range(len(analysis.persons))] if len(analysis.persons) > 1 else ["middle"]
+
+
+def person_legend(analysis: MotionAnalysis) -> list[tuple[str, str]]:
+    """Styles and names of the persons."""
+    return [(style, one.who.name) for one, style in zip(analysis.persons, person_styles(analysis), strict=True)]

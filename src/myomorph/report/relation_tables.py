@@ -14,9 +14,21 @@ from myomorph.report.section import Figure, Grid, Section
 from myomorph.report.sided_table import Cell, sided_table
 
 MOST_COLUMNS = 10
+CUT_WORDS = {
+    "given": "Phases are those given.",
+    "events": "Phases lie between events.",
+    "contacts": "Phases are cut where the contacts change; what always touches is not named.",
+    "cycles": "Phases are the periods of the center of gravity.",
+    "parts": "Nothing cuts this motion, so phases are four equal parts.",
+}
 
 
-def phase_section(analysis: MotionAnalysis, how: str) -> Section | None:
+def cut_words(analysis: MotionAnalysis) -> str:
+    """How a motion was cut, in words; "" where it was not."""
+    return CUT_WORDS.get(analysis.cutting.by, "")
+
+
+def phase_section(analysis: MotionAnalysis) -> Section | None:
     """What every phase is like, and how active each muscle is in it."""
     if not analysis.measures:
         return None
@@ -24,7 +36,7 @@ def phase_section(analysis: MotionAnalysis, how: str) -> Section | None:
     if analysis.persons and analysis.activations is not None and analysis.persons[0].muscles:
         figures.append(Figure(_activity(analysis, analysis.persons[0]), "full"))
     who = analysis.persons[0].who.name if analysis.persons else ""
-    lead = how
+    lead = cut_words(analysis)
     if any(len(one.stage.phases) > 1 for one in analysis.measures):
         lead += " Those with the same contacts are taken together; range and variance are those within one."
     if who:
