@@ -30,6 +30,7 @@ from myomorph.tension.certificates import (
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.problem import tension_problem
+from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solved import solved_frames
 from standing import WEIGHT, block, legs, standing_still
 
@@ -252,6 +253,21 @@ def tension_of(rough, problem, tension):
     """A solution as if the other problem had found it."""
     rough.amplitudes[:] = problem.amplitudes
     return tension
+
+
+def test_reactions_take_contact_forces_along(walk):
+    """As loads beside the tensions, or with them: the same; what holds the pelvis in space is what residuals gave."""
+    model, motion, task = walk
+    _, tension = solved(model, motion, task, None)
+    one = joint_reactions(model, motion, tension, frame="ground")
+    other = joint_reactions(
+        model, motion, replace(tension, contacts=None), tension.contacts.wrenches("body"), frame="ground"
+    )
+    np.testing.assert_allclose(one.forces, other.forces, atol=1e-8)
+    np.testing.assert_allclose(one.moments, other.moments, atol=1e-8)
+    assert np.abs(one.of("ground_pelvis")).max() < 1e-5
+    without = joint_reactions(model, motion, replace(tension, contacts=None), frame="ground")
+    assert np.linalg.norm(without.of("ground_pelvis"), axis=1).min() > 300.0
 
 
 def test_what_cannot_be_asked_is_named(walk):
