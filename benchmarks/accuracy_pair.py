@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,15 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.virtual_bout import FEET, GRIPS
 from myomorph.study.virtual_mat import PARTS
 from myomorph.study.virtual_pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
+from myomorph.study.virtual_plan import Kind
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.solve import Tension, solve_tension
 
 Row = dict[str, object]
 
-BOUTS = tuple((kind, seed) for seed in (0, 1) for kind in ("pull", "sway", "step"))
+KINDS: tuple[Kind, ...] = ("pull", "sway", "step")
+BOUTS = tuple((kind, seed) for seed in (0, 1) for kind in KINDS)
 CUTOFF = 6.0
 """Of the low-pass of kinematics, and of the true forces that estimates are compared with [Hz]."""
 WORKERS = 2
@@ -68,17 +70,26 @@ class Errors:
     tensions: float
 
 
-def bout(which: tuple[str, int]) -> VirtualPair:
-    """Simulate one bout."""
-    kind, seed = which
-    return virtual_pair(PairOptions(kind, seed), CUTOFF)  # type: ignore[arg-type]
+def bout(options: PairOptions) -> VirtualPair:
+    """Simulate one bout (a name that other processes find)."""
+    return virtual_pair(options, CUTOFF)
 
 
-@lru_cache(maxsize=1)
+_MADE: dict[PairOptions, VirtualPair] = {}
+
+
+def simulated(*options: PairOptions) -> tuple[VirtualPair, ...]:
+    """Bouts, simulated on both cores, each once."""
+    missing = [one for one in options if one not in _MADE]
+    if missing:
+        with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+            _MADE.update(zip(missing, pool.imap(bout, missing), strict=True))
+    return tuple(_MADE[one] for one in options)
+
+
 def bouts() -> tuple[VirtualPair, ...]:
-    """All bouts, simulated on both cores."""
-    with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
-        return tuple(pool.imap(bout, BOUTS))
+    """All bouts of the main comparison."""
+    return simulated(*(PairOptions(kind, seed) for kind, seed in BOUTS))
 
 
 def recorded_motion(pair: VirtualPair) -> Motion:
@@ -86,7 +97,13 @@ def recorded_motion(pair: VirtualPair) -> Motion:
     return differentiate(inverse_kinematics(pair.model, pair.markers).motion, CUTOFF)
 
 
-def estimate(pair: VirtualPair, motion: Motion, known: Knowledge, formulation: str) -> Tension:
+def estimate(
+    pair: VirtualPair,
+    motion: Motion,
+    known: Knowledge,
+    formulation: str,
+    compliance: float = ContactOptions().compliance,
+) -> Tension:
     """Contact forces and tensions from what is known."""
     measured = [pair.plates[part] for part in known.plates]
     torques = inverse_dynamics(pair.model, motion, _together(measured) if measured else None)
@@ -94,7 +111,7 @@ def estimate(pair: VirtualPair, motion: Motion, known: Knowledge, formulation: s
     names = tuple(one.name for one in sites)
     columns = [pair.touching.names.index(name) for name in names]
     strengths = Series(motion.time, names, pair.touching.values[:, columns])
-    options = ContactOptions(formulation=formulation)  # type: ignore[arg-type]
+    options = ContactOptions(formulation=formulation, compliance=compliance)  # type: ignore[arg-type]
     task = ContactTask(sites, strengths, options=options)
     return solve_tension(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
 
@@ -132,36 +149,81 @@ def errors_of(pair: VirtualPair, found: Tension) -> Errors:
     )
 
 
-@lru_cache(maxsize=1)
-def all_errors() -> dict[tuple[str, str], list[Errors]]:
-    """Errors of every knowledge and formulation over the bouts."""
+def errors_over(
+    pairs: Iterable[VirtualPair], wanted: Sequence[Knowledge], compliance: float = ContactOptions().compliance
+) -> dict[tuple[str, str], list[Errors]]:
+    """Errors of every knowledge and formulation over some bouts."""
     found: dict[tuple[str, str], list[Errors]] = {}
-    for pair in bouts():
+    for pair in pairs:
         motion = recorded_motion(pair)
-        for known in KNOWN:
+        for known in wanted:
             for formulation in ("sequential", "simultaneous"):
-                errors = errors_of(pair, estimate(pair, motion, known, formulation))
+                errors = errors_of(pair, estimate(pair, motion, known, formulation, compliance))
                 found.setdefault((known.words, formulation), []).append(errors)
     return found
 
 
 def measure() -> Iterable[Row]:
     """One row for each knowledge: both formulations, and how much nearer the simultaneous one comes."""
+    errors = errors_over(bouts(), KNOWN)
     for known in KNOWN:
-        first, both = (all_errors()[known.words, one] for one in ("sequential", "simultaneous"))
+        first, both = (errors[known.words, one] for one in ("sequential", "simultaneous"))
         row: Row = {"known": known.words}
-        for what, words in (("feet", "feet [N]"), ("grips", "grips [N]")):
-            before, after = (np.array([getattr(one, what) for one in errors]) for errors in (first, both))
-            row[f"{words}, contacts first"] = _spread(before)
-            row[f"{words}, together"] = _spread(after)
-            gain = 1.0 - after.mean() / before.mean()
-            row[f"{what} nearer"] = (
-                "" if np.isnan(gain) else f"{100.0 * gain:+.0f} % ({int((after < before).sum())} of 6)"
-            )
-        for what, words, unit in (("activations", "activations", 1.0), ("tensions", "tensions [N]", 1.0)):
-            means = [unit * np.mean([getattr(one, what) for one in errors]) for errors in (first, both)]
+        for what in ("feet", "grips"):
+            before, after = (np.array([getattr(one, what) for one in some]) for some in (first, both))
+            row[f"{what} [N], contacts first"] = _spread(before)
+            row[f"{what} [N], together"] = _spread(after)
+            row[f"{what} nearer"] = _gain(before, after)
+        for what, words in (("activations", "activations"), ("tensions", "tensions [N]")):
+            means = [np.mean([getattr(one, what) for one in some]) for some in (first, both)]
             row[f"{words}, first / together"] = " / ".join(f"{one:.3g}" for one in means)
         yield row
+
+
+TRUTHS: dict[str, dict[str, Any]] = {
+    "as above": {},
+    "half the pull": {"vigor": 0.5},
+    "no tone, all muscles weighted alike": {"tone": (0.0, 0.0), "weight_spread": 0.0},
+    "strengths and EMG known exactly": {"strength_error": 0.0, "emg_gain": 0.0, "emg_noise": 0.0},
+}
+TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
+
+
+def measure_truths() -> Iterable[Row]:
+    """One row for each other truth or better measurement: whether the comparison comes out alike."""
+    for words, changes in TRUTHS.items():
+        pairs = _three(**changes)
+        effort = np.mean([one.truth.activations.values.mean() for one in pairs])
+        yield {
+            "truth": words,
+            "mean activation": round(float(effort), 3),
+            **_beside(errors_over(pairs, [*TOLD.values()])),
+        }
+
+
+def measure_compliance() -> Iterable[Row]:
+    """One row for each cost of contact forces against muscles, at both strengths of pull."""
+    for words in ("as above", "half the pull"):
+        for compliance in (0.1, 1.0, 10.0):
+            errors = errors_over(_three(**TRUTHS[words]), [*TOLD.values()], compliance)
+            yield {"truth": words, "compliance": compliance, **_beside(errors)}
+
+
+def _three(**changes: Any) -> tuple[VirtualPair, ...]:
+    """One bout of each kind."""
+    return simulated(*(PairOptions(kind, 0, **changes) for kind in KINDS))
+
+
+def _beside(errors: dict[tuple[str, str], list[Errors]]) -> Row:
+    """Means of both formulations, and how much nearer the simultaneous one comes."""
+    row: Row = {}
+    for words, known in TOLD.items():
+        first, both = (errors[known.words, one] for one in ("sequential", "simultaneous"))
+        for what in ("feet", "grips"):
+            before, after = (np.array([getattr(one, what) for one in some]) for some in (first, both))
+            row[f"{words}: {what} [N], first / together"] = f"{before.mean():.0f} / {after.mean():.0f}"
+            row[f"{words}: {what} nearer"] = _gain(before, after)
+    return row
 
 
 def measure_bouts() -> Iterable[Row]:
@@ -220,6 +282,11 @@ def _together(measured: list[Wrenches]) -> Wrenches:
     )
     names, bodies = (tuple(name for one in measured for name in getattr(one, what)) for what in ("names", "bodies"))
     return Wrenches(measured[0].time, names, bodies, force, point, torque)
+
+
+def _gain(before: np.ndarray, after: np.ndarray) -> str:
+    gain = 1.0 - after.mean() / before.mean()
+    return "" if np.isnan(gain) else f"{100.0 * gain:+.0f} % ({int((after < before).sum())} of {len(before)})"
 
 
 def _spread(values: np.ndarray) -> str:

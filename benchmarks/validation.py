@@ -135,6 +135,7 @@ def run() -> list[Row]:
         "pair": accuracy_pair.measure,
         "pair_open": accuracy_pair.measure_open,
         "pair_truths": accuracy_pair.measure_truths,
+        "pair_compliance": accuracy_pair.measure_compliance,
         "certificates_truth": accuracy_certificates.measure_truth,
         "certificates": lambda: accuracy_certificates.measure(folder),
         "certificates_programs": lambda: accuracy_certificates.measure_programs(folder),
