@@ -13,13 +13,17 @@ from myomorph.model.spatial import Array
 from myomorph.report.given import Uncarried
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter, Stored
-from myomorph.tension.certificates import ContactIntervals, contact_intervals
+from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.relaxation import relaxation_lines, relaxations
 from myomorph.tension.tension import Tension
 
 AT_ONCE = 8
 """Instants between two reports of progress."""
+
+
+LARGE = 250
+"""Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,13 @@ def contact_doubts(problem: TensionProblem, tension: Tension, instants: int, nam
     name : of the recording, for the progress bar
     """
     marked = relaxations(problem, tension)
+    near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0
     chosen = np.unique(np.linspace(0, len(tension) - 1, min(instants, len(tension))).round().astype(int))
     intervals = []
     with progress(f"{name}: what is left open", len(chosen)) as advance:
         for start in range(0, len(chosen), AT_ONCE):
             part = chosen[start : start + AT_ONCE]
-            intervals.append(contact_intervals(problem, tension, part.tolist()))
+            intervals.append(contact_intervals(problem, tension, part.tolist(), CertificateOptions(near=near)))
             advance(len(part))
     uncarried = tuple(Uncarried(one.time, one.sentence) for one in marked)
     return ContactDoubts(tuple(intervals), uncarried, relaxation_lines(marked))
