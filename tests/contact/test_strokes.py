@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sticks import SITES, TIP, rods
 
 from myomorph.contact.sound import Instrument, Stroke, Strokes
 from myomorph.contact.strokes import (
@@ -18,18 +19,13 @@ from myomorph.contact.strokes import (
     velocity_change,
 )
 from myomorph.io.osim import read_osim
-from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Transform
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from trees import floating_tree, random_tree
-
-STILL, TIP = Transform.identity(), [0.0, -0.4, 0.0]
 
 
 @pytest.mark.parametrize("rate", [30.0, 100.0, 333.0, 20_000.0])
@@ -62,18 +58,6 @@ def test_what_lies_beyond_the_clock_is_lost_and_nothing_else_happens():
         pulse(time[:1], 0.0, 1.0, 0.008)
     with pytest.raises(BadData, match="a pulse of 0 s"):
         pulse(time, 0.0, 1.0, 0.0)
-
-
-def rods(*names: str, mass: float = 0.06, length: float = 0.4) -> Model:
-    """Sticks that turn about their ends, hanging down beside each other; body and coordinate have one name."""
-    across = mass * length**2 / 12.0
-    center, inertia = np.array([0.0, -0.5 * length, 0.0]), np.diag([across, 1e-9, across])
-    joints = []
-    for name in names:
-        axis = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), (name,))
-        joints.append(Joint(f"pin_{name}", "PinJoint", GROUND, name, STILL, STILL, (axis,), (name,)))
-    bodies = tuple(Body(name, mass, center, inertia) for name in names)
-    return Model("rods", bodies, tuple(joints), tuple(Coordinate(name) for name in names), np.array([0.0, -9.81, 0.0]))
 
 
 def at(model: Model, *poses) -> Motion:
@@ -176,9 +160,6 @@ def test_known_strokes_calibrate_the_nearest_that_were_heard():
         calibration_pairs(strokes, {"bell": [(1.5, 0.1)]})
     with pytest.raises(UnknownName, match="'drum'"):
         blows_from_sound(strokes, {}, {0: "tip"}, {})
-
-
-SITES = tuple(Site(f"tip_{name}", name, [TIP]) for name in "ab")
 
 
 def test_the_stick_that_stops_is_the_one_that_struck():

@@ -207,7 +207,7 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
             if name not in by_name:
                 raise UnknownName("contact site", name, tuple(by_name), "the model's sites")
     wanted = {name for names in possible.values() for name in names}
-    tips = {name: _tip(model, motion, by_name[name]) for name in wanted}
+    tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
     found = {}
     for k, stroke in enumerate(strokes.strokes):
         names = possible[stroke.instrument]
@@ -222,7 +222,7 @@ def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Ar
     From the fastest moment within `AROUND` before to the fastest one the other way after it. Motion capture
     smooths a blow over its frames and its filter, so this is too small where either is slow.
     """
-    return _jump(motion.time, _tip(model, motion, site), time)
+    return _jump(motion.time, site_places(model, motion, site), time)
 
 
 def blows_from_sound(
@@ -282,7 +282,7 @@ def blow_wrenches(
     struck = tuple(dict.fromkeys(one.site for one in blows))
     forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
     for s, name in enumerate(struck):
-        points[:, s] = _tip(model, motion, by_name[name])
+        points[:, s] = site_places(model, motion, by_name[name])
         for blow in blows:
             if blow.site == name:
                 forces[:, s] += pulse(motion.time, blow.time, blow.impulse, duration)[:, None] * blow.direction
@@ -326,7 +326,7 @@ def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Ar
     return first, second
 
 
-def _tip(model: Model, motion: Motion, site: Site) -> Array:
+def site_places(model: Model, motion: Motion, site: Site) -> Array:
     """Middle of a site (frames, 3) in ground [m]."""
     tree = compile_tree(model)
     if site.body not in tree.body_index:

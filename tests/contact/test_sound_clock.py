@@ -1,0 +1,57 @@
+"""The start of a sound on the motion's clock is found from when sticks turn round."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sticks import SITES, rods
+
+from myomorph.contact.sound import Instrument, Stroke, Strokes
+from myomorph.contact.sound_clock import sound_clock
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.series import Motion
+
+TIMES = np.array([0.31, 0.62, 0.90, 1.33, 1.52, 1.95, 2.40, 2.61])
+
+
+@pytest.fixture(scope="module")
+def drummer():
+    """Two sticks that swing slowly; each turns round sharply at every other stroke."""
+    model = rods("a", "b")
+    time = np.arange(0.0, 3.0, 0.005)
+    columns = []
+    for own in (TIMES[::2], TIMES[1::2]):
+        near = np.abs(time[:, None] - own).min(axis=1)
+        columns.append(np.minimum(near, 0.12) * 6.0 + 0.2 * np.sin(3.0 * time))
+    drums = (Instrument("left", "1", 0.0, ("tip_a",)), Instrument("right", "2", 0.0, ("tip_b",)))
+    struck = tuple(Stroke(drums[k % 2].name, float(at), 1e-4, 1.0) for k, at in enumerate(TIMES))
+    return model, Motion(time, ("a", "b"), np.column_stack(columns)), Strokes(drums, struck)
+
+
+@pytest.mark.parametrize("shift", [-1.7, -0.2, 0.0, 0.913])
+def test_the_shift_is_found(drummer, shift):
+    model, motion, strokes = drummer
+    heard = replace(strokes, strokes=tuple(replace(one, time=one.time - shift) for one in strokes.strokes))
+    found = sound_clock(heard, model, motion, SITES)
+    assert found.shift == pytest.approx(shift, abs=0.006)
+    assert found.ratio > 1.3
+    assert found.strokes == len(TIMES)
+
+
+def test_strokes_at_any_time_tell_little(drummer):
+    model, motion, strokes = drummer
+    rng = np.random.default_rng(1)
+    at = np.sort(rng.uniform(0.2, 2.8, len(TIMES)))
+    moved = (replace(one, time=float(time)) for one, time in zip(strokes.strokes, at, strict=True))
+    heard = replace(strokes, strokes=tuple(moved))
+    assert sound_clock(heard, model, motion, SITES).ratio < 1.25
+
+
+def test_what_cannot_tell_a_clock_is_named(drummer):
+    model, motion, strokes = drummer
+    with pytest.raises(BadData, match="2 strokes by sites of the model: a clock needs 3 or more"):
+        sound_clock(replace(strokes, strokes=strokes.strokes[:2]), model, motion, SITES)
+    with pytest.raises(UnknownName, match="'tip_b'"):
+        sound_clock(strokes, model, motion, SITES[:1])
