@@ -13,30 +13,26 @@ Beside it stands the force of a damper along the whole path, `Muscle.viscosity` 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from myomorph.model.errors import BadData, BadModel
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.paths import Muscle
 from myomorph.model.spatial import Array, frozen_array
+from myomorph.muscles.hill_arrays import HillArrays, compile_hill
 from myomorph.muscles.hill_classes import (
     ACCELERATION,
     DEGROOTE,
     DEPRECATED_THELEN,
-    KINDS,
     MILLARD,
     MUJOCO,
     RIGID,
     SCHUTTE,
-    THELEN,
-    class_parameters,
 )
-from myomorph.muscles.hill_curves import Curve, CurveArrays, curve_value, pack_curves
+from myomorph.muscles.hill_curves import curve_value
+from myomorph.muscles.hill_factors import active_length_factor, passive_length_factor, velocity_factor
 
 Convention = Literal["rigid-tendon", "opensim"]
 CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
@@ -56,203 +52,6 @@ class HillForces:
     active: Array
     passive: Array
     viscous: Array
-
-
-class HillArrays(NamedTuple):
-    """Muscles as the kernels read them.
-
-    Attributes
-    ----------
-    kind : (muscles,) number of the class
-    force, fiber, tendon : (muscles,) maximum isometric force [N], optimal fiber length [m] and
-        tendon slack length [m]
-    height : (muscles,) constant height of the fibers over the tendon's line [m]
-    shortest, shortest_along : (muscles,) least fiber length [m] and its part along the tendon [m]
-    cos_optimal : (muscles,) cosine of the pennation at optimal length
-    speed : (muscles,) maximum contraction velocity [m/s]
-    parameters : (muscles, 6) of the class
-    curve : (muscles, 3) active, velocity (or tendon) and passive curve, -1 for a formula
-    """
-
-    kind: NDArray[np.int64]
-    force: Array
-    fiber: Array
-    tendon: Array
-    height: Array
-    shortest: Array
-    shortest_along: Array
-    cos_optimal: Array
-    speed: Array
-    parameters: Array
-    curve: NDArray[np.int64]
-    curves: CurveArrays
-
-
-@lru_cache(maxsize=8)
-def compile_hill(model: Model) -> HillArrays:
-    """The model's muscles as flat arrays, in the model's order; the same model compiles once.
-
-    Raises
-    ------
-    BadModel
-        for a class whose curves are not known, or parameters no curve can be made of
-    """
-    curves: list[Curve] = []
-    index: dict[tuple[object, ...], int] = {}
-    rows = [_compile_muscle(muscle, curves, index) for muscle in model.muscles]
-    numbers = np.array([row[1] for row in rows], dtype=np.float64).reshape(len(rows), 8)
-    return HillArrays(
-        kind=np.array([row[0] for row in rows], np.int64),
-        **{name: np.ascontiguousarray(numbers[:, i]) for i, name in enumerate(_NUMBERS)},
-        parameters=np.array([row[2] for row in rows], dtype=np.float64).reshape(len(rows), 6),
-        curve=np.array([row[3] for row in rows], np.int64).reshape(len(rows), 3),
-        curves=pack_curves(curves),
-    )
-
-
-_NUMBERS = ("force", "fiber", "tendon", "height", "shortest", "shortest_along", "cos_optimal", "speed")
-
-
-def _compile_muscle(
-    muscle: Muscle, curves: list[Curve], index: dict[tuple[object, ...], int]
-) -> tuple[int, list[float], list[float], list[int]]:
-    if muscle.kind not in KINDS:
-        raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}: curves are known for {', '.join(KINDS)}")
-    if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
-        raise BadModel(
-            f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m and maximum "
-            f"contraction velocity {muscle.max_contraction_velocity:g}/s: both must be positive"
-        )
-    kind = KINDS[muscle.kind]
-    try:
-        numbers, makers = class_parameters(muscle, kind)
-        used = [_numbered(key, maker, curves, index) for key, maker in makers]
-    except BadModel as error:
-        raise BadModel(f"muscle '{muscle.name}': {error}") from error
-    height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
-    most = muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
-    most = np.pi / 2 if kind == ACCELERATION else most
-    clamped = kind in (THELEN, MILLARD, ACCELERATION)
-    shortest = (height / np.sin(most) if most > 1e-14 else 0.01 * muscle.optimal_fiber_length) if clamped else height
-    sizes = [
-        muscle.max_isometric_force,
-        muscle.optimal_fiber_length,
-        muscle.tendon_slack_length,
-        height,
-        shortest,
-        shortest * np.cos(most) if clamped else 0.0,
-        np.cos(muscle.pennation_at_optimal),
-        muscle.max_contraction_velocity * muscle.optimal_fiber_length,
-    ]
-    return kind, sizes, numbers + [0.0] * (6 - len(numbers)), used + [-1] * (3 - len(used))
-
-
-def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], int]) -> int:
-    """Number of the curve `maker(*key)`; muscles of equal parameters share one."""
-    if (maker, *key) not in index:
-        index[(maker, *key)] = len(curves)
-        curves.append(maker(*key))
-    return index[(maker, *key)]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def active_length_factor(H, m, x):
-    """f_L of muscle m at the normalized fiber length x."""
-    kind = H.kind[m]
-    if H.curve[m, 0] >= 0:
-        return curve_value(H.curves, H.curve[m, 0], x)
-    if kind == DEGROOTE:
-        x = (x - 1.0) / H.parameters[m, 0] + 1.0
-        one = (x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)
-        two = (x - 0.716775413397760) / (-0.029947116970696 + 0.200356847296188 * x)
-        three = (x - 1.0) / 0.353553390593274
-        return (
-            0.8150671134243542 * np.exp(-0.5 * one * one)
-            + 0.433004984392647 * np.exp(-0.5 * two * two)
-            + 0.1 * np.exp(-0.5 * three * three)
-        )
-    if kind == MUJOCO:
-        low, high = H.parameters[m, 0], H.parameters[m, 1]
-        if x < low or x > high:
-            return 0.0
-        if x <= 1.0:
-            middle = 0.5 * (low + 1.0)
-            if x <= middle:
-                u = (x - low) / max(1e-15, middle - low)
-                return 0.5 * u * u
-            u = (1.0 - x) / max(1e-15, 1.0 - middle)
-            return 1.0 - 0.5 * u * u
-        middle = 0.5 * (1.0 + high)
-        if x <= middle:
-            u = (x - 1.0) / max(1e-15, middle - 1.0)
-            return 1.0 - 0.5 * u * u
-        u = (high - x) / max(1e-15, high - middle)
-        return 0.5 * u * u
-    return np.exp(-(x - 1.0) * (x - 1.0) / H.parameters[m, 0])
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def velocity_factor(H, m, v):
-    """f_V of muscle m, fully active, at the normalized fiber velocity v (negative: shortening); never below 0."""
-    kind = H.kind[m]
-    if H.curve[m, 1] >= 0 and kind != SCHUTTE:
-        return max(curve_value(H.curves, H.curve[m, 1], v), 0.0)
-    if kind == THELEN:
-        shape, most = H.parameters[m, 3], H.parameters[m, 4]
-        if v <= -1.0:
-            return 0.0
-        if v <= 0.0:
-            return (1.0 + v) / (1.0 - v / shape)
-        k = (2.0 + 2.0 / shape) / (most - 1.0)
-        last = H.parameters[m, 5] * most
-        f = (1.0 + v * k * most) / (1.0 + v * k)
-        if f < last:
-            return f
-        b = k * (most - last)
-        start = (last - 1.0) / b
-        return last + (v - start) / (1.0 / b + (last - 1.0) * k / (b * b))
-    if kind == DEGROOTE:
-        return max(-0.3211346127989808 * np.arcsinh(-8.149 * v - 0.374) + 0.8825327733249912, 0.0)
-    if kind == MUJOCO:
-        most = H.parameters[m, 3]
-        if v <= -1.0:
-            return 0.0
-        if v <= 0.0:
-            return (v + 1.0) * (v + 1.0)
-        if v <= most - 1.0:
-            return most - (most - 1.0 - v) ** 2 / max(1e-15, most - 1.0)
-        return most
-    return 1.8 - 1.8 / (1.0 + np.exp((0.04 + v) / 0.18))
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def passive_length_factor(H, m, x):
-    """f_PE of muscle m at the normalized fiber length x; never below 0."""
-    kind = H.kind[m]
-    if H.curve[m, 2] >= 0:
-        return min(max(curve_value(H.curves, H.curve[m, 2], x), 0.0), 10.0 if kind == RIGID else np.inf)
-    if kind == THELEN:
-        return (
-            (np.exp(H.parameters[m, 2] * (x - 1.0) / H.parameters[m, 1]) - 1.0) / (np.exp(H.parameters[m, 2]) - 1.0)
-            if x > 1.0
-            else 0.0
-        )
-    if kind == DEGROOTE:
-        least = np.exp(4.0 * (0.2 - 1.0) / H.parameters[m, 1])
-        return H.parameters[m, 2] * max(
-            (np.exp(4.0 * (x - 1.0) / H.parameters[m, 1]) - least) / (np.exp(4.0) - least), 0.0
-        )
-    if kind == MUJOCO:
-        middle = 0.5 * (1.0 + H.parameters[m, 1])
-        if x <= 1.0:
-            return 0.0
-        u = (x - 1.0) / max(1e-15, middle - 1.0)
-        return H.parameters[m, 2] * (0.5 * u * u if x <= middle else u - 0.5)
-    if kind == SCHUTTE:
-        return np.exp(8.0 * (x - 1.0) - 4.0)
-    if x > 1.0 + H.parameters[m, 1]:
-        return 1.0 + H.parameters[m, 2] / H.parameters[m, 1] * (x - 1.0 - H.parameters[m, 1])
-    return np.exp(H.parameters[m, 2] * (x - 1.0) / H.parameters[m, 1] - H.parameters[m, 2])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -12,7 +12,8 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.muscles.hill import compile_hill, fill_hill_forces, viscosities
+from myomorph.muscles.hill import fill_hill_forces, viscosities
+from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import loop_slopes, refuse_open
