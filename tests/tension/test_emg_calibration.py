@@ -11,9 +11,9 @@ from walking import task, walk
 from myomorph.io.osim import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Emg
+from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_gain import EmgCalibration
-from myomorph.motion.filters import differentiate
+from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.emg_calibration import EmgTrial, _contacts_known, _Piece, calibrate_emg
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
@@ -172,3 +172,28 @@ def test_contact_forces_found_without_emg_are_taken_as_known(data):
     # Contacts held where they were best leave the muscles where they were best.
     again = solve_tension(model, motion, known.torques)
     np.testing.assert_allclose(again.activations, alone.activations, atol=1e-5)
+
+
+def test_a_real_walk_follows_its_emg_when_told_to(data):
+    model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
+    folder = "ceinms-emg-walk/walk36/"
+    whole = differentiate(motion_from_table(read_sto(data(folder + "ik.sto")), model), 6.0)
+    table, given = read_sto(data(folder + "id.sto")), read_sto(data(folder + "emgFilt.sto"))
+    span = slice(1000, 1480, 4)
+    motion = Motion(whole.time[span], whole.names, whole.values[span], velocities=whole.velocities[span])
+    names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in table.names)
+    torques = Series(motion.time, names, lowpass(table.values, 100.0, 6.0)[span])
+    emg = Emg(given.time, given.names, given.values)
+    channels = {name: (name,) for name in emg.names}
+    found = calibrate_emg(model, [EmgTrial(motion, torques, emg)], channels)
+    assert 0.08 < found.delays[0] <= 0.15
+    assert (found.gains > 0.0).all()
+    distances = []
+    for mode in (None, "soft", "equality"):
+        told = emg_targets(emg, channels, model, motion.time, EmgOptions(mode=mode or "soft"), found)
+        tension = solve_tension(model, motion, torques, emg=told if mode else None)
+        assert tension.optimal.all()
+        apart = tension.activations[:, [tension.muscles.index(one) for one in told.muscles]] - told.activations
+        distances.append(np.sqrt(np.mean(apart**2)))
+    assert distances[1] < 0.6 * distances[0]
+    assert distances[2] < 0.6 * distances[1]

@@ -75,9 +75,7 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
             continue
         negative = known & (column < -NEGATIVE * np.abs(column[known]).max())
         if negative.any():
-            told = (
-                f"is negative in {negative.mean():.1%} of its samples, down to {column[negative].min():.3g}; taken as 0"
-            )
+            told = f"is negative in {_share(negative)}, down to {column[negative].min():.3g}; taken as 0"
             found.append(_fault(emg, name, "negative", negative, told))
         large = known & (column > BEYOND_ONE)
         if large.any():
@@ -146,7 +144,7 @@ def _unknown(series: Series, name: str, column: Array) -> list[EmgFault]:
     unknown = ~np.isfinite(column)
     if not unknown.any():
         return []
-    told = "has no known value" if unknown.all() else f"is unknown in {unknown.mean():.1%} of its samples"
+    told = "has no known value" if unknown.all() else f"is unknown in {_share(unknown)}"
     return [_fault(series, name, "unknown", unknown, told)]
 
 
@@ -172,7 +170,7 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
                 at[first : last + 1] = True
     if at.mean() < CLIPPED_SHARE:
         return []
-    told = f"stands at its largest or smallest value in {at.mean():.1%} of its samples: the amplifier clips"
+    told = f"stands at its largest or smallest value in {_share(at)}: the amplifier clips"
     return [_fault(series, name, "clipped", at, told)]
 
 
@@ -196,6 +194,10 @@ def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
         f"has a median frequency of {median:.0f} Hz at its {series.rate:.4g} Hz: the rate is wrong, or it is no raw EMG"
     )
     return [_fault(series, name, "rate", np.ones(len(column), dtype=bool), told)]
+
+
+def _share(flags: np.ndarray) -> str:
+    return f"{int(flags.sum())} of {len(flags)} samples"
 
 
 def _fault(series: Series, name: str, kind: str, where: np.ndarray, told: str) -> EmgFault:
