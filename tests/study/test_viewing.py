@@ -111,6 +111,16 @@ def test_what_is_missing_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert "Traceback" not in told
 
 
+def test_a_model_that_is_gone_is_told(write: Write, arm: SimpleNamespace, capfd: pytest.CaptureFixture[str]) -> None:
+    path = write(f"walk{STORED}", "walk")
+    arm.model.unlink()
+    status = main(["view", str(path), "--no-browser"])
+    told = capfd.readouterr().err
+    assert status == 2
+    assert "is gone" in told
+    assert told.count("\n") == 1
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends Ctrl-C as a signal")
 def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
     path = write(f"walk{STORED}", "walk")

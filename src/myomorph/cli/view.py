@@ -24,15 +24,18 @@ def view_command(
     """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
     from myomorph.study.viewing import open_replay
 
-    replay = open_replay(folders, port)
-    address = f"http://127.0.0.1:{replay.port}"
-    try:
+    def served(opened: int) -> None:
+        address = f"http://127.0.0.1:{opened}"
         said(f"{address} (for this machine only; Ctrl-C ends)")
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-        replay.wait()
+
+    try:
+        replay = open_replay(folders, port, served)
+        try:
+            replay.wait()
+        finally:
+            replay.close()
     except KeyboardInterrupt:
         pass
-    finally:
-        replay.close()
     return 0

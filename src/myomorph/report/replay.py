@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,9 @@ GOES_AWAY = 0.4
 NEAR = 0.82
 """Distance of the camera in sizes of the body."""
 
+FIRST_VIEW = (0.75, 0.7, 0.16)
+"""From where the camera looks at first: ahead, to the right and above."""
+
 SLOW = 3
 """Numbers and curves follow with every third frame."""
 
@@ -42,6 +46,7 @@ class Replay:
     ----------
     choices : of each body, its recordings; the first of each is shown first
     port : of the page; any free one where not given
+    served : called with the port once the page can be opened, which loads while the results are read
 
     Attributes
     ----------
@@ -52,20 +57,25 @@ class Replay:
     MyomorphError : a recording cannot be opened or has no motion, `viser` is not installed, or the port is taken
     """
 
-    def __init__(self, choices: Choices, port: int | None = None):
+    def __init__(self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None):
         self.choices = choices
         self.chosen = [next(iter(one)) for one in choices]
         self.lock = threading.RLock()
         self._stopped = threading.Event()
-        self.bodies = [PlayedBody(one[name]()) for one, name in zip(choices, self.chosen, strict=True)]
+        self.playing, self.speed, self.loop, self.follows = False, 1.0, True, False
+        self.now, self.drawn = 0.0, 0
         self._server = open_server(port, "Myomorph")
         self.port = int(self._server.get_port())
-        self.playing, self.speed, self.loop, self.follows = False, 1.0, True, False
-        self.now = 0.0
-        self.drawn = 0
         try:
-            self._build()
+            with self.lock:
+                self._server.gui.add_markdown("Opening the results ...")
+                self._server.on_client_connect(self._aim)
+                if served is not None:
+                    served(self.port)
+                self.bodies = [PlayedBody(one[name]()) for one, name in zip(choices, self.chosen, strict=True)]
+                self._build()
         except BaseException:
+            self._stopped.set()
             with quiet():
                 self._server.stop()
             raise
@@ -83,9 +93,9 @@ class Replay:
         with self.lock:
             self.chosen[number], self.bodies[number] = name, opened
             self.playing = False
-            self._server.scene.reset()
-            self._server.gui.reset()
             self._build()
+            for client in self._server.get_clients().values():
+                self._aim(client)
 
     def seek(self, now: float) -> None:
         """Go to a time of the page's clock [s]."""
@@ -127,11 +137,8 @@ class Replay:
 
     def look_from(self, ahead: float, right: float, up: float) -> None:
         """Turn every browser's camera to the bodies, from a direction in the first one's own axes."""
-        with self.lock:
-            place, middle = self._camera(ahead, right, up)
         for client in self._server.get_clients().values():
-            client.camera.position, client.camera.look_at = place, middle
-            client.camera.up_direction = self.bodies[0].scene.up
+            self._aim(client, (ahead, right, up))
 
     def part(self, distance: float) -> None:
         """Move every body to the right of the one before it, by a distance beyond where it was [m]."""
@@ -155,6 +162,8 @@ class Replay:
     def _build(self) -> None:
         """Make all that the page shows."""
         page, scene = self._server.scene, self.bodies[0].scene
+        page.reset()
+        self._server.gui.reset()
         page.set_up_direction(tuple(float(one) for one in scene.up))
         add_lights(page, scene)
         self._offsets = _together(self.bodies)
@@ -171,11 +180,15 @@ class Replay:
         self.part(self.apart)
         self._start = np.array(self.bodies[0].at(self._frame(0)).origins[1])
         self.follows = self.bodies[0].travelled > GOES_AWAY * scene.size
-        camera = self._server.initial_camera
-        place, middle = self._camera(0.75, 0.7, 0.16)
-        camera.position, camera.look_at = tuple(place), tuple(middle)
         self.panel = Panel(self, self._server)
         self._draw(slow=True)
+
+    def _aim(self, client: Any, direction: tuple[float, float, float] = FIRST_VIEW) -> None:
+        """Turn a browser's camera to the bodies; a browser that is early waits until there are some."""
+        with self.lock:
+            if not self._stopped.is_set():
+                client.camera.up_direction = self.bodies[0].scene.up
+                client.camera.position, client.camera.look_at = self._camera(*direction)
 
     def _camera(self, ahead: float, right: float, up: float) -> tuple[np.ndarray, np.ndarray]:
         """Where a camera sees all bodies from a direction, and the middle that it looks at, where the page has them."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from myomorph.model.errors import BadFile
-from myomorph.report.given import ReportInput
-from myomorph.report.replay import Replay
-from myomorph.study.reporting import joined, model_of, report_input
 from myomorph.study.results import STORED, read_result
+
+if TYPE_CHECKING:
+    from myomorph.report.given import ReportInput
+    from myomorph.report.replay import Replay
 
 MOTIONS = ("coordinate_value", "coordinate_filtered")
 """Variables of result files that hold a motion."""
@@ -19,13 +21,16 @@ LARGE = ("moment_arm",)
 """Variables that a page does not show."""
 
 
-def open_replay(folders: Sequence[str | Path], port: int | None = None) -> Replay:
+def open_replay(
+    folders: Sequence[str | Path], port: int | None = None, served: Callable[[int], None] | None = None
+) -> Replay:
     """A page that shows the results of one folder, or of several in one scene.
 
     Parameters
     ----------
     folders : folders of results, or single result files
     port : of the page; any free one where not given
+    served : called with the port once the page can be opened, before the results are read
 
     Raises
     ------
@@ -34,7 +39,10 @@ def open_replay(folders: Sequence[str | Path], port: int | None = None) -> Repla
     BadData
         where the port is taken
     """
-    return Replay([recordings(one) for one in folders], port)
+    choices = [recordings(one) for one in folders]
+    from myomorph.report.replay import Replay
+
+    return Replay(choices, port, served)
 
 
 def recordings(folder: str | Path) -> Mapping[str, Callable[[], ReportInput]]:
@@ -72,6 +80,9 @@ def recordings(folder: str | Path) -> Mapping[str, Callable[[], ReportInput]]:
 
 
 def _open(files: Sequence[Path]) -> ReportInput:
+    # The page is served already: what takes longest to import comes last.
+    from myomorph.study.reporting import joined, model_of, report_input
+
     stored = joined([read_result(path, leave_out=LARGE) for path in files])
     return report_input(stored, model_of(stored))
 
