@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.errors import BadData, listing
@@ -21,34 +21,27 @@ from myomorph.motion.calibration import (
     FoundMarker,
     root_mean_square,
 )
+from myomorph.motion.calibration_prior import calibration_prior, usual_shifts
+from myomorph.motion.calibration_search import Search, search_minimum
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
     marker_arrays,
     tracked_markers,
 )
-from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
+from myomorph.motion.lengths import factors_of, lengths_of
 from myomorph.motion.postures import overall_size, spread_postures
 from myomorph.motion.shared_fit import (
     FrameSet,
-    Minimum,
-    Point,
-    Prior,
     SharedProblem,
-    minimise,
-    place_at_fixed_angles,
     reduce,
     settle,
-    settle_anew,
 )
-from myomorph.motion.starts import root_coordinates
 from myomorph.motion.stretch import skeleton, stretch_of
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.tree import compile_tree
 
 __all__ = ["Calibration", "CalibrationOptions", "FoundLength", "FoundMarker", "calibrate"]
-
-Bools = NDArray[np.bool_]
 
 STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
@@ -56,12 +49,6 @@ STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 FEW_FRAMES = 10
 FAR = 0.1
 """A marker farther than this from its place on the model may be another one [m]."""
-
-NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
-"""Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [m]."""
-
-TAIL = 3.0
-"""Degrees of freedom of Student's t, of which shifts of markers are a sample."""
 
 
 def calibrate(
@@ -107,7 +94,7 @@ def calibrate(
     problem = _problem(model, bare, names, weights, recordings, [frames for frames, _ in chosen], options, size)
     # Frames are shared among our own threads; a thread pool for each of their small products costs more than it gains.
     with threadpool_limits(limits=1, user_api="blas"):
-        search = _search(problem, names, size, [angles for _, angles in chosen], options, progress)
+        search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
     return _calibration(model, search.problem, search, names, chosen, options, path_lengths)
@@ -179,7 +166,7 @@ def _problem(
         stretch=stretch_of(bare, lengths, names),
         markers=marker_arrays(tree, names, weights, InverseKinematicsOptions()),
         sets=tuple(sets),
-        prior=_prior(lengths, _usual_shifts(model, names, options), options, size),
+        prior=calibration_prior(lengths, usual_shifts(model, names, options), options, size),
         posture=tree.defaults,
         posture_weight=options.posture_weight,
     )
@@ -196,155 +183,10 @@ def _static_pose(model: Model, options: CalibrationOptions) -> Mapping[str, floa
     }
 
 
-def _usual_shifts(model: Model, names: Sequence[str], options: CalibrationOptions) -> Array:
-    """(markers,) how far each lies from its place on the model, as a standard deviation along one axis [m]."""
-    return np.array([options.fixed_sd if model.marker(name).fixed else options.marker_sd for name in names])
-
-
-def _prior(lengths: Sequence[Length], shift_sd: Array, options: CalibrationOptions, size: float) -> Prior:
-    """Rows of the prior over lengths, shifts (markers,) and the overall size."""
-    n, shifts = len(lengths), 3 * len(shift_sd)
-    main = {one.segment: i for i, one in enumerate(lengths) if one.along}
-    rows, right = [], []
-
-    def add(entries: Mapping[int, float], value: float, sd: float) -> None:
-        row = np.zeros(n + shifts + 1)
-        for i, factor in entries.items():
-            row[i] += factor / sd
-        rows.append(row)
-        right.append(value / sd)
-
-    add({n + shifts: 1.0}, size, 0.5)
-    for i, one in enumerate(lengths):
-        if one.along:
-            add({i: 1.0, n + shifts: -1.0}, 0.0, options.length_sd)
-        else:
-            add({i: 1.0, main[one.segment]: -1.0}, 0.0, options.shape_sd)
-    for i, j in mirrored_lengths(lengths):
-        add({i: 1.0, j: -1.0}, 0.0, options.side_sd)
-    for i in range(shifts):
-        add({n + i: 1.0}, 0.0, float(shift_sd[i // 3]))
-    return Prior(np.array(rows), np.array(right))
-
-
-def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:
-    """Which unknowns are lengths or the size, and which are shifts of markers that may move."""
-    n, total = len(problem.lengths), problem.prior.rows.shape[1]
-    lengths, shifts = np.zeros(total, np.bool_), np.zeros(total, np.bool_)
-    lengths[:n] = lengths[-1] = True
-    for m, name in enumerate(names):
-        shifts[n + 3 * m : n + 3 * m + 3] = name not in options.fixed_markers
-    return lengths, shifts
-
-
-def _noise(problem: SharedProblem, found: Minimum, free: Bools, variance: float) -> tuple[float, bool]:
-    """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
-    squares, seen = 0.0, 0
-    for errors in found.reduced.errors:
-        squares += float(np.nansum(problem.markers.weight * errors**2))
-        seen += 3 * int(np.isfinite(errors).sum())
-    rows = problem.prior.rows[:, free]
-    H = found.reduced.H[np.ix_(free, free)]
-    used = float(np.trace(np.linalg.solve(H + variance * rows.T @ rows, H)))
-    left = seen - found.reduced.angles_free - used
-    if left < 0.2 * seen:
-        return NOISE_UNKNOWN, False
-    return max(float(np.sqrt(squares / left)), NOISE_LEAST), True
-
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    problem: SharedProblem
-    found: Minimum
-    start: Point
-    noise: float
-    told: bool
-    costs: tuple[float, ...]
-    steps: int
-    free: Bools
-
-
-def _search(
-    problem: SharedProblem,
-    names: Sequence[str],
-    size: float,
-    angles: Sequence[Array],
-    options: CalibrationOptions,
-    progress: Callable[[int], None] | None,
-) -> _Search:
-    """Minimum of the problem, the noise told by its residual until both agree."""
-    lengths, shifts = _may_move(problem, names, options)
-    free = lengths | shifts
-    x = np.zeros(problem.prior.rows.shape[1])
-    x[lengths] = size
-    steps = 0
-
-    def one_more() -> None:
-        nonlocal steps
-        steps += 1
-        if progress and steps <= options.iterations:
-            progress(1)
-
-    frames = sum(len(one) for one in angles)
-    noise = options.noise or NOISE_UNKNOWN
-    if options.noise:
-        noise *= float(np.sqrt(max(1.0, frames / options.independent_frames)))
-    root = root_coordinates(compile_tree(problem.model))
-    # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
-    stages = [noise] if noise >= NOISE_AT_FIRST else [NOISE_AT_FIRST, noise]
-    start = point = settle(problem, x, angles, stages[0] ** 2)
-    if not np.isfinite(point.cost(0.0)):
-        raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
-    told = True
-    usual = _usual_shifts(problem.model, names, options)
-    stages.append(noise)
-    while stages:
-        noise = stages.pop(0)
-        point = settle_anew(problem, point, root, noise**2)
-        left = max(1, options.iterations - steps)
-        if options.method == "joint":
-            found = minimise(problem, point, noise**2, free, left, 1e-3 if stages else 1e-5, one_more)
-        else:
-            found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
-        point = found.point
-        if stages:
-            # The variance that Student's t gives each marker: one that lies far off is no longer pulled back.
-            shifts_now = np.linalg.norm(point.x[len(problem.lengths) : -1].reshape(-1, 3), axis=1)
-            released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
-            problem = replace(problem, prior=_prior(problem.lengths, released, options, size))
-        if not stages and not options.noise:
-            told_noise, told = _noise(problem, found, free, noise**2)
-            if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
-                stages = [told_noise]
-    return _Search(problem, found, start, noise, told, found.costs, steps, free)
-
-
-def _alternate(
-    problem: SharedProblem,
-    point: Point,
-    variance: float,
-    lengths: Bools,
-    shifts: Bools,
-    most: int,
-    told: Callable[[], None],
-) -> Minimum:
-    """[D] 3.2.1: (b) angles and lengths, (c) marker positions at fixed angles, in turn, until neither moves."""
-    costs: list[float] = []
-    for _ in range(most):
-        found = minimise(problem, point, variance, lengths, 3)
-        x = place_at_fixed_angles(problem, found, variance, shifts)
-        point = settle(problem, x, found.point.angles, variance)
-        costs.append(point.cost(variance))
-        told()
-        if len(costs) > 1 and costs[-2] - costs[-1] <= 1e-5 * costs[-1]:
-            return Minimum(point, reduce(problem, point), True, tuple(costs))
-    return Minimum(point, reduce(problem, point), False, tuple(costs))
-
-
 def _calibration(
     model: Model,
     problem: SharedProblem,
-    search: _Search,
+    search: Search,
     names: tuple[str, ...],
     chosen: Sequence[tuple[Ints, Array]],
     options: CalibrationOptions,
@@ -390,7 +232,7 @@ def _calibration(
     )
 
 
-def _deviations(problem: SharedProblem, search: _Search) -> tuple[Array, Array, Array]:
+def _deviations(problem: SharedProblem, search: Search) -> tuple[Array, Array, Array]:
     """Standard deviations: of the lengths, of the lengths without the recordings, of the markers' places.
 
     A place is factor * location + shift; what the two share cancels. 0 for what may not move.
@@ -414,7 +256,7 @@ def _deviations(problem: SharedProblem, search: _Search) -> tuple[Array, Array, 
 
 
 def _notes(
-    search: _Search,
+    search: Search,
     lengths: Sequence[FoundLength],
     markers: Sequence[FoundMarker],
     options: CalibrationOptions,

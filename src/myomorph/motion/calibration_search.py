@@ -1,0 +1,162 @@
+"""The search for the lengths and marker places of a body: stages of noise, each a joint or an alternating minimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array
+from myomorph.motion.calibration import CalibrationOptions
+from myomorph.motion.calibration_prior import calibration_prior, usual_shifts
+from myomorph.motion.shared_fit import (
+    Minimum,
+    Point,
+    SharedProblem,
+    minimise,
+    place_at_fixed_angles,
+    reduce,
+    settle,
+    settle_anew,
+)
+from myomorph.motion.starts import root_coordinates
+from myomorph.rigid.tree import compile_tree
+
+Bools = NDArray[np.bool_]
+
+NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
+"""Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [m]."""
+
+TAIL = 3.0
+"""Degrees of freedom of Student's t, of which shifts of markers are a sample."""
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Where the search ended, and how it came there.
+
+    Attributes
+    ----------
+    problem : with the prior of the last stage
+    found : the minimum
+    start : where the first stage began
+    noise : standard deviation of a marker along one axis [m]
+    told : whether the residual tells the noise
+    costs : of the last stage's steps
+    steps : of all stages together
+    free : (unknowns,) which lengths, shifts and size were searched for
+    """
+
+    problem: SharedProblem
+    found: Minimum
+    start: Point
+    noise: float
+    told: bool
+    costs: tuple[float, ...]
+    steps: int
+    free: Bools
+
+
+def search_minimum(
+    problem: SharedProblem,
+    names: Sequence[str],
+    size: float,
+    angles: Sequence[Array],
+    options: CalibrationOptions,
+    progress: Callable[[int], None] | None,
+) -> Search:
+    """Minimum of the problem, the noise told by its residual until both agree."""
+    lengths, shifts = _may_move(problem, names, options)
+    free = lengths | shifts
+    x = np.zeros(problem.prior.rows.shape[1])
+    x[lengths] = size
+    steps = 0
+
+    def one_more() -> None:
+        nonlocal steps
+        steps += 1
+        if progress and steps <= options.iterations:
+            progress(1)
+
+    frames = sum(len(one) for one in angles)
+    noise = options.noise or NOISE_UNKNOWN
+    if options.noise:
+        noise *= float(np.sqrt(max(1.0, frames / options.independent_frames)))
+    root = root_coordinates(compile_tree(problem.model))
+    # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
+    stages = [noise] if noise >= NOISE_AT_FIRST else [NOISE_AT_FIRST, noise]
+    start = point = settle(problem, x, angles, stages[0] ** 2)
+    if not np.isfinite(point.cost(0.0)):
+        raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
+    told = True
+    usual = usual_shifts(problem.model, names, options)
+    stages.append(noise)
+    while stages:
+        noise = stages.pop(0)
+        point = settle_anew(problem, point, root, noise**2)
+        left = max(1, options.iterations - steps)
+        if options.method == "joint":
+            found = minimise(problem, point, noise**2, free, left, 1e-3 if stages else 1e-5, one_more)
+        else:
+            found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
+        point = found.point
+        if stages:
+            # The variance that Student's t gives each marker: one that lies far off is no longer pulled back.
+            shifts_now = np.linalg.norm(point.x[len(problem.lengths) : -1].reshape(-1, 3), axis=1)
+            released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
+            problem = replace(problem, prior=calibration_prior(problem.lengths, released, options, size))
+        if not stages and not options.noise:
+            told_noise, told = _noise(problem, found, free, noise**2)
+            if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
+                stages = [told_noise]
+    return Search(problem, found, start, noise, told, found.costs, steps, free)
+
+
+def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:
+    """Which unknowns are lengths or the size, and which are shifts of markers that may move."""
+    n, total = len(problem.lengths), problem.prior.rows.shape[1]
+    lengths, shifts = np.zeros(total, np.bool_), np.zeros(total, np.bool_)
+    lengths[:n] = lengths[-1] = True
+    for m, name in enumerate(names):
+        shifts[n + 3 * m : n + 3 * m + 3] = name not in options.fixed_markers
+    return lengths, shifts
+
+
+def _noise(problem: SharedProblem, found: Minimum, free: Bools, variance: float) -> tuple[float, bool]:
+    """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
+    squares, seen = 0.0, 0
+    for errors in found.reduced.errors:
+        squares += float(np.nansum(problem.markers.weight * errors**2))
+        seen += 3 * int(np.isfinite(errors).sum())
+    rows = problem.prior.rows[:, free]
+    H = found.reduced.H[np.ix_(free, free)]
+    used = float(np.trace(np.linalg.solve(H + variance * rows.T @ rows, H)))
+    left = seen - found.reduced.angles_free - used
+    if left < 0.2 * seen:
+        return NOISE_UNKNOWN, False
+    return max(float(np.sqrt(squares / left)), NOISE_LEAST), True
+
+
+def _alternate(
+    problem: SharedProblem,
+    point: Point,
+    variance: float,
+    lengths: Bools,
+    shifts: Bools,
+    most: int,
+    told: Callable[[], None],
+) -> Minimum:
+    """[D] 3.2.1: (b) angles and lengths, (c) marker positions at fixed angles, in turn, until neither moves."""
+    costs: list[float] = []
+    for _ in range(most):
+        found = minimise(problem, point, variance, lengths, 3)
+        x = place_at_fixed_angles(problem, found, variance, shifts)
+        point = settle(problem, x, found.point.angles, variance)
+        costs.append(point.cost(variance))
+        told()
+        if len(costs) > 1 and costs[-2] - costs[-1] <= 1e-5 * costs[-1]:
+            return Minimum(point, reduce(problem, point), True, tuple(costs))
+    return Minimum(point, reduce(problem, point), False, tuple(costs))
