@@ -77,6 +77,7 @@ def run() -> list[Row]:
         "emg_study": lambda: accuracy_emg.measure_study(folder),
         "emg_envelopes": lambda: accuracy_emg.measure_envelopes(folder),
         "sound": accuracy_sound.measure,
+        "sound_motion": accuracy_sound.measure_motion,
         "hands_lift": lambda: accuracy_hands.measure_lift(folder),
         "hands_lift_open": lambda: accuracy_hands.measure_lift_open(folder),
         "hands_spine": lambda: accuracy_hands.measure_spine(folder),

@@ -28,8 +28,8 @@ LINEAR, PRIOR = 0.5, 1.0
 """Exponent of an instrument that answers linearly, and how much it counts beside the strokes: as if known to 0.1 where
 strokes scatter by 10 %."""
 
-AROUND = 0.03
-"""Time before and after a stroke over which a tip's velocity changes [s]."""
+AROUND, TOUCH = 0.03, 0.006
+"""Time before and after a stroke that tells a tip's velocity, and how long it touches [s]."""
 
 
 @dataclass(frozen=True)
@@ -219,8 +219,8 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
 def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
     """Change of a site's velocity (3,) in a blow at `time`, in ground [m/s].
 
-    From the fastest moment within `AROUND` before to the fastest one the other way after it. Motion capture
-    smooths a blow over its frames and its filter, so this is too small where either is slow.
+    Between straight lines through its places in the 30 ms before and after it touches. Motion capture smooths a blow
+    over its frames and its filter, so this is too small where either is slow.
     """
     return _jump(motion.time, site_places(model, motion, site), time)
 
@@ -336,13 +336,22 @@ def site_places(model: Model, motion: Motion, site: Site) -> Array:
 
 
 def _jump(time: Array, places: Array, at: float) -> Array:
-    """Change of velocity (3,) about a time: along the line on which it changes most."""
-    velocities = np.gradient(places, time, axis=0)
-    before = velocities[(time >= at - AROUND) & (time <= at)]
-    after = velocities[(time >= at) & (time <= at + AROUND)]
-    if not len(before) or not len(after):
-        return np.zeros(3)
-    changes = after[:, None] - before[None]
-    sizes = np.linalg.norm(changes, axis=2)
-    found: Array = changes.reshape(-1, 3)[int(np.argmax(sizes))]
+    """Change of velocity (3,) about a time: between straight lines through the places before and after it."""
+    before = _velocity(time, places, at - AROUND, at)
+    after = _velocity(time, places, at + TOUCH, at + TOUCH + AROUND)
+    found: Array = after - before
     return found
+
+
+def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
+    """Slope (3,) of the straight line through places between two times, a frame more where there are too few."""
+    step = float(np.median(np.diff(time)))
+    chosen = (time >= start - 1e-9) & (time <= stop + 1e-9)
+    if chosen.sum() < 3:
+        middle = 0.5 * (start + stop)
+        chosen = np.abs(time - middle) <= 1.5 * step
+    if chosen.sum() < 2:
+        return np.zeros(3)
+    apart = time[chosen] - time[chosen].mean()
+    slope: Array = apart @ places[chosen] / (apart @ apart)
+    return slope
