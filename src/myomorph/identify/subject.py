@@ -173,39 +173,27 @@ def identify(
     parts = parts_of(generic, used, base)
     first = next(iter(points))
     noise, tried, best = _noise_and_strength(parts, points[first], inertial_parameters(generic), options)
-    A, b = parts.rows(noise)
-    solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
-    for name, one in points.items():
-        if options.compare or (name == first and options.method == "points"):
-            solved[f"identified, {name}"] = solve_mass_points(
-                one, A, b, mass=mass, options=MassPointOptions(mass_sd=best)
-            )
-            advance(1)
+    rows = parts.rows(noise)
+    solved = _solved(points, rows, mass, best, options, advance)
     shape = points[first].parameters(points[first].reference)
-    if options.compare or options.method == "pseudo-inertia":
-        solved[CONIC] = solve_pseudo_inertia(
-            A, b, possible_reference(shape), mass=mass, options=PseudoInertiaOptions(mass_sd=best)
-        )
-        advance(1)
     chosen = f"identified, {first}" if options.method == "points" else CONIC
     found = {name: solved[name].parameters for name in dict.fromkeys((chosen, *solved))}
     found |= {SHAPE: shape, GENERIC: inertial_parameters(generic)}
     floor = tried[best]
-    fit = fit_base(
-        generic, used, base, BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
-    )
     return Identification(
         model=with_inertial_parameters(model, found[chosen]),
         chosen=chosen,
         parameters=MappingProxyType({name: frozen_array(one) for name, one in found.items()}),
         residuals=MappingProxyType({name: parts.rms(one) for name, one in found.items()}),
-        held_out=tried[best],
+        held_out=floor,
         tried=MappingProxyType(tried),
         mass_sd=best,
         noise=noise,
-        base=fit,
+        base=fit_base(
+            generic, used, base, BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
+        ),
         points=points[first],
-        shares=shares_of_data(_thinned(points[first]), A, mass, best),
+        shares=shares_of_data(_thinned(points[first]), rows[0], mass, best),
         consistency=MappingProxyType(
             {name: _checked(model, one, points[first], inside) for name, one in found.items()}
         ),
@@ -217,6 +205,30 @@ def identify(
             *(note for one in recordings for note in one.notes),
         ),
     )
+
+
+def _solved(
+    points: Mapping[str, MassPoints],
+    rows: tuple[Array, Array],
+    mass: float,
+    mass_sd: float,
+    options: IdentificationOptions,
+    advance: Callable[[int], None],
+) -> dict[str, MassPointFit | PseudoInertiaFit]:
+    """The way asked for, and to compare the others, fitted to rows A x = b of unit noise; by name."""
+    first = next(iter(points))
+    solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
+    for name, one in points.items():
+        if options.compare or (name == first and options.method == "points"):
+            solved[f"identified, {name}"] = solve_mass_points(
+                one, *rows, mass=mass, options=MassPointOptions(mass_sd=mass_sd)
+            )
+            advance(1)
+    if options.compare or options.method == "pseudo-inertia":
+        shape = possible_reference(points[first].parameters(points[first].reference))
+        solved[CONIC] = solve_pseudo_inertia(*rows, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=mass_sd))
+        advance(1)
+    return solved
 
 
 def _no_gain(held_out: Array, generic: Array) -> tuple[str, ...]:

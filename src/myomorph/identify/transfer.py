@@ -23,7 +23,7 @@ from myomorph.identify.center_fit import (
 )
 from myomorph.identify.mass_map import frames_in_ground, ground_pseudo_inertias, parameters_of, spread, spread_mass
 from myomorph.identify.points import Links, links_of
-from myomorph.identify.regions import Region, center_places, centers_of, regions_of
+from myomorph.identify.regions import Center, Region, center_places, centers_of, regions_of
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Marker, Model
@@ -143,30 +143,17 @@ def transfer(
     options = options or TransferOptions()
     regions = regions_of(lower, options.lower_segments), regions_of(higher, options.higher_segments)
     centers = centers_of(lower, regions[0]), centers_of(higher, regions[1])
-    shared = tuple(key for key in centers[0] if key in centers[1])
-    if len(shared) < FEWEST_CENTERS:
-        raise BadData(
-            f"models '{lower.name}' and '{higher.name}' have only {len(shared)} joint centers in common "
-            f"({', '.join(shared) or 'none'}): expected at least {FEWEST_CENTERS}"
-        )
+    shared = _shared_centers(lower, higher, centers)
     lower_pose = first_frame(pose, lower)
     rotation = between_grounds(lower, higher, lower_pose, centers, shared)
     lower_centers = {key: centers[0][key] for key in shared}
     targets = {key: rotation @ place for key, place in center_places(lower, lower_centers, lower_pose).items()}
     cues = hinge_cues(lower, higher, lower_pose, centers, shared, rotation)
 
-    bare = skeleton(higher)
-    fit = CenterFit(bare, regions[1], {key: centers[1][key] for key in shared}, targets, cues)
+    fit = CenterFit(skeleton(higher), regions[1], {key: centers[1][key] for key in shared}, targets, cues)
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
-    lengths = None
-    if path_lengths is not None and higher.muscles:
-        before = path_lengths(higher)
-
-        def lengths(model: Model) -> Array:
-            return before if model is shifted else path_lengths(model)
-
-    model = scale(shifted, factors, path_lengths=lengths)
+    model = _stretched(higher, shifted, factors, path_lengths)
     model, masses = _with_masses(lower, model, lower_pose, higher_pose, regions, rotation)
     markers, notes = _markers(lower, model, lower_pose, higher_pose, regions, rotation, options)
     model = replace(model, markers=markers)
@@ -190,6 +177,29 @@ def transfer(
         tuple(apart),
         tuple(notes),
     )
+
+
+def _shared_centers(
+    lower: Model, higher: Model, centers: tuple[Mapping[str, Center], Mapping[str, Center]]
+) -> tuple[str, ...]:
+    """Joint centers that both models have."""
+    shared = tuple(key for key in centers[0] if key in centers[1])
+    if len(shared) < FEWEST_CENTERS:
+        raise BadData(
+            f"models '{lower.name}' and '{higher.name}' have only {len(shared)} joint centers in common "
+            f"({', '.join(shared) or 'none'}): expected at least {FEWEST_CENTERS}"
+        )
+    return shared
+
+
+def _stretched(
+    given: Model, shifted: Model, factors: Mapping[str, Array], path_lengths: Callable[[Model], Array] | None
+) -> Model:
+    """The model with its joints shifted, scaled; muscles keep the ratios they have in the model as given."""
+    if path_lengths is None or not given.muscles:
+        return scale(shifted, factors)
+    before = path_lengths(given)
+    return scale(shifted, factors, path_lengths=lambda model: before if model is shifted else path_lengths(model))
 
 
 def _with_masses(
