@@ -12,7 +12,7 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.body_view import BodyView
 from myomorph.report.image import level_color
-from myomorph.report.web_page import DEEPER, MARKER, Links, add_floor, open_server, quiet, view_from
+from myomorph.report.web_page import DEEPER, MARKER, Links, add_floor, add_lights, open_server, quiet, view_from
 
 
 class WebViewer:
@@ -39,6 +39,7 @@ class WebViewer:
         self.port = int(self._server.get_port())
         page = self._server.scene
         page.set_up_direction(tuple(float(one) for one in scene.up))
+        add_lights(page, scene)
         # All that is seen hangs on one frame, which moves back as the subject moves on.
         self._around = page.add_frame("/around", show_axes=False)
         self._start = np.array(scene.origins[0, 1])

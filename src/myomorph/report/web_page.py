@@ -51,9 +51,7 @@ def open_server(port: int | None, title: str) -> Any:
             try:
                 probe.bind((HOST, port))
             except OSError as error:
-                raise BadData(
-                    f"port {port} cannot be used ({error.strerror or error}): name another one, or none for a free one"
-                ) from None
+                raise BadData(f"port {port} cannot be used ({error.strerror or error}): name another") from None
     with quiet():
         server = viser.ViserServer(host=HOST, port=port or 0, label=title, verbose=False)
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
