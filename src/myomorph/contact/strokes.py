@@ -20,6 +20,7 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array, frozen_array
+from myomorph.motion.filters import lowpass
 from myomorph.rigid.forward import forward_accelerations, gathered
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -262,13 +263,20 @@ def blows_from_sound(
 
 
 def blow_wrenches(
-    blows: Sequence[Blow], model: Model, motion: Motion, sites: Sequence[Site], duration: float = 0.008
+    blows: Sequence[Blow],
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    duration: float = 0.008,
+    cutoff: float | None = None,
 ) -> Wrenches:
     """Blows as external loads at the motion's times, one for each site that was struck.
 
     Parameters
     ----------
     duration : of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can carry
+    cutoff : low-pass that the motion went through [Hz]: its accelerations are spread over a blow, and so must the
+        force be that balances them; None for none
 
     Raises
     ------
@@ -286,6 +294,8 @@ def blow_wrenches(
         for blow in blows:
             if blow.site == name:
                 forces[:, s] += pulse(motion.time, blow.time, blow.impulse, duration)[:, None] * blow.direction
+    if cutoff is not None and struck:
+        forces = lowpass(forces, motion.rate, cutoff)
     bodies = tuple(by_name[name].body for name in struck)
     return Wrenches(motion.time, struck, bodies, forces, points, np.zeros_like(forces))
 
