@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from myomorph.rigid.vectors import inner
 from myomorph.tension.cholesky import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
@@ -32,7 +33,7 @@ SLACKS = (1e-16, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-15)
 """Slack per multiplier, relative to the row's stiffness: first try, then from large to small."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _pulled(w, p, target, near, pull, x, s):
     """Zero of p w |v - target|^(p - 1) sign + 2 pull (v - near) - s, which lies between `near` and x."""
     low, high = min(near, x), max(near, x)
@@ -52,7 +53,7 @@ def _pulled(w, p, target, near, pull, x, s):
     return v
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _bent(w, p, low, high, pull, target, s):
     """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose exponent is not 2."""
     if p == 2.0:
@@ -74,7 +75,7 @@ def _bent(w, p, low, high, pull, target, s):
     return x, slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _response(w, p, least, greatest, low, high, pull, target, s):
     """Value x at the reduced multiplier s, and dx/ds there (0 on a bound).
 
@@ -91,7 +92,7 @@ def _response(w, p, least, greatest, low, high, pull, target, s):
     return x, slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _assemble(S, values, slope, slack, M):
     """M = A diag(slope) A^T + diag(slack), inside its envelope."""
     n = M.shape[0]
@@ -111,21 +112,24 @@ def _assemble(S, values, slope, slack, M):
                 M[row, S.row[b]] += left * values[b]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _ascent(S, targets, well, s, ds, t, constant, linear):
     """Slope of the dual along a direction at step t; it never grows with t."""
+    # Taken out of the loop: fetched inside it, each would be counted as a new reference.
+    weight, exponent, lower, upper = S.weight, S.exponent, S.lower, S.upper
+    low, high, pull = well[0], well[1], well[2]
     total = constant - t * linear
     for i in range(s.shape[0]):
         if ds[i] != 0.0:
             total -= (
                 _response(
-                    S.weight[i],
-                    S.exponent[i],
-                    S.lower[i],
-                    S.upper[i],
-                    well[0, i],
-                    well[1, i],
-                    well[2, i],
+                    weight[i],
+                    exponent[i],
+                    lower[i],
+                    upper[i],
+                    low[i],
+                    high[i],
+                    pull[i],
                     targets[i],
                     s[i] + t * ds[i],
                 )[0]
@@ -134,7 +138,7 @@ def _ascent(S, targets, well, s, ds, t, constant, linear):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _step(S, targets, well, s, ds, constant, linear):
     """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
     t, low, high, enough = 0.0, 0.0, np.inf, 0.0
@@ -156,7 +160,7 @@ def _step(S, targets, well, s, ds, constant, linear):
     return t
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _free_stiffness(S, values, slope, diagonal):
     """Diagonal of A D A^T with no variable on a bound, at |x| = 1; `slope` gets that D."""
     for j in range(diagonal.shape[0]):
@@ -168,7 +172,7 @@ def _free_stiffness(S, values, slope, diagonal):
             diagonal[S.row[a]] += slope[i] * values[a] * values[a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
 
@@ -181,6 +185,8 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
     n, variables = b.shape[0], x.shape[0]
     slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
     slack, floor, residual, z = by_row[0], by_row[1], by_row[2], by_row[3]
+    weight, exponent, lower, upper = S.weight, S.exponent, S.lower, S.upper
+    low, high, pull = well[0], well[1], well[2]
     _free_stiffness(S, A, slope, slack)
     scale = 1.0
     for j in range(n):
@@ -196,9 +202,7 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
         for j in range(n):
             residual[j] = b[j]
         for i in range(variables):
-            x[i], d = _response(
-                S.weight[i], S.exponent[i], S.lower[i], S.upper[i], well[0, i], well[1, i], well[2, i], targets[i], s[i]
-            )
+            x[i], d = _response(weight[i], exponent[i], lower[i], upper[i], low[i], high[i], pull[i], targets[i], s[i])
             # The very first step of a cold start is that of the problem without bounds.
             if iteration > 0 or not cold:
                 slope[i] = d
@@ -230,14 +234,16 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
             s[i] += t * ds[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M):
     """One frame from the multipliers y: imbalance, iterations and status; x and y are filled.
 
     A frame that the plain iteration does not settle is solved again with a large slack that then
     shrinks; where no slack can be small, the frame is infeasible and x misses the balance least.
     """
-    unknown, scale, cold = 0.0, 1.0, True
+    unknown, scale = 0.0, 1.0
+    # Not the literal True, for which `_newton` would be compiled a second time.
+    cold = unknown == 0.0
     for k in range(A.shape[0]):
         unknown += A[k] - A[k]
     for i in range(x.shape[0]):
@@ -288,7 +294,7 @@ def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M)
     return worst, steps, INFEASIBLE if stuck else STALLED
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _drawn(S, links, frame, status, wells, well):
     """Well of a frame: its own, and for linked variables the amounts that the frames beside it have."""
     for i in range(well.shape[1]):
