@@ -19,13 +19,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from myomorph.model.errors import BadModel
-from myomorph.model.model import Actuator, index_of
+from myomorph.model.model import Actuator, Model, index_of
 from myomorph.model.spatial import Array
 from myomorph.muscles.path import Paths
 from myomorph.rigid.coordinates import evaluate
 from myomorph.rigid.loops import LoopBasis
 from myomorph.rigid.tree import Tree
 from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
+from myomorph.tension.contact_columns import ContactColumns
 from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.separable import Pattern, pattern
 
@@ -112,52 +113,27 @@ def assemble(
     """
     tree = paths.tree
     model = tree.model
-    names = model.coordinate_names
     by_loops = np.zeros(0, np.int64) if basis is None else basis.dependent
-    rows = tuple(
-        one for one in free_coordinates(model) if names.index(one) not in by_loops and (only is None or one in only)
-    )
-    if not rows:
-        raise BadModel(f"model '{model.name}' has no free coordinate: all are locked, prescribed or driven")
-    row_of = np.full(len(names), -1, np.int64)
-    row_of[[names.index(one) for one in rows]] = np.arange(len(rows))
-    on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
-    on_coordinates = [i for i, one in enumerate(actuators) if one.kind == "coordinate"]
-    bodies = compile_body_actuators(tree, [actuators[i] for i in on_bodies])
-    muscles = len(model.muscles)
+    rows, row_of = _rows(model, by_loops, only)
+    on_bodies = [one for one in actuators if one.kind != "coordinate"]
+    bodies = compile_body_actuators(tree, on_bodies)
     reach = _reach(tree, basis)
     # Moment arms about a coordinate already hold what reaches the muscle through couplers.
     sources = [
         (int(m), int(j), reach[j] if free else [])
         for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arm_free, strict=True)
     ]
-    touched = [
-        (muscles + i, int(j))
-        for k, i in enumerate(on_bodies)
-        for j in bodies.coordinate[bodies.start[k] : bodies.start[k + 1]]
-    ]
-    touched += [(muscles + i, index_of("coordinate", actuators[i].coordinate, names)) for i in on_coordinates]
-    variables, extra = muscles + len(actuators), np.zeros((2, 0), np.int64)
-    extra_rows = 0
+    touched = _touched_by_actuators(model, actuators, bodies)
+    variables, extra_rows, extra = len(model.muscles) + len(actuators), 0, np.zeros((2, 0), np.int64)
     if contacts is not None:
-        edge_of = np.repeat(np.arange(len(contacts.columns)), np.diff(contacts.columns.arrays.first))
-        columns_ = zip(edge_of, contacts.columns.arrays.coordinate, strict=True)
-        touched += [(variables + int(g), int(j)) for g, j in columns_]
+        touched += _touched_by_edges(contacts.columns, variables)
+        extra = _extra_entries(contacts, len(rows), variables)
         extra_rows = len(contacts.extra)
-        own = np.arange(extra_rows)
-        last = variables + len(contacts.columns)
-        extra = np.hstack(
-            [
-                [len(rows) + contacts.extra.row, variables + contacts.extra.edge],
-                [len(rows) + own, last + own],
-            ]
-        )
-        variables = last + extra_rows
+        variables += len(contacts.columns) + extra_rows
     sources += [(variable, j, reach[j]) for variable, j in touched]
     table, places = _linked(sources, row_of)
-    filled = len(places[0])
-    places = np.hstack([places, extra])
-    shape = pattern(places[0], places[1], (len(rows) + extra_rows, variables))
+    row, column = np.hstack([places, extra])
+    shape = pattern(row, column, (len(rows) + extra_rows, variables))
     table[:, 4] = shape.place[table[:, 4]]
     rank = np.argsort(shape.order)
     driven = np.concatenate([tree.arrays.coupler_coordinate, by_loops])
@@ -170,10 +146,59 @@ def assemble(
         ),
         pattern=shape,
         bodies=bodies,
-        coordinate_actuators=len(on_coordinates),
+        coordinate_actuators=len(actuators) - len(on_bodies),
         optimal_forces=np.array([one.optimal_force for one in actuators], dtype=np.float64),
-        extra_place=shape.place[filled:],
+        extra_place=shape.place[places.shape[1] :],
         extra_row=rank[len(rows) :],
+    )
+
+
+def _rows(
+    model: Model, by_loops: NDArray[np.int64], only: Collection[str] | None
+) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """Names of the coordinates whose equations are kept, and the row (coordinates,) of each, -1 for none."""
+    names = model.coordinate_names
+    rows = tuple(
+        one for one in free_coordinates(model) if names.index(one) not in by_loops and (only is None or one in only)
+    )
+    if not rows:
+        raise BadModel(f"model '{model.name}' has no free coordinate: all are locked, prescribed or driven")
+    row_of = np.full(len(names), -1, np.int64)
+    row_of[[names.index(one) for one in rows]] = np.arange(len(rows))
+    return rows, row_of
+
+
+def _touched_by_actuators(model: Model, actuators: Sequence[Actuator], bodies: BodyActuators) -> list[tuple[int, int]]:
+    """(variable, coordinate) of what actuators act on, first those on bodies."""
+    first, names = len(model.muscles), model.coordinate_names
+    on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
+    touched = [
+        (first + i, int(j))
+        for k, i in enumerate(on_bodies)
+        for j in bodies.coordinate[bodies.start[k] : bodies.start[k + 1]]
+    ]
+    touched += [
+        (first + i, index_of("coordinate", one.coordinate, names))
+        for i, one in enumerate(actuators)
+        if one.kind == "coordinate"
+    ]
+    return touched
+
+
+def _touched_by_edges(edges: ContactColumns, first: int) -> list[tuple[int, int]]:
+    """(variable, coordinate) of what the edges of contacts act on, the first of which is variable `first`."""
+    numbers = np.repeat(np.arange(len(edges)), np.diff(edges.arrays.first))
+    return [(first + int(g), int(j)) for g, j in zip(numbers, edges.arrays.coordinate, strict=True)]
+
+
+def _extra_entries(contacts: ContactTerms, first_row: int, first_edge: int) -> NDArray[np.int64]:
+    """Row and column (2, entries) of the rows that contacts add: their edges, then each row's own variable."""
+    own = np.arange(len(contacts.extra))
+    return np.hstack(
+        [
+            [first_row + contacts.extra.row, first_edge + contacts.extra.edge],
+            [first_row + own, first_edge + len(contacts.columns) + own],
+        ]
     )
 
 
