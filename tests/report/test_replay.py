@@ -254,6 +254,11 @@ def test_two_people_in_one_model_have_a_center_and_a_color_each() -> None:
     assert body.at(30).middle == pytest.approx(centers.mean(axis=0))
     alone = PlayedBody(ReportInput("anna", model=one, motion=motion(one)))
     assert body.size == pytest.approx(alone.size, rel=0.1), "thickness is that of one person"
+    pushed = replace(body.given, wrenches=steps(moved.time, one.mass * GRAVITY))
+    ends, own = PlayedBody(pushed).at(60).measured, PlayedBody(replace(alone.given, wrenches=pushed.wrenches))
+    assert np.linalg.norm(np.diff(ends[0], axis=0)) == pytest.approx(
+        np.linalg.norm(np.diff(own.at(60).measured[0], axis=0)), rel=0.1
+    ), "a body weight is that of one person"
     chart = charts.center_chart(body)
     assert chart is not None
     assert [one.label for one in chart.curves] == [f"{who} {way}" for who in ("anna", "bo") for way in WAYS]

@@ -164,6 +164,9 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     wait(lambda: len(page.panel.found(0)) == 2, 10, "both parts of the muscle")
     assert {body.muscles[m] for m in page.panel.found(0)} == {"glmax1_l", "glmax2_l"}
     focus(browser, "Find")
+    browser.type("nobody")
+    browser.until("document.body.innerText.includes(\"no muscle is called 'nobody'\")")
+    focus(browser, "Find")
     browser.press("Backspace")
     wait(lambda: not page.panel.found(0), 10, "no muscle")
     same_again(browser, before)

@@ -136,11 +136,12 @@ class PlayedBody:
         self._paths = compile_paths(model)
         self._muscles = _Muscles(model, given, motion.time)
         self._markers = _Markers(model, given, motion.time, self._tree.body_index)
-        self._measured = _Arrows(given.wrenches, motion.time, self.scene.weight, self.size)
-        estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
-        self._estimated = _Arrows(estimated, motion.time, self.scene.weight, self.size)
         self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
         self.centers: Array = np.stack([one.values for one in centroids(model, motion, self.subjects)], axis=1)
+        weight = self.scene.weight * self._heaviest
+        self._measured = _Arrows(given.wrenches, motion.time, weight, self.size)
+        estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
+        self._estimated = _Arrows(estimated, motion.time, weight, self.size)
 
     @property
     def time(self) -> Array:
@@ -167,6 +168,12 @@ class PlayedBody:
     def tensions(self) -> Array:
         """(frames, muscles) [N], NaN where unknown."""
         return self._muscles.tensions
+
+    @property
+    def _heaviest(self) -> float:
+        """Share of the heaviest subject in the mass of all, by whose weight arrows are drawn."""
+        masses = [sum(self.model.body(name).mass for name in one.bodies) for one in self.subjects]
+        return max(masses) / self.model.mass if self.model.mass > 0.0 else 1.0
 
     @property
     def travelled(self) -> float:

@@ -39,7 +39,7 @@ class Panel:
         self._replay, self._server, self._gui = replay, server, server.gui
         self._indices = [MuscleIndex(one.muscles, [who.prefix for who in one.subjects]) for one in replay.bodies]
         self._found: list[tuple[int, ...]] = [()] * len(replay.bodies)
-        self._subject = 0
+        self._subject, self._missed = 0, ""
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(WIDTH)
         self._add_time()
@@ -73,6 +73,7 @@ class Panel:
         """Muscles of the chosen body whose names hold a text; they stand out until the text is gone."""
         index = self._indices[self._subject]
         names = index.matches(text)
+        self._missed = text.strip() if not names else ""
         self._muscle.options = (ALL, *(names or index.names))
         self._stand_out(names)
         return names
@@ -208,7 +209,7 @@ class Panel:
     def _numbers_text(self, frame: int) -> str:
         body, found = self._replay.bodies[self._subject], self._found[self._subject]
         if not found:
-            return ""
+            return f"no muscle is called '{_plain(self._missed)}'" if self._missed else ""
         if body.given.tension is None:
             return ", ".join(_plain(body.muscles[m]) for m in found[:MOST_ROWS])
         rows = ["| | activation | tension |", "|---|---|---|"]
