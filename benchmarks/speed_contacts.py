@@ -181,7 +181,7 @@ def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, obj
     """Milliseconds a frame on one core: ours and maintained solvers, same frames, alternating."""
     torques = inverse_dynamics(case.model, case.motion)
     problem, _ = tension_problem(case.model, case.motion, torques, case.options, contacts=case.task)
-    keep = np.unique(np.linspace(0, len(case.motion) - 1, case.compared).astype(int))
+    keep = (len(case.motion) - case.compared) // 2 + np.arange(case.compared)
     frames = quadratic(problem, problem.balance(0, len(case.motion)), keep)
     solvers: dict[str, Callable[[], np.ndarray]] = {
         "ours, warm": lambda: by_dual(frames, True),

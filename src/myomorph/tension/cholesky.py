@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from myomorph.rigid.vectors import inner
+
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def factorize(M, first, floor):
@@ -22,7 +24,7 @@ def factorize(M, first, floor):
         M[i, i] = np.sqrt(max(total, floor[i]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def back_substitute(M, first, z):
     """Solve with the factor M, in place of z."""
     n = M.shape[0]
