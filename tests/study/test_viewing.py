@@ -121,6 +121,22 @@ def test_a_model_that_is_gone_is_told(write: Write, arm: SimpleNamespace, capfd:
     assert told.count("\n") == 1
 
 
+def test_results_are_shown_from_any_folder(
+    arm: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the model was named relative to the folder that the command ran in."""
+    monkeypatch.chdir(arm.folder)
+    assert main(["muscles", "--model", arm.model.name, "--motion", arm.motion.name, "--out", "out"]) == 0
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    (opened,) = recordings(arm.folder / "out").values()
+    assert PlayedBody(opened()).muscles == read_osim(arm.model).muscle_names
+    arm.model.write_text(arm.model.read_text().replace("0.12", "0.13"))
+    with pytest.raises(BadFile, match="has changed"):
+        opened()
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends Ctrl-C as a signal")
 def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
     path = write(f"walk{STORED}", "walk")

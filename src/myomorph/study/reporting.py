@@ -154,11 +154,15 @@ def _source_model(source: Source, found: Stored) -> Model:
         from myomorph.study.demo import demo_model
 
         return demo_model(source.name.removeprefix("demo:"))
-    if not Path(source.name).is_file():
-        raise BadFile(source.name, "is gone, but the report needs the model", f"{found.path} was made with it")
-    if file_source("model", source.name).sha256 != source.sha256:
-        raise BadFile(source.name, "has changed since the results were made", "run the steps again")
-    return open_model(source.name)
+    # A name that was given relative to a folder is looked for from the results upwards too.
+    places = dict.fromkeys([Path(source.name), *(one / source.name for one in found.path.resolve().parents)])
+    there = [one for one in places if one.is_file()]
+    if not there:
+        raise BadFile(source.name, "is gone, but the model is needed", f"{found.path} was made with it")
+    same = next((one for one in there if file_source("model", one).sha256 == source.sha256), None)
+    if same is None:
+        raise BadFile(there[0], "has changed since the results were made", "run the steps again")
+    return open_model(same)
 
 
 def report_input(found: Stored, model: Model) -> ReportInput:
