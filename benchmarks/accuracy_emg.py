@@ -15,7 +15,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.motion.emg_delay import find_delays, shifted
+from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
 from myomorph.motion.envelope import EnvelopeOptions, envelopes
 from myomorph.motion.filters import differentiate, lowpass
@@ -110,7 +110,8 @@ def overground(folder: Path, side: str = "r") -> Walk:
     emg = envelopes(raw_emg(at / "raw/emg_walk_raw.anc"))
     span = (0.5, 1.75)
     torques = inverse_dynamics(model, motion, resample_wrenches(read_external_loads(at / "grf_walk.xml"), motion.time))
-    return Walk("rajagopal-walk-emg", model, motion, torques, emg, channels, span, span, 5)
+    name = "rajagopal-walk-emg" if side == "r" else "rajagopal-walk-emg, on the left leg"
+    return Walk(name, model, motion, torques, emg, channels, span, span, 5)
 
 
 def loaded(folder: Path) -> Walk:
@@ -235,30 +236,35 @@ def measure_channels(folder: Path) -> Iterator[dict[str, object]]:
 
 def measure_calibration(folder: Path) -> Iterator[dict[str, object]]:
     """Delays and gains by two halves of each walk."""
-    for make in WALKS:
-        walk = make(folder)
+    for walk in (*(make(folder) for make in WALKS), overground(folder, "l")):
         halves = [_calibrated(walk, span) for span in (walk.calibrated, walk.tested)]
-        (delay, interval, first), (again, other, second) = halves
+        (delays, first), (others, second) = halves
+        delay, again = (_with_interval(one) for one in (delays, others))
         apart = np.abs(first.gains - second.gains) / np.maximum(0.5 * (first.gains + second.gains), 1e-9)
         same = walk.calibrated == walk.tested
         yield {
             "walk": walk.name,
-            "delay [ms]": f"{1e3 * delay:.0f} ({1e3 * interval[0]:.0f} to {1e3 * interval[1]:.0f})",
-            "on other frames [ms]": "" if same else f"{1e3 * again:.0f} ({1e3 * other[0]:.0f} to {1e3 * other[1]:.0f})",
+            "correlation without EMG, mean": float(np.nanmean(delays.correlation)),
+            "delay [ms]": delay,
+            "on other frames [ms]": "" if same else again,
             "gains, least ... most": f"{first.gains.min():.2f} ... {first.gains.max():.2f}",
             "gains on other frames apart, median": "" if same else f"{np.median(apart):.1%}",
             "largest": "" if same else f"{apart.max():.1%}",
         }
 
 
-def _calibrated(walk: Walk, span: tuple[float, float]) -> tuple[float, Array, EmgCalibration]:
+def _with_interval(delays: Delays) -> str:
+    low, high = 1e3 * delays.interval[0]
+    return f"{1e3 * delays.seconds[0]:.0f} ({low:.0f} to {high:.0f})" + ("" if delays.found.all() else ", not found")
+
+
+def _calibrated(walk: Walk, span: tuple[float, float]) -> tuple[Delays, EmgCalibration]:
     motion, torques = walk.part(span)
     alone = solve_tension(walk.model, motion, torques)
     told = Emg(walk.emg.time, tuple(walk.channels), np.array([walk.emg[name] for name in walk.channels]).T)
     means = channel_means(walk.channels, alone.muscles, alone.activations)
     delays = find_delays([(told, Series(motion.time, told.names, means))])
-    calibration = calibrate_emg(walk.model, [EmgTrial(motion, torques, walk.emg)], walk.channels)
-    return float(delays.seconds[0]), delays.interval[0], calibration
+    return delays, calibrate_emg(walk.model, [EmgTrial(motion, torques, walk.emg)], walk.channels)
 
 
 def measure_study(folder: Path) -> Iterator[dict[str, object]]:
