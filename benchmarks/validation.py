@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import time
 from collections.abc import Callable, Iterable
+from multiprocessing import get_context
 from pathlib import Path
+from types import CodeType
 
 from benchmarks import (
     accuracy_calibration,
@@ -47,9 +51,45 @@ Row = dict[str, object]
 
 
 def run() -> list[Row]:
-    """Measure every section, write the document, and return all rows."""
+    """Measure every section, write the document, and return all rows.
+
+    Sections of one module share what they simulate, so they run in one process; modules run side by side.
+    """
+    names = list(sections())
+    by_module: dict[str, list[str]] = {}
+    for name, measure in sections().items():
+        by_module.setdefault(_module(measure), []).append(name)
+    found: dict[str, list[Row]] = {}
+    # Each in a fresh process: OpenSim's module and ezc3d's do not get on.
+    with get_context("spawn").Pool(os.cpu_count() or 2, maxtasksperchild=1) as pool:
+        for part, seconds in pool.imap_unordered(measured, by_module.values(), chunksize=1):
+            found |= part
+            print(f"{len(found)} of {len(names)} sections; {', '.join(part)}: {seconds:.0f} s", flush=True)
+    document = (TEXT / "head.md").read_text()
+    for name in names:
+        document += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + as_table(found[name])
+    DOCUMENT.write_text(document)
+    return [{"section": name, **row} for name in names for row in found[name]]
+
+
+def measured(names: list[str]) -> tuple[dict[str, list[Row]], float]:
+    """Rows of some sections by their names, and how long they took [s]."""
+    started = time.monotonic()
+    known = sections()
+    return {name: list(known[name]()) for name in names}, time.monotonic() - started
+
+
+def _module(measure: Callable[[], Iterable[Row]]) -> str:
+    """The module whose function a section calls."""
+    inside = [one for one in measure.__code__.co_consts if isinstance(one, CodeType)]
+    names = [name for code in (measure.__code__, *inside) for name in code.co_names]
+    return next((name for name in names if name.startswith("accuracy_")), measure.__module__.split(".")[-1])
+
+
+def sections() -> dict[str, Callable[[], Iterable[Row]]]:
+    """What is measured, by the name of its text, in the order of the document."""
     folder = data_folder()
-    sections: dict[str, Callable[[], Iterable[Row]]] = {
+    return {
         "models": lambda: accuracy_models.measure(folder),
         "kernels": accuracy_kernels.measure,
         "curved_knees": lambda: accuracy_kernels.measure_curved_knee(folder),
@@ -142,14 +182,6 @@ def run() -> list[Row]:
         "certificates_programs": lambda: accuracy_certificates.measure_programs(folder),
         "certificates_faults": lambda: accuracy_certificates.measure_faults(folder),
     }
-    document = (TEXT / "head.md").read_text()
-    rows: list[Row] = []
-    for name, measure in sections.items():
-        found = list(measure())
-        rows += [{"section": name, **row} for row in found]
-        document += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + as_table(found)
-    DOCUMENT.write_text(document)
-    return rows
 
 
 def as_table(rows: list[Row]) -> str:
