@@ -45,8 +45,9 @@ BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
 
 MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
 MOST_LABELS = 6
-DETAIL, MOST_TRIANGLES = 0.003, 60_000
-"""Smallest detail of bones that is kept, as a share of the body's size, and triangles at most."""
+DETAIL, MOST_TRIANGLES, SIMPLE = 0.003, 60_000, 300
+"""Smallest detail of bones that is kept, as a share of the body's size; triangles at most; triangles of shapes that keep
+every edge."""
 
 
 class ShownBody:
@@ -64,11 +65,14 @@ class ShownBody:
         self.node = page.add_frame(root, show_axes=False)
         scene = body.scene
         first = body.at(int(np.flatnonzero(body.known)[0]))
-        surfaces = [coarser(one.surface, DETAIL * scene.size) for one in scene.solids]
-        surfaces = reduced(surfaces, scene.size, MOST_TRIANGLES)
+        size = body.size
+        surfaces = [
+            one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * size)
+            for one in scene.solids
+        ]
+        surfaces = reduced(surfaces, size, MOST_TRIANGLES)
         solids = [Solid(one.body, surface) for one, surface in zip(scene.solids, surfaces, strict=True)]
         self._links = Links(page, root, solids, self._bone_colors(number))
-        size = body.size
         self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
