@@ -253,46 +253,7 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
         E = eliminated[frame * size : (frame + 1) * size]
         E[:] = 0.0
         A[:] = 0.0
-        for m in range(markers):
-            seen = K.weight[m] > 0.0 and np.isfinite(y[m, 0] + y[m, 1] + y[m, 2])
-            square = 0.0
-            root = np.sqrt(K.weight[m]) if seen else 0.0
-            for i in range(3):
-                e = places[m, i] - y[m, i]
-                square += e * e
-                misfit[3 * m + i] = root * e if seen else 0.0
-            errors[frame, m] = np.sqrt(square)
-            for i in range(3 * m, 3 * m + 3):
-                for a in range(size):
-                    Jq[i, a] = root * by_coordinate[i, F[a]]
-                for a in range(lengths):
-                    by_length[i, a] *= root
-            if not seen:
-                continue
-            d, b = lengths + 3 * m, K.body[m]
-            for i in range(3):
-                row = 3 * m + i
-                for a in range(lengths):
-                    slope = by_length[row, a]
-                    g[a] += slope * misfit[row]
-                    for k in range(a + 1):
-                        H[a, k] += slope * by_length[row, k]
-                    for t in range(3):
-                        H[d + t, a] += slope * root * R[b, i, t]
-                for t in range(3):
-                    g[d + t] += root * R[b, i, t] * misfit[row]
-                H[d + i, d + i] += K.weight[m]
-                for a in range(size):
-                    slope = Jq[row, a]
-                    if slope == 0.0:
-                        continue
-                    for k in range(a + 1):
-                        A[a, k] += slope * Jq[row, k]
-                    for k in range(lengths):
-                        E[a, k] += slope * by_length[row, k]
-                    for t in range(3):
-                        E[a, d + t] += slope * root * R[b, i, t]
-                    E[a, shared] += slope * misfit[row]
+        add_markers(K, y, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors[frame])
         curvature, moved = 0.0, 0
         for a in range(size):
             if A[a, a] > 0.0:
@@ -313,18 +274,76 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
                     A[max(a, k), min(a, k)] = 0.0
                 A[a, a] = 1.0
                 E[a] = 0.0
-        for a in range(size):
-            for k in range(a + 1):
-                for j in range(k):
-                    A[a, k] -= A[a, j] * A[k, j]
-                A[a, k] = A[a, k] / A[k, k] if k < a else np.sqrt(max(A[a, a], 1e-300))
-            for k in range(a):
-                factor = A[a, k]
-                if factor != 0.0:
-                    for j in range(shared + 1):
-                        E[a, j] -= factor * E[k, j]
-            for j in range(shared + 1):
-                E[a, j] /= A[a, a]
+        eliminate(A, E)
+
+
+@in_place
+def add_markers(K, y, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
+    """Add what the markers seen in a frame say of its angles (A), of the shared unknowns (H, g) and of both (E).
+
+    Parameters
+    ----------
+    by_length : overwritten: rows times the root of the marker's weight
+    misfit, Jq : scratch (3 markers,), (3 markers, variables)
+    """
+    F, lengths, size, shared = K.free, by_length.shape[1], A.shape[0], E.shape[1] - 1
+    for m in range(places.shape[0]):
+        seen = K.weight[m] > 0.0 and np.isfinite(y[m, 0] + y[m, 1] + y[m, 2])
+        square = 0.0
+        root = np.sqrt(K.weight[m]) if seen else 0.0
+        for i in range(3):
+            e = places[m, i] - y[m, i]
+            square += e * e
+            misfit[3 * m + i] = root * e if seen else 0.0
+        errors[m] = np.sqrt(square)
+        for i in range(3 * m, 3 * m + 3):
+            for a in range(size):
+                Jq[i, a] = root * by_coordinate[i, F[a]]
+            for a in range(lengths):
+                by_length[i, a] *= root
+        if not seen:
+            continue
+        d, b = lengths + 3 * m, K.body[m]
+        for i in range(3):
+            row = 3 * m + i
+            for a in range(lengths):
+                slope = by_length[row, a]
+                g[a] += slope * misfit[row]
+                for k in range(a + 1):
+                    H[a, k] += slope * by_length[row, k]
+                for t in range(3):
+                    H[d + t, a] += slope * root * R[b, i, t]
+            for t in range(3):
+                g[d + t] += root * R[b, i, t] * misfit[row]
+            H[d + i, d + i] += K.weight[m]
+            for a in range(size):
+                slope = Jq[row, a]
+                if slope == 0.0:
+                    continue
+                for k in range(a + 1):
+                    A[a, k] += slope * Jq[row, k]
+                for k in range(lengths):
+                    E[a, k] += slope * by_length[row, k]
+                for t in range(3):
+                    E[a, d + t] += slope * root * R[b, i, t]
+                E[a, shared] += slope * misfit[row]
+
+
+@in_place
+def eliminate(A, E):
+    """Replace A by its factor L (lower triangle) and E by L^-1 E."""
+    for a in range(A.shape[0]):
+        for k in range(a + 1):
+            for j in range(k):
+                A[a, k] -= A[a, j] * A[k, j]
+            A[a, k] = A[a, k] / A[k, k] if k < a else np.sqrt(max(A[a, a], 1e-300))
+        for k in range(a):
+            factor = A[a, k]
+            if factor != 0.0:
+                for j in range(E.shape[1]):
+                    E[a, j] -= factor * E[k, j]
+        for j in range(E.shape[1]):
+            E[a, j] /= A[a, a]
 
 
 @in_place
