@@ -45,9 +45,11 @@ BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
 
 MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
 MOST_LABELS = 6
-DETAIL, MOST_TRIANGLES, SIMPLE = 0.003, 60_000, 300
-"""Smallest detail of bones that is kept, as a share of the body's size; triangles at most; triangles of shapes that keep
-every edge."""
+DETAIL = 0.003
+"""Smallest detail of bones that is kept, as a share of the body's size."""
+
+MOST_TRIANGLES, SIMPLE = 60_000, 300
+"""Triangles of all bones at most, and of shapes that keep all their edges."""
 
 
 class ShownBody:
