@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from myomorph.model.series import Event
+from myomorph.report.bars import bar_plot
 from myomorph.report.chart import (
     Limit,
     Line,
     Panel,
-    bar_plot,
     decimate,
     envelope,
     number,

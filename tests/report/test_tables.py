@@ -6,6 +6,7 @@ from walker import GRAVITY, Tension, fitted, model, motion
 
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.report import tables
+from myomorph.report.columns import compared
 
 
 def flat(time: np.ndarray, force: float) -> Wrenches:
@@ -111,6 +112,6 @@ def test_an_estimate_is_compared_where_both_are_known() -> None:
     time = np.linspace(0.0, 1.0, 101)
     truth = Series(time, ("a", "b"), np.stack([np.sin(6 * time), time], axis=1))
     estimate = Series(time[10:90], ("b", "a", "c"), np.stack([time + 0.5, np.sin(6 * time) * 1.0, time], axis=1)[10:90])
-    first, second = tables.compared(estimate, truth)
+    first, second = compared(estimate, truth)
     assert (first.name, first.rmse, first.correlation) == ("a", pytest.approx(0.0, abs=1e-12), pytest.approx(1.0))
     assert (second.name, second.rmse, second.worst) == ("b", pytest.approx(0.5), pytest.approx(0.5))

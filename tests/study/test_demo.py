@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.report.tables import compared
+from myomorph.report.columns import compared
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree

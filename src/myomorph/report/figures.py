@@ -10,7 +10,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.chart import Limit, Line, Panel, bar_plot, scaled_unit, time_plot
+from myomorph.report.bars import bar_plot
+from myomorph.report.chart import Limit, Line, Panel, scaled_unit, time_plot
 from myomorph.report.maps import floor_plot, heat_map
 from myomorph.report.phases import side_of
 from myomorph.report.selection import Pair, muscle_rows

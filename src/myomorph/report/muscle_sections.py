@@ -8,11 +8,12 @@ from myomorph.model.series import Series
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 from myomorph.report.chart import number
+from myomorph.report.columns import extremes
 from myomorph.report.figures import activation_panel, emg_panel, pair_panel, tension_map
 from myomorph.report.prepared import Prepared
 from myomorph.report.section import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.selection import Pair, major_muscles
-from myomorph.report.tables import extremes, few
+from myomorph.report.tables import few
 
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:

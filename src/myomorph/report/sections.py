@@ -7,6 +7,7 @@ import numpy as np
 from myomorph.model.series import Series
 from myomorph.report.analysis_section import analysis_sections
 from myomorph.report.chart import number
+from myomorph.report.columns import extremes
 from myomorph.report.figures import (
     centroid_figures,
     force_figures,
@@ -27,7 +28,7 @@ from myomorph.report.muscle_sections import (
 from myomorph.report.prepared import Prepared
 from myomorph.report.section import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.selection import coordinate_pairs
-from myomorph.report.tables import extremes, few, residuals
+from myomorph.report.tables import few, residuals
 from myomorph.report.truth import truth_section
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from myomorph.model.series import Series
 from myomorph.report.chart import number
+from myomorph.report.columns import Comparison, compared
 from myomorph.report.prepared import Prepared
 from myomorph.report.section import Grid, Section
-from myomorph.report.tables import Comparison, compared
 
 
 def truth_section(prepared: Prepared) -> Section | None:
