@@ -9,7 +9,7 @@ from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.study.contact_file import ContactPlan
-from myomorph.study.contact_step import set_contacts
+from myomorph.study.contact_step import Measurements, set_contacts
 from myomorph.tension.contacts import ContactOptions
 
 
@@ -26,7 +26,8 @@ def test_a_palm_on_a_box_that_rises():
         motions[name] = differentiate(Motion(time, parts[name].coordinate_names, values))
     site = Site("palm", "arm_body", np.zeros((1, 3)), Cone(direction=None), against="box_body")
     plan = ContactPlan(feet=False, sites=(site,))
-    setting = set_contacts(plan, join_models(parts), join_motions(motions), None, ContactOptions())
+    motion = join_motions(motions)
+    setting = set_contacts(plan, join_models(parts), motion, Measurements(motion), ContactOptions())
     (touch,) = setting.contacts.of("palm")
     assert touch.start == pytest.approx(0.5, abs=0.05)
     assert touch.stop == pytest.approx(time[-1])

@@ -41,34 +41,45 @@ class ContactSetting:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """What a recording tells of contacts beside the motion.
+
+    Attributes
+    ----------
+    wrenches : forces of plates on bodies, at the motion's times
+    plates, plate_time : the plates themselves, where their outlines are known, and the clock of their forces [s]
+    recorded : the motion before it was filtered
+    cutoff : of that filter [Hz]
+    """
+
+    recorded: Motion
+    wrenches: Wrenches | None = None
+    plates: Sequence[ForcePlate] = ()
+    plate_time: Array | None = None
+    cutoff: float | None = None
+
+
 def set_contacts(
-    plan: ContactPlan,
-    model: Model,
-    motion: Motion,
-    measured: Wrenches | None,
-    options: ContactOptions,
-    plates: Sequence[ForcePlate] = (),
-    plate_time: Array | None = None,
+    plan: ContactPlan, model: Model, motion: Motion, known: Measurements, options: ContactOptions
 ) -> ContactSetting:
     """Sites, touches and strengths of a motion, and what measured forces tell of them.
-
-    Parameters
-    ----------
-    measured : forces of plates on bodies, at the motion's times
-    plates, plate_time : the plates themselves, where their outlines are known, and the clock of their forces [s]
 
     Raises
     ------
     BadData
         where there is no site, or touches are told of a site that does not exist
     """
+    measured = known.wrenches
     feet = _soles(plan, model)
     seen = None if plan.measured == "hidden" else measured
     feet, floor = rest_on_floor(model, motion, feet, plate_height(model, seen)) if feet else (feet, None)
     sites = (*feet, *plan.sites)
     if not sites:
         raise BadData(f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}")
-    heard = None if plan.sound is None else heard_contacts(plan.sound, model, motion, sites)
+    heard = None
+    if plan.sound is not None:
+        heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
     height = None if floor is None else floor.height
     told = [one for one in (plan.told, None if heard is None else heard.contacts) if one is not None]
     raised = _raised(plan, told, model, motion, feet)
@@ -78,11 +89,7 @@ def set_contacts(
     ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
     if plan.measured == "exact" and measured is not None:
         ready = without_measured(model, ready, sites, measured)
-    shared: tuple[SharedWrench, ...] = ()
-    if plan.measured == "shared" and any(len(one.forces) for one in plates):
-        shared = shared_wrenches(model, motion, sites, contacts, plates, plate_time)
-    elif plan.measured == "shared" and measured is not None:
-        shared = shared_wrenches(model, motion, sites, contacts, measured)
+    shared = _shared(known, model, motion, sites, contacts) if plan.measured == "shared" else ()
     exact = measured if plan.measured == "exact" else None
     if heard is not None:
         # Their forces are known already.
@@ -91,6 +98,15 @@ def set_contacts(
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *doubts))
+
+
+def _shared(
+    known: Measurements, model: Model, motion: Motion, sites: tuple[Site, ...], contacts: Contacts
+) -> tuple[SharedWrench, ...]:
+    """What plates tell of the sites that stand on them; with their outlines where these are known."""
+    if any(len(one.forces) for one in known.plates):
+        return shared_wrenches(model, motion, sites, contacts, known.plates, known.plate_time)
+    return () if known.wrenches is None else shared_wrenches(model, motion, sites, contacts, known.wrenches)
 
 
 def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,6 +12,7 @@ from pydantic import Field
 
 from myomorph.contact.onsets import SoundOptions
 from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes, speed_of_sound
+from myomorph.contact.sound_clock import sound_clock
 from myomorph.contact.strokes import (
     Blow,
     blow_wrenches,
@@ -47,7 +48,7 @@ class SoundTable(Strict):
     """The table `[sound]` of a contact file."""
 
     file: str
-    start: float = 0.0
+    start: float | Literal["auto"] = 0.0
     celsius: float = 20.0
     impulse: Impulse = "known"
     pulse: float = Field(default=0.008, gt=0.0)
@@ -60,6 +61,7 @@ class SoundPlan:
     Attributes
     ----------
     speed : of sound [m/s]
+    find_clock : whether the motion of what strikes tells when the sound began
     known : instrument to (time [s], impulse [N s]) of strokes of known impulse
     directions : of the force on what strikes, by instrument, in ground; up where it is not named
     impulse : "known": from loudness, calibrated with the known strokes; "motion": effective mass of the site times its
@@ -70,6 +72,7 @@ class SoundPlan:
     sound: Sound
     instruments: tuple[Instrument, ...]
     speed: float
+    find_clock: bool
     known: Mapping[str, Sequence[tuple[float, float]]]
     directions: Mapping[str, Array]
     impulse: Impulse
@@ -112,9 +115,10 @@ def sound_plan(table: SoundTable, instruments: Sequence[InstrumentTable], path: 
                 "impulse = 'motion' to take effective mass times change of velocity"
             )
     return SoundPlan(
-        read_wav(path, table.start),
+        read_wav(path, 0.0 if isinstance(table.start, str) else table.start),
         tuple(Instrument(one.name, one.channel, one.distance, tuple(one.sites)) for one in instruments),
         speed_of_sound(table.celsius),
+        table.start == "auto",
         {one.name: [(float(time), float(impulse)) for time, impulse in one.known] for one in instruments},
         {one.name: up if one.direction is None else np.array(one.direction) for one in instruments},
         table.impulse,
@@ -122,8 +126,15 @@ def sound_plan(table: SoundTable, instruments: Sequence[InstrumentTable], path: 
     )
 
 
-def heard_contacts(plan: SoundPlan, model: Model, motion: Motion, sites: Sequence[Site]) -> Heard:
+def heard_contacts(
+    plan: SoundPlan, model: Model, motion: Motion, sites: Sequence[Site], recorded: Motion, cutoff: float | None
+) -> Heard:
     """Strokes during a motion, each at the site that struck.
+
+    Parameters
+    ----------
+    recorded : the motion before it was filtered: a filter takes most of a stroke's change of velocity away
+    cutoff : of that filter, which the forces go through too [Hz]
 
     Raises
     ------
@@ -132,20 +143,29 @@ def heard_contacts(plan: SoundPlan, model: Model, motion: Motion, sites: Sequenc
     BadData
         where sound and motion have no time in common, or no known stroke of an instrument was heard
     """
-    strokes = hear_strokes(plan.sound, plan.instruments, SoundOptions(speed=plan.speed), np.asarray(motion.time))
-    struck = striking_sites(strokes, model, motion, sites)
+    options = SoundOptions(speed=plan.speed)
+    sound = plan.sound
+    found: tuple[str, ...] = ()
+    if plan.find_clock:
+        clock = sound_clock(hear_strokes(sound, plan.instruments, options), model, recorded, sites)
+        sound = replace(sound, start=sound.start + clock.shift)
+        found = (
+            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.strokes} strokes tell "
+            f"({clock.ratio:.1f} times better than the next best time)",
+        )
+    strokes = hear_strokes(sound, plan.instruments, options, np.asarray(recorded.time))
+    struck = striking_sites(strokes, model, recorded, sites)
     own = tuple(dict.fromkeys(name for one in plan.instruments for name in one.sites))
     inside = Strokes(strokes.instruments, tuple(strokes.strokes[k] for k in struck), strokes.warnings)
     contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
     told: tuple[str, ...] = ()
     if plan.impulse == "motion":
-        blows = _blows_by_motion(plan, strokes, struck, model, motion, sites)
+        blows = _blows_by_motion(plan, strokes, struck, model, recorded, sites)
     else:
         laws = calibration_pairs(strokes, plan.known)
         blows, told = blows_from_sound(strokes, laws, struck, plan.directions)
-    warnings = (*contacts.warnings, *told)
-    forces = blow_wrenches(blows, model, motion, sites, plan.pulse)
-    return Heard(Contacts(contacts.sites, contacts.touches, warnings), forces, own)
+    forces = blow_wrenches(blows, model, motion, sites, plan.pulse, cutoff)
+    return Heard(Contacts(contacts.sites, contacts.touches, (*found, *contacts.warnings, *told)), forces, own)
 
 
 def _blows_by_motion(

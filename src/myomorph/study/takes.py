@@ -12,6 +12,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Motion, Trial
+from myomorph.model.spatial import Array
+from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.study import inputs
@@ -102,7 +104,11 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
         markers=trial.markers,
         events=trial.events,
         time=inputs.cut_to(files.time, trial.markers, files.markers),
-        warnings=(*take.warnings, *(f"{files.markers.name}: {text}" for text in trial.warnings)),
+        warnings=(
+            *take.warnings,
+            *(f"{files.markers.name}: {text}" for text in trial.warnings),
+            *_rate_doubts(take, trial.markers.time),
+        ),
     )
     if files.loads is None and files.plates:
         take = replace(take, loads=_plate_loads(trial, files))
@@ -119,11 +125,17 @@ def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]
     take = _common(files, settings, model)
     given = inputs.open_motion(files.motion, model)
     recorded, lacking = whole_motion(given, model)
-    warnings = take.warnings
+    warnings = (*take.warnings, *_rate_doubts(take, recorded.time))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     take = replace(take, time=inputs.cut_to(files.time, recorded, files.motion), warnings=warnings)
     return replace(take, real=_real(files, take)), recorded
+
+
+def _rate_doubts(take: Take, time: Array) -> tuple[str, ...]:
+    """Whether EMG lasts so much longer or shorter than the whole motion that its rate is probably wrong."""
+    told = "" if take.emg is None else rate_against(take.emg, time)
+    return (told,) if told else ()
 
 
 def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:

@@ -99,12 +99,14 @@ def _solve(
 
 
 def _setting(take: Take, found: Found) -> ContactSetting:
-    from myomorph.study.contact_step import set_contacts
+    from myomorph.study.contact_step import Measurements, set_contacts
 
     assert take.contacts is not None
     assert found.motion is not None
     options = take.contact_options or ContactOptions()
-    return set_contacts(take.contacts, take.model, found.motion, found.wrenches, options, take.plates, take.plate_time)
+    recorded = found.motion if found.recorded is None else found.recorded
+    known = Measurements(recorded, found.wrenches, take.plates, take.plate_time, take.derivatives.cutoff)
+    return set_contacts(take.contacts, take.model, found.motion, known, options)
 
 
 def _write_tension(
