@@ -48,7 +48,7 @@ from myomorph.muscles.path_chain import (
 )
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.kinematics import body_poses, couple
-from myomorph.rigid.vectors import inner
+from myomorph.rigid.vectors import in_place, inner
 
 COINCIDENT = 1e-14
 SLACK = 1e-5
@@ -148,33 +148,14 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
                     seen[i, 3] = 0.0
                 if wrap[begin, AFTER] >= 0:
                     count = tendon_nodes(
-                        wrap,
-                        side,
-                        surface,
-                        size,
-                        begin,
-                        end,
-                        first,
-                        R,
-                        p,
-                        x,
-                        node,
-                        seen,
-                        pose,
-                        rotation,
-                        rows,
-                        out,
+                        wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows, out,
                         count,
-                    )
+                    )  # fmt: skip
                 else:
                     count = wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
             lengths[f, m] = chain_length(x, node, count)
             if nodes.shape[1] > 0:
-                for n in range(count):
-                    for i in range(3):
-                        nodes[f, m, n, i] = x[n, i]
-                    arc = n > 0 and node[n, NODE_OBJECT] >= 0 and node[n, NODE_OBJECT] == node[n - 1, NODE_OBJECT]
-                    nodes[f, m, n, 3] = x[n, NODE_ARC] if arc else 0.0
+                _tell_nodes(x, node, count, nodes[f, m])
             begin, end = start[m, ARMS], start[m + 1, ARMS]
             for k in range(begin, end):
                 row[k] = 0.0
@@ -188,16 +169,32 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
                         pulls[f, b, i] = pull[b - start[m, BODIES], i]
             else:
                 _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
-            for q in range(start[m, FOLLOWS], start[m + 1, FOLLOWS]):
-                k, own = follow[q, 0], row[begin + follow[q, 1]]
-                for i in range(2):
-                    if follow[q, 2 + i] >= 0:
-                        row[begin + follow[q, 2 + i]] += slopes[k, i] * own
+            _hand_on(follow, slopes, start[m, FOLLOWS], start[m + 1, FOLLOWS], begin, row)
             speed = 0.0
             for k in range(begin, end):
                 if arm[k, 1] == 1:
                     speed -= row[k] * speeds[arm[k, 0]]
             velocities[f, m] = speed
+
+
+@in_place
+def _tell_nodes(x, node, count, told):
+    """Fill told (nodes, 4) with the places of a path's points, and the length of the arc that ends in each."""
+    for n in range(count):
+        for i in range(3):
+            told[n, i] = x[n, i]
+        arc = n > 0 and node[n, NODE_OBJECT] >= 0 and node[n, NODE_OBJECT] == node[n - 1, NODE_OBJECT]
+        told[n, 3] = x[n, NODE_ARC] if arc else 0.0
+
+
+@in_place
+def _hand_on(follow, slopes, start, stop, arm, arms):
+    """Add what reaches coordinates through those that follow them."""
+    for q in range(start, stop):
+        k, own = follow[q, 0], arms[arm + follow[q, 1]]
+        for i in range(2):
+            if follow[q, 2 + i] >= 0:
+                arms[arm + follow[q, 2 + i]] += slopes[k, i] * own
 
 
 @inner
