@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from myomorph.contact.site_motion import SiteMotion, floor_under, rest_on_floor, site_motion
-from myomorph.contact.sites import foot_sites
+from measured_walk import measured_walk
+from myomorph.contact.site_motion import SiteMotion, floor_under, site_motion
 from myomorph.contact.states import (
     ContactStateOptions,
     by_kinematics,
@@ -20,26 +20,16 @@ from myomorph.contact.states import (
     steady,
 )
 from myomorph.contact.strengths import StrengthOptions, fade, leans, strengths
-from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
-
-WALK = "rajagopal-walk-emg"
 
 
 @pytest.fixture(scope="module")
 def walk(data):
-    model = read_model(data(f"{WALK}/subject_walk_scaled.osim"))
-    whole = motion_from_table(read_sto(data(f"{WALK}/coordinates.sto")), model)
-    motion = differentiate(Motion(whole.time[::10], whole.names, whole.values[::10]), 6.0)
-    wrenches = resample_wrenches(read_external_loads(data(f"{WALK}/grf_walk.xml")), motion.time, 20.0)
-    sites, floor = rest_on_floor(model, motion, foot_sites(model), 0.0)
-    return model, motion, sites, wrenches, floor
+    one = measured_walk(data)
+    return one.model, one.motion, one.sites, resample_wrenches(one.loads, one.motion.time, 20.0), one.floor
 
 
 def test_contacts_of_a_walk_agree_with_plates(walk):

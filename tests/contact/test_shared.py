@@ -8,30 +8,21 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from measured_walk import measured_walk
 from myomorph.contact.shared import SharedOptions, assign_feet, misplaced_forces, shared_wrenches, without_measured
-from myomorph.contact.site_motion import rest_on_floor, site_motion
-from myomorph.contact.sites import foot_sites
+from myomorph.contact.site_motion import site_motion
 from myomorph.contact.states import find_contacts
 from myomorph.contact.strengths import strengths
-from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
-from myomorph.model.series import ForcePlate, Motion
-from myomorph.motion.filters import differentiate
+from myomorph.model.series import ForcePlate
 from myomorph.motion.sync import resample_wrenches
-
-WALK = "rajagopal-walk-emg"
 
 
 @pytest.fixture(scope="module")
 def walk(data):
-    model = read_model(data(f"{WALK}/subject_walk_scaled.osim"))
-    whole = motion_from_table(read_sto(data(f"{WALK}/coordinates.sto")), model)
-    motion = differentiate(Motion(whole.time[::10], whole.names, whole.values[::10]), 6.0)
-    wrenches = resample_wrenches(read_external_loads(data(f"{WALK}/grf_walk.xml")), motion.time, 20.0)
-    sites, _ = rest_on_floor(model, motion, foot_sites(model), 0.0)
-    return model, motion, sites, wrenches, find_contacts(model, motion, sites)
+    one = measured_walk(data)
+    wrenches = resample_wrenches(one.loads, one.motion.time, 20.0)
+    return one.model, one.motion, one.sites, wrenches, find_contacts(one.model, one.motion, one.sites)
 
 
 def plate_of(wrenches, columns, corners, name="plate"):

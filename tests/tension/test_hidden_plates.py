@@ -5,35 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.site_motion import rest_on_floor
-from myomorph.contact.sites import foot_sites
+from measured_walk import measured_walk
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
-from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import solve_tension
 
-WALK = "rajagopal-walk-emg"
-
 
 @pytest.fixture(scope="module")
 def walk(data):
-    model = read_model(data(f"{WALK}/subject_walk_scaled.osim"))
-    whole = motion_from_table(read_sto(data(f"{WALK}/coordinates.sto")), model)
-    motion = differentiate(Motion(whole.time[::10], whole.names, whole.values[::10]), 6.0)
-    sites, floor = rest_on_floor(model, motion, foot_sites(model), 0.0)
+    one = measured_walk(data)
+    model, motion, sites, floor = one.model, one.motion, one.sites, one.floor
     contacts = find_contacts(model, motion, sites, ContactStateOptions(floor=floor.height))
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=floor.height))
     # The plates caught every step from 0.6 s on.
     part = cut(motion, 0.6, 1.7)
     ready = cut(ready, 0.6, 1.7)
-    wrenches = resample_wrenches(read_external_loads(data(f"{WALK}/grf_walk.xml")), part.time, 6.0)
+    wrenches = resample_wrenches(one.loads, part.time, 6.0)
     return model, part, sites, ready, wrenches
 
 
