@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from myomorph.io.loads_write import write_external_loads
 from myomorph.io.sto import write_sto
@@ -16,13 +16,12 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.study import contact_store
 from myomorph.study import stored as store
-from myomorph.study.emg_step import EMG_TABLE, emg_takes_part, told_by_emg, write_calibration
+from myomorph.study.emg_step import EMG_TABLE, ToldByEmg, emg_takes_part, told_by_emg, write_calibration
 from myomorph.study.progress import progress
 from myomorph.study.results import ResultWriter
 from myomorph.study.steps import Found, Take, solve_dynamics, torque_table
 from myomorph.tension.actuators import default_reserves
-from myomorph.tension.contacts import ContactOptions, ContactTask
-from myomorph.tension.emg import EmgTarget
+from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
@@ -38,6 +37,38 @@ OBJECT_RESIDUAL = 0.01
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
 
 
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the tension problem of a recording is told.
+
+    Attributes
+    ----------
+    torques : of those external forces alone that are known exactly
+    actuators : beside the model's own
+    setting : contacts, where their forces are asked for
+    emg : what EMG tells, where it takes part
+    """
+
+    model: Model
+    motion: Motion
+    torques: Series
+    options: TensionOptions
+    actuators: tuple[Actuator, ...]
+    setting: ContactSetting | None
+    emg: ToldByEmg | None
+
+    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, TensionProblem | None]:
+        """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
+        contacts = None if self.setting is None else self.setting.task
+        emg = None if self.emg is None else self.emg.target
+        told = (self.model, self.motion, self.torques, self.options, self.actuators)
+        if contacts is None or contacts.options.formulation == "sequential":
+            return solve_tension(*told, advance, contacts=contacts, emg=emg), None
+        problem, names = tension_problem(*told, contacts=contacts, emg=emg)
+        over_frames(problem.solve, len(self.motion), advance, problem.window)
+        return problem.result(names), problem
+
+
 def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
     """Solve for muscle tensions, and for contact forces where they are asked for; write what was found."""
     if found.torques is None:
@@ -46,56 +77,43 @@ def run_tension(take: Take, found: Found, writer: ResultWriter, folder: Path) ->
         assert found.torques is not None
         store.put_derivatives(writer, found.motion, take.model)
         store.put_torques(writer, found.torques, found.wrenches)
+    asked = _asked(take, found)
+    with progress(f"{take.name}: muscle tensions", len(asked.motion)) as advance:
+        tension, problem = asked.solved(advance)
+    _write_tension(take, tension, asked.actuators, writer, folder)
+    notes: tuple[str, ...] = found.notes
+    if asked.emg is not None:
+        write_calibration(asked.emg, take.emg_muscles, folder / EMG_TABLE)
+        notes += asked.emg.notes
+    known = found.wrenches if asked.setting is None else asked.setting.exact
+    if take.tables.reactions != "none":
+        reactions = joint_reactions(
+            take.model, asked.motion, tension, known, frame=take.tables.reactions, actuators=asked.actuators
+        )
+        write_sto(reactions.table(), folder / "joint_reactions.sto")
+    if asked.setting is None:
+        return replace(found, tension=tension, notes=notes)
+    loads, carried = _write_contacts(take, asked.motion, tension, asked.setting, writer, folder)
+    notes += asked.setting.notes
+    if problem is not None:
+        notes += _write_doubts(take, problem, tension, writer, folder)
+    return replace(found, tension=tension, contacts=asked.setting.contacts, loads=loads, carried=carried, notes=notes)
+
+
+def _asked(take: Take, found: Found) -> Asked:
     assert found.motion is not None
     assert found.torques is not None
     options = take.tension or TensionOptions()
-    added = added_actuators(take, options)
+    actuators = added_actuators(take, options)
     setting = None if take.contacts is None else _setting(take, found)
     torques = found.torques
-    more: dict[str, Any] = {}
-    if setting is not None:
-        more["contacts"] = setting.task
-        if setting.exact is not found.wrenches:
-            torques = inverse_dynamics(take.model, found.motion, setting.exact)
-    notes: tuple[str, ...] = ()
+    if setting is not None and setting.exact is not found.wrenches:
+        torques = inverse_dynamics(take.model, found.motion, setting.exact)
+    emg = None
     if emg_takes_part(take):
-        told = told_by_emg(take, found.motion, torques, options, added, None if setting is None else setting.task)
-        more["emg"], notes = told.target, told.notes
-        write_calibration(told, take.emg_muscles, folder / EMG_TABLE)
-    with progress(f"{take.name}: muscle tensions", len(found.motion)) as advance:
-        tension, problem = _solve(take.model, found.motion, torques, options, added, advance, **more)
-    _write_tension(take, tension, added, writer, folder)
-    if take.tables.reactions != "none":
-        known = found.wrenches if setting is None else setting.exact
-        reactions = joint_reactions(
-            take.model, found.motion, tension, known, frame=take.tables.reactions, actuators=added
-        )
-        write_sto(reactions.table(), folder / "joint_reactions.sto")
-    found = replace(found, tension=tension, notes=(*found.notes, *notes))
-    if setting is None:
-        return found
-    loads, carried = _write_contacts(take, found, setting, writer, folder)
-    lines = () if problem is None else _write_doubts(take, problem, tension, writer, folder)
-    notes = (*found.notes, *setting.notes, *lines)
-    return replace(found, contacts=setting.contacts, loads=loads, carried=carried, notes=notes)
-
-
-def _solve(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions,
-    actuators: tuple[Actuator, ...],
-    advance: Callable[[int], None],
-    contacts: ContactTask | None = None,
-    emg: EmgTarget | None = None,
-) -> tuple[Tension, TensionProblem | None]:
-    """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
-    if contacts is None or contacts.options.formulation == "sequential":
-        return solve_tension(model, motion, torques, options, actuators, advance, contacts=contacts, emg=emg), None
-    problem, names = tension_problem(model, motion, torques, options, actuators, contacts=contacts, emg=emg)
-    over_frames(problem.solve, len(motion), advance, problem.window)
-    return problem.result(names), problem
+        task = None if setting is None else setting.task
+        emg = told_by_emg(take, found.motion, torques, options, actuators, task)
+    return Asked(take.model, found.motion, torques, options, actuators, setting, emg)
 
 
 def _setting(take: Take, found: Found) -> ContactSetting:
@@ -125,20 +143,17 @@ def _write_tension(
 
 
 def _write_contacts(
-    take: Take, found: Found, setting: ContactSetting, writer: ResultWriter, folder: Path
+    take: Take, motion: Motion, tension: Tension, setting: ContactSetting, writer: ResultWriter, folder: Path
 ) -> tuple[Wrenches, Series]:
     """Contact forces as external loads, touches as a table; returns all loads, and the torques that they leave."""
     from myomorph.io.contact_events import write_events
     from myomorph.study.contact_step import all_loads
 
-    assert found.tension is not None
-    assert found.motion is not None
     assert take.contacts is not None
-    forces = found.tension.contacts
-    assert forces is not None
-    loads = all_loads(setting.exact, forces)
-    torques = inverse_dynamics(take.model, found.motion, loads)
-    contact_store.put_contact_forces(writer, forces)
+    assert tension.contacts is not None
+    loads = all_loads(setting.exact, tension.contacts)
+    torques = inverse_dynamics(take.model, motion, loads)
+    contact_store.put_contact_forces(writer, tension.contacts)
     contact_store.put_contacts(writer, setting.contacts, _situation(take.contacts))
     contact_store.put_carried(writer, torques)
     write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
