@@ -204,10 +204,7 @@ def compare_passive_laws(
     if len(problem.axes) == 3:
         problem, slack = _from_spring(problem)
         recordings = problem.recordings
-    muscles = bool(problem.sums.muscles)
-    laws = [ALONE, *(one for one in laws if one != ALONE and (muscles or "muscles" not in one))]
-    if len(problem.axes) == 1:
-        laws = [one for one in laws if not any("by axis" in term for term in one)]
+    laws = _applicable(problem, laws)
     blocks = len(problem.sums)
     every = np.ones(blocks)
     phi = problem.parameters(every)
@@ -248,6 +245,15 @@ def compare_passive_laws(
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
     horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")
     return PassiveComparison(tuple(fits), chosen, round(samples), effective, horizon, shown)
+
+
+def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Viscosity alone, and the laws of whose terms the recordings have muscles and axes."""
+    muscles = bool(problem.sums.muscles)
+    laws = [ALONE, *(one for one in laws if one != ALONE and (muscles or "muscles" not in one))]
+    if len(problem.axes) == 1:
+        laws = [one for one in laws if not any("by axis" in term for term in one)]
+    return laws
 
 
 def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:

@@ -129,13 +129,7 @@ def usable(
     if time is not None:
         whole = cut(whole, *time)
     frames = len(whole)
-    within = (whole.time >= wrenches.time[0] - 1e-9) & (whole.time <= wrenches.time[-1] + 1e-9)
-    if within.sum() < 2:
-        raise BadData(
-            f"{name}: motion ({whole.time[0]:g} to {whole.time[-1]:g} s) and forces ({wrenches.time[0]:g} to "
-            f"{wrenches.time[-1]:g} s) have no time in common"
-        )
-    common = cut(whole, float(whole.time[within][0]), float(whole.time[within][-1]))
+    common = _in_common(name, whole, wrenches)
     lacking = _lacking(wrenches)
     if lacking.all():
         raise BadData(f"{name}: the forces hold no finite value: give the file that the plates wrote")
@@ -173,6 +167,17 @@ def usable(
         name,
         _weight_note(name, weighs, mass),
     )
+
+
+def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
+    """The part of the motion during which forces were recorded."""
+    within = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
+    if within.sum() < 2:
+        raise BadData(
+            f"{name}: motion ({motion.time[0]:g} to {motion.time[-1]:g} s) and forces ({wrenches.time[0]:g} to "
+            f"{wrenches.time[-1]:g} s) have no time in common"
+        )
+    return cut(motion, float(motion.time[within][0]), float(motion.time[within][-1]))
 
 
 def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:

@@ -66,28 +66,8 @@ def heat_map(
     for label, columns in blocks:
         tall = len(columns) * row
         frame = Frame(left, y, right, y + tall, float(time[0]), last, 0.0, float(len(columns)))
-        address = data_uri(png(np.ascontiguousarray(index[:, columns].T), HEAT))
-        listed = escape("|".join(names[i].replace("|", "/") for i in columns), True)
-        parts.append(
-            f'<image class="heat" href="{address}" x="{left:g}" y="{y:.1f}" width="{right - left:g}" '
-            f'height="{tall:.1f}" preserveAspectRatio="none" data-names="{listed}" {frame.data}/>'
-        )
-        for k in range(0, len(columns), every):
-            at = y + (k + 0.5) * row + 3
-            parts.append(f'<text class="tick y row" x="{left - 4:g}" y="{at:.1f}">{escape(names[columns[k]])}</text>')
-        if label:
-            middle = y + tall / 2
-            parts.append(
-                f'<text class="block" transform="translate(10 {middle:.1f}) rotate(-90)">{escape(label)}</text>'
-            )
-        for event in events:
-            if time[0] <= event.time <= last and (not event.side or not label or event.side.lower() == label.lower()):
-                x = float(frame.x(event.time))
-                told = f"{event.side} {event.label}".strip()
-                parts.append(
-                    f'<path class="event over" d="M{x:.1f} {y:.1f}v{tall:.1f}"><title>{escape(told)}, '
-                    f"{number(event.time, 0.001)} s</title></path>"
-                )
+        parts += _heat_block(frame, label, [names[i] for i in columns], index[:, columns], every)
+        parts += _events_over(frame, label, events)
         y += tall + gap
     y -= gap
     frame = Frame(left, top, right, y, float(time[0]), last, 0.0, 1.0)
@@ -101,6 +81,39 @@ def heat_map(
     parts += _color_bar(right + 14, top, min(y - top, 220.0), peak, unit)
     parts.append("</svg>")
     return "".join(parts)
+
+
+def _heat_block(frame: Frame, label: str, names: Sequence[str], index: NDArray[np.uint8], every: int) -> list[str]:
+    """Rows of the colors `index` (frames, rows) with the block's label; names stand beside `every` so many rows."""
+    y, tall = frame.top, frame.bottom - frame.top
+    address = data_uri(png(np.ascontiguousarray(index.T), HEAT))
+    listed = escape("|".join(name.replace("|", "/") for name in names), True)
+    parts = [
+        f'<image class="heat" href="{address}" x="{frame.left:g}" y="{y:.1f}" width="{frame.right - frame.left:g}" '
+        f'height="{tall:.1f}" preserveAspectRatio="none" data-names="{listed}" {frame.data}/>'
+    ]
+    for k in range(0, len(names), every):
+        at = y + (k + 0.5) * tall / len(names) + 3
+        parts.append(f'<text class="tick y row" x="{frame.left - 4:g}" y="{at:.1f}">{escape(names[k])}</text>')
+    if label:
+        middle = y + tall / 2
+        parts.append(f'<text class="block" transform="translate(10 {middle:.1f}) rotate(-90)">{escape(label)}</text>')
+    return parts
+
+
+def _events_over(frame: Frame, label: str, events: Sequence[Event]) -> list[str]:
+    """Lines at events of the block's side, or of no side."""
+    parts = []
+    for event in events:
+        beside = not event.side or not label or event.side.lower() == label.lower()
+        if frame.x0 <= event.time <= frame.x1 and beside:
+            x = float(frame.x(event.time))
+            told = f"{event.side} {event.label}".strip()
+            parts.append(
+                f'<path class="event over" d="M{x:.1f} {frame.top:.1f}v{frame.bottom - frame.top:.1f}">'
+                f"<title>{escape(told)}, {number(event.time, 0.001)} s</title></path>"
+            )
+    return parts
 
 
 def _color_bar(x: float, top: float, tall: float, peak: float, unit: str) -> list[str]:
