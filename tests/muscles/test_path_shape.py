@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 
 from myomorph.io.osim import read_osim
-from myomorph.model.model import Model
+from myomorph.model.functions import Function
+from myomorph.model.model import GROUND, Model
+from myomorph.model.paths import MovingPathPoint, Muscle
+from myomorph.model.spatial import Array
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import ARC_PARTS, drawn_paths
+from myomorph.rigid.kinematics import Poses
 from myomorph.rigid.tree import compile_tree
 
 MODELS = {
@@ -68,9 +72,38 @@ def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
     assert straight > 0
 
 
+def path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) -> Array:
+    """(frames, points, 3) points of a muscle's path in ground [m], NaN where a conditional one is unused."""
+    numbers = poses.tree.body_index
+    index = {name: i for i, name in enumerate(model.coordinate_names)}
+    placed = np.empty((len(coordinates), len(muscle.path.points), 3))
+    for k, point in enumerate(muscle.path.points):
+        body = numbers.get(point.body, numbers[GROUND])
+        if isinstance(point, MovingPathPoint):
+            local = np.stack(
+                [
+                    _value(function, coordinates, index.get(name))
+                    for function, name in zip(point.functions, point.coordinates, strict=True)
+                ],
+                axis=1,
+            )
+        else:
+            local = np.broadcast_to(point.location, (len(coordinates), 3))
+        placed[:, k] = np.einsum("fij,fj->fi", poses.rotations[:, body], local) + poses.origins[:, body]
+        if not isinstance(point, MovingPathPoint) and point.coordinate:
+            q = coordinates[:, index[point.coordinate]]
+            placed[(q < point.range[0]) | (q > point.range[1]), k] = np.nan
+    return placed
+
+
+def _value(function: Function, coordinates: Array, column: int | None) -> Array:
+    x = coordinates[:, column] if column is not None else np.zeros(len(coordinates))
+    value: Array = np.broadcast_to(np.asarray(function(x)), x.shape)
+    return value
+
+
 @pytest.mark.parametrize("model", [*WRAPPED, "moving points"], indirect=True)
 def test_nodes_are_the_points_where_nothing_is_wrapped(model: Model) -> None:
-    from myomorph.report.scene import path_points
     from myomorph.rigid.kinematics import forward_kinematics
 
     paths = compile_paths(model)

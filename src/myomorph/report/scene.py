@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.functions import Function
-from myomorph.model.model import GROUND, Model
-from myomorph.model.paths import MovingPathPoint, Muscle
+from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
+from myomorph.muscles.path import compile_paths
+from myomorph.muscles.path_shape import drawn_paths
 from myomorph.report.centroid import up_axis
 from myomorph.report.shapes import primitive, sticks
 from myomorph.report.subjects import subjects
@@ -35,7 +35,7 @@ class MusclePath:
 
     Attributes
     ----------
-    points : (frames, points, 3) in ground [m], NaN where the path does not use a point
+    points : (frames, points, 3) in ground [m], NaN beyond the last that a frame uses
     radius : to draw it with [m]
     activation : (frames,), NaN where unknown
     """
@@ -109,7 +109,7 @@ def make_scene(
     lowest = low
     forward, right = _facing(model, poses, up) or _heading(model, poses, up)
     starts, vectors = _forces(wrenches, time)
-    muscles = _muscles(model, poses, coordinates, activations, time, size)
+    muscles = _muscles(model, coordinates, activations, time, size)
     for muscle in muscles:
         heights = muscle.points @ up
         low, high = min(low, float(np.nanmin(heights))), max(high, float(np.nanmax(heights)))
@@ -232,7 +232,7 @@ def nearest_samples(clock: Array, time: Array) -> np.ndarray:
 
 
 def _muscles(
-    model: Model, poses: Poses, coordinates: Array, activations: Series | None, time: Array, size: float
+    model: Model, coordinates: Array, activations: Series | None, time: Array, size: float
 ) -> tuple[MusclePath, ...]:
     strongest = max((muscle.max_isometric_force for muscle in model.muscles), default=1.0) or 1.0
     columns = {} if activations is None else {name: i for i, name in enumerate(activations.names)}
@@ -243,42 +243,14 @@ def _muscles(
         near = 1.5 / activations.rate
         outside = (time < activations.time[0] - near) | (time > activations.time[-1] + near)
     found = []
-    for muscle in model.muscles:
+    drawn = drawn_paths(compile_paths(model), coordinates) if model.muscles else None
+    for m, muscle in enumerate(model.muscles):
+        assert drawn is not None
         active = np.full(len(time), np.nan)
         if activations is not None and muscle.name in columns:
             active = np.array(activations.values[nearest, columns[muscle.name]])
             active[outside] = np.nan
         share = np.sqrt(max(muscle.max_isometric_force, 0.0) / strongest)
         radius = size * (0.0013 + 0.0036 * float(share))
-        found.append(MusclePath(muscle.name, path_points(model, muscle, poses, coordinates), radius, active))
+        found.append(MusclePath(muscle.name, drawn.places[:, drawn.muscle == m], radius, active))
     return tuple(found)
-
-
-def path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) -> Array:
-    """(frames, points, 3) points of a muscle's path in ground [m], NaN where a conditional one is unused."""
-    numbers = poses.tree.body_index
-    index = {name: i for i, name in enumerate(model.coordinate_names)}
-    placed = np.empty((len(coordinates), len(muscle.path.points), 3))
-    for k, point in enumerate(muscle.path.points):
-        body = numbers.get(point.body, numbers[GROUND])
-        if isinstance(point, MovingPathPoint):
-            local = np.stack(
-                [
-                    _value(function, coordinates, index.get(name))
-                    for function, name in zip(point.functions, point.coordinates, strict=True)
-                ],
-                axis=1,
-            )
-        else:
-            local = np.broadcast_to(point.location, (len(coordinates), 3))
-        placed[:, k] = np.einsum("fij,fj->fi", poses.rotations[:, body], local) + poses.origins[:, body]
-        if not isinstance(point, MovingPathPoint) and point.coordinate:
-            q = coordinates[:, index[point.coordinate]]
-            placed[(q < point.range[0]) | (q > point.range[1]), k] = np.nan
-    return placed
-
-
-def _value(function: Function, coordinates: Array, column: int | None) -> Array:
-    x = coordinates[:, column] if column is not None else np.zeros(len(coordinates))
-    value: Array = np.broadcast_to(np.asarray(function(x)), x.shape)
-    return value
