@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from measured_walk import measured_walk
 from mujoco_models import compiled
 from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion, up_of
 from myomorph.contact.sites import body_poses, body_sites, feet_of, foot_sites
+from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mesh import read_surfaces
 from myomorph.io.mjcf import model_from_mujoco
@@ -19,6 +21,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models
 from myomorph.model.model import Model
+from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
@@ -172,3 +175,23 @@ def _outside(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     side = np.einsum("fki,fki->fk", points[:, None] - corners, normals)
     middle = np.einsum("fki,fki->fk", corners.mean(axis=1, keepdims=True) - corners, normals)
     return np.maximum((side * -np.sign(middle)).max(axis=1), 0.0)
+
+
+def test_a_foot_that_swings_throughout_has_the_sole_of_the_other(data):
+    """In the swing of one leg alone its lowest frames are no stance: they once put its sole far under the floor."""
+    walk = measured_walk(data)
+    rows = (walk.motion.time > 0.6) & (walk.motion.time < 0.8)
+    part = Motion(walk.motion.time[rows], walk.motion.names, walk.motion.values[rows])
+    before = foot_sites(walk.model)
+    sites, floor = rest_on_floor(walk.model, part, before, 0.0)
+    for short, long in zip(sites, walk.sites, strict=True):
+        assert_allclose(short.points, long.points, atol=0.015)
+    assert_allclose(floor_under(site_motion(walk.model, part, sites), 0.0).velocity, 0.0)
+    found = find_contacts(walk.model, part, sites, ContactStateOptions(floor=floor.height))
+    assert {one.site[-1] for one in found.touches} == {"r"}
+
+
+def test_sites_are_found_by_their_whole_name(data):
+    model = read_model(data(OSIM[0]))
+    with pytest.raises(UnknownName, match=r"'hand_rr'.*'hand_r'"):
+        body_sites(model, ["hand_rr"])

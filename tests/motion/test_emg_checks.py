@@ -63,6 +63,18 @@ def test_a_clipped_channel_is_named():
     assert "clipped" in kinds(np.clip(raw, -0.3 * raw.max(), 0.3 * raw.max()))
 
 
+def test_an_envelope_that_was_cut_is_named_stretch_by_stretch():
+    """What lies between two cut peaks stays; a peak of a smooth envelope is no cut."""
+    time = np.arange(2000) / 1000.0
+    wave = 0.5 - 0.5 * np.cos(4.0 * np.pi * time)
+    whole, cut = (Emg(time, ("a",), column[:, None]) for column in (wave, np.minimum(wave, 0.8)))
+    assert envelope_faults(whole) == ()
+    faults = envelope_faults(cut)
+    assert [one.kind for one in faults] == 4 * ["clipped"]
+    kept = without_faults(cut, faults).values[:, 0]
+    np.testing.assert_array_equal(np.isnan(kept), cut.values[:, 0] == 0.8)
+
+
 def test_a_wrong_rate_shows_in_the_spectrum():
     assert "rate" in kinds(muscle(), rate=10_000.0)
     assert "rate" in kinds(muscle(), rate=200.0)

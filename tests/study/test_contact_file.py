@@ -73,6 +73,10 @@ def test_a_file_of_sites(model, tmp_path):
         ('touches = "tap.csv"\n' + SITE, "touches file 'tap.csv' does not exist"),
         (SITE + 'touching = "sometimes"\n', "touching"),
         ('measured = "maybe"\n', "'measured' = 'maybe'"),
+        (SITE.replace('"hand"', '""'), "'site.1.name' = ''"),
+        (SITE + "rests = nan\n", "'site.1.rests' = nan"),
+        (SITE + "touching = [[0.4, 0.2]]\n", "site 'hand': touching = .*expected a start before an end"),
+        ("[camera]\nstart = nan\n" + SITE, "'camera.start' = nan"),
     ],
 )
 def test_what_is_wrong_is_named(model, tmp_path, text, told):
@@ -97,6 +101,27 @@ def test_sound_needs_instruments_and_strokes_of_known_impulse(model, tmp_path):
 def test_names_that_end_otherwise_are_refused(model, tmp_path):
     with pytest.raises(BadFile, match=r"expected auto, \.csv or \.toml"):
         read_contacts(tmp_path / "contacts.json", model)
+
+
+def test_a_file_that_is_not_there_tells_what_is(tmp_path):
+    written(tmp_path, SITE, "seat.toml")
+    with pytest.raises(BadFile, match=r"is no file; expected auto, \.csv or \.toml; .* has 'seat\.toml'"):
+        contact_files(tmp_path / "seet.toml")
+
+
+def test_touches_of_another_clock_are_named(arm, command, tmp_path):
+    path = written(tmp_path, "feet = false\n" + SITE + "touching = [[900.0, 901.0]]\n")
+    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
+    assert done.status == 0
+    assert "'hand' is told to touch at 900 to 901 s" in done.err
+
+
+@pytest.mark.parametrize("told", [("--measured", "hidden"), ("--measured", "shared", "--contacts", "auto")])
+def test_what_plates_are_for_needs_contacts_and_plates(arm, command, told):
+    done = command("tension", "--model", arm.model, "--motion", arm.motion, *told, "--out", arm.out)
+    assert done.status == 2
+    assert f"--measured {told[1]} without" in done.err
+    assert not arm.out.exists()
 
 
 def test_a_model_without_feet_needs_sites(arm, command):

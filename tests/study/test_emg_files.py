@@ -52,6 +52,14 @@ def test_envelopes_of_any_scale(tmp_path, walker):
     assert any("scaled to its own largest" in note for note in large.notes)
 
 
+def test_channels_that_take_no_part_are_named(tmp_path, walker):
+    rows = "0\t0.1\t0.2\n1\t0.5\t0.1\n1\t0.9\t0.1\n"
+    (tmp_path / "part.sto").write_text(HEAD.replace("\ta\tb", "\tsoleus_r\tb") + rows)
+    found = open_emg(tmp_path / "part.sto", walker, {})
+    assert any(note.startswith("EMG of b takes no part") for note in found.notes)
+    assert any("time does not increase" in note for note in found.notes)
+
+
 def test_raw_channels_become_envelopes(raw, walker):
     path, table = raw
     found = open_emg(path, walker, {"CH7": ("tibant_r",)})

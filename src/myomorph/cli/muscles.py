@@ -20,6 +20,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
+from myomorph.model.errors import BadData
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.study.settings import Differentiation, EmgUse, Measured, Side, TensionTables
 from myomorph.tension.contacts import ContactOptions
@@ -91,6 +92,10 @@ def tension_command(
     from myomorph.study.steps import Found, run_step
     from myomorph.study.takes import FileTake, open_motion_take
 
+    if measured is not None and not contacts:
+        raise BadData(f"--measured {measured} without --contacts: give --contacts auto, or a contact file")
+    if measured == "shared" and loads is None:
+        raise BadData("--measured shared without --loads: give the forces that the contacts share")
     use_threads(threads)
     files = FileTake(
         model=model,
@@ -108,7 +113,7 @@ def tension_command(
         found = run_step("tension", take, Found(recorded=recorded), writer, folder)
     tension = found.tension
     assert tension is not None
-    warn((*take.warnings, *found.notes))
+    warn((*take.warnings, *found.notes), f"the report tells them ('myomorph report {out}')")
     said(f"{told_tension(tension)}; wrote {out}")
     return 0
 

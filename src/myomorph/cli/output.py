@@ -21,12 +21,12 @@ def said(text: str) -> None:
     sys.stdout.flush()
 
 
-def warn(warnings: Sequence[str]) -> None:
-    """Print what looked wrong but did not stop the work."""
+def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them") -> None:
+    """Print what looked wrong but did not stop the work, and where all of it is told."""
     for text in warnings[:MOST_WARNINGS]:
         sys.stderr.write(f"warning: {' '.join(text.split())}\n")
     if len(warnings) > MOST_WARNINGS:
-        sys.stderr.write(f"warning: and {len(warnings) - MOST_WARNINGS} more: 'myomorph info FILE' lists them\n")
+        sys.stderr.write(f"warning: and {len(warnings) - MOST_WARNINGS} more: {where}\n")
 
 
 @contextmanager

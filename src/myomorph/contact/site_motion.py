@@ -23,6 +23,9 @@ GRAVITY = 9.80665
 STILL = 0.1
 """A site at rest moves slower than this, over the speed sqrt(g height)."""
 
+RESTS = 0.3
+"""A group of sites that is never slower than this, over the same speed, does not rest."""
+
 BELT = 0.15
 """Soles that all glide along faster than this, over the same speed, stand on a belt."""
 
@@ -179,7 +182,7 @@ def rest_on_floor(
 
     How thick a sole is, no model tells; shoes and markers' places make some centimetres of it. A group rests in
     the frames in which it is low and its sites, on the mean, are slow against the floor; each site is moved by the
-    median of its heights there.
+    median of its heights there, or, in a group that never rests, by the mean of the other groups' sites.
 
     Parameters
     ----------
@@ -190,15 +193,22 @@ def rest_on_floor(
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     gap = moving.lowest - floor.height
     speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2)
-    moved = []
+    rests, shifts = [], np.full(len(sites), np.nan)
     for k, one in enumerate(sites):
         members = [j for j, other in enumerate(sites) if other.group == one.group]
-        rests = _resting(gap[:, members].mean(axis=1), speed[:, members].mean(axis=1), STILL * moving.pace)
-        shift = float(np.median(gap[rests, k])) if len(rests) else 0.0
-        rotations = poses.rotations[rests, tree.body_index[one.body]]
+        pace = speed[:, members].mean(axis=1)
+        rests.append(_resting(gap[:, members].mean(axis=1), pace, STILL * moving.pace))
+        if len(rests[k]) and pace[rests[k]].min() < RESTS * moving.pace:
+            shifts[k] = np.median(gap[rests[k], k])
+    # A foot that swings throughout has the sole of the one that stands.
+    known = np.isfinite(shifts)
+    shifts[~known] = shifts[known].mean() if known.any() else 0.0
+    moved = []
+    for k, one in enumerate(sites):
+        rotations = poses.rotations[rests[k], tree.body_index[one.body]]
         down = -np.einsum("fji,j->fi", rotations, moving.up).sum(axis=0)
         size = float(np.linalg.norm(down))
-        moved.append(replace(one, points=one.points + shift * down / size) if size > 0.0 else one)
+        moved.append(replace(one, points=one.points + shifts[k] * down / size) if size > 0.0 else one)
     return tuple(moved), floor
 
 

@@ -38,7 +38,7 @@ BONE_DEPTH = 0.06
 """How far the bones of a foot reach below its origin, over the same distance."""
 
 
-SEGMENT_SITES = ("hand", "seat", "back")
+SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")
 """What `body_sites` knows."""
 
 
@@ -233,9 +233,9 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
     """
     sites = []
     for name in names:
+        if name not in SEGMENT_SITES:
+            raise UnknownName("contact site", name, SEGMENT_SITES, "body_sites")
         base = name.split("_")[0]
-        if base not in SEGMENT_SITES:
-            raise UnknownName("contact site", name, ("hand_r", "hand_l", "seat", "back"), "body_sites")
         sites.append(_hand(model, name) if base == "hand" else _seat(model) if base == "seat" else _back(model))
     return tuple(sites)
 

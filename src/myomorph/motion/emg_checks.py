@@ -29,6 +29,9 @@ MEDIAN_FREQUENCY = (25.0, 350.0)
 NEGATIVE = 0.01
 """Part of a channel's largest value below which it is negative, and not only ripples of a filter."""
 
+CLIPPED_ENVELOPE = 0.05
+"""Time that an envelope stands at its largest value when it was cut there [s]; one of 6 Hz turns in a few ms."""
+
 BEYOND_ONE = 1.5
 """Envelopes beyond this are no share of a maximum."""
 
@@ -66,7 +69,7 @@ def raw_faults(raw: Series) -> tuple[EmgFault, ...]:
 
 
 def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
-    """Faults of envelopes (samples, channels): samples unknown, negative or far over 1, dead stretches, copies."""
+    """Faults of envelopes (samples, channels): unknown, negative or far over 1, dead or cut stretches, copies."""
     found: list[EmgFault] = []
     for name, column in zip(emg.names, emg.values.T, strict=True):
         found += _unknown(emg, name, column)
@@ -81,7 +84,8 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
         if large.any():
             told = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
             found.append(_fault(emg, name, "large", large, told))
-        found += _dead(emg, name, column, DEAD_ENVELOPE)
+        dead = _dead(emg, name, column, DEAD_ENVELOPE)
+        found += dead or _cut(emg, name, column)
         before = emg.values[:, : emg.names.index(name)].T
         twin = next((k for k, other in enumerate(before) if np.array_equal(other, column, equal_nan=True)), None)
         if twin is not None:
@@ -172,6 +176,17 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
         return []
     told = f"stands at its largest or smallest value in {_share(at)}: the amplifier clips"
     return [_fault(series, name, "clipped", at, told)]
+
+
+def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
+    """Stretches in which an envelope stands at its largest value."""
+    found = []
+    for first, last in _runs(column == np.nanmax(column)):
+        if emg.time[last] - emg.time[first] >= CLIPPED_ENVELOPE and last - first + 1 >= CLIPPED:
+            at = np.zeros(len(column), dtype=bool)
+            at[first : last + 1] = True
+            found.append(_fault(emg, name, "clipped", at, f"stands at its largest value, {column[first]:.3g}: clipped"))
+    return found
 
 
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:

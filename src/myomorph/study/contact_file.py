@@ -9,11 +9,11 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 
 from myomorph.contact.sites import body_sites
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
-from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName
+from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
 from myomorph.model.model import GROUND, Model
 from myomorph.model.spatial import Array
 from myomorph.report.centroid import up_axis
@@ -55,12 +55,12 @@ class ContactPlan:
 
 
 class _Camera(Strict):
-    rate: float | None = Field(default=None, gt=0.0)
-    start: float = 0.0
+    rate: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
+    start: FiniteFloat = 0.0
 
 
 class _Site(Strict):
-    name: str
+    name: str = Field(min_length=1)
     body: str
     points: list[Vector] = Field(min_length=1)
     against: str = GROUND
@@ -73,7 +73,7 @@ class _Site(Strict):
     edges: int = 6
     most: float = float("inf")
     touching: When | list[tuple[float, float]] = "motion"
-    rests: Literal["floor", "lowest"] | float = "floor"
+    rests: Literal["floor", "lowest"] | FiniteFloat = "floor"
 
 
 class _File(Strict):
@@ -117,6 +117,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     for one in () if found is None else found.site:
         try:
             sites.append(_site(one, model))
+            _check_spans(one)
         except MyomorphError as error:
             problems.append(f"site '{one.name}': {error}")
     try:
@@ -138,13 +139,24 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file, and the table of touches and the sound that it names."""
+    """A contact file, and the table of touches and the sound that it names.
+
+    Raises
+    ------
+    BadFile
+        where the contact file is not there
+    """
+    if not path.is_file():
+        near = [one.name for one in path.parent.glob("*") if one.suffix in (".csv", ".toml")]
+        beside = listing(path.name, near) if near else "none of these"
+        raise BadFile(path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}")
     if path.suffix.lower() != ".toml":
         return (path,)
     raw = read_toml(path)
     sound = raw.get("sound")
     named = (raw.get("touches"), sound.get("file") if isinstance(sound, dict) else None)
-    return (path, *(path.parent / one for one in named if isinstance(one, str)))
+    files = (path.parent / one for one in named if isinstance(one, str))
+    return (path, *(one for one in files if one.is_file()))
 
 
 def _sound(found: _File, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
@@ -167,6 +179,12 @@ def _site(given: _Site, model: Model) -> Site:
         direction = np.array(given.direction)
     cone = Cone(direction, given.frame, given.friction, given.torsion, given.grip, given.edges, given.most)
     return Site(given.name, given.body, np.array(given.points), cone, given.against, given.group)
+
+
+def _check_spans(given: _Site) -> None:
+    for start, stop in () if isinstance(given.touching, str) else given.touching:
+        if not start <= stop:
+            raise BadData(f"touching = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
 
 
 def _surfaces(found: _File) -> dict[str, float | None]:

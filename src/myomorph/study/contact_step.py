@@ -85,6 +85,7 @@ def set_contacts(
     raised = _raised(plan, told, model, motion, feet)
     told += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
+    elsewhere = () if plan.told is None else never_during(plan.told, known.recorded.time)
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
     if plan.measured == "exact" and measured is not None:
@@ -97,7 +98,21 @@ def set_contacts(
         exact = heard.blows if exact is None else _beside(exact, heard.blows)
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
-    return ContactSetting(task, contacts, exact, (*contacts.warnings, *doubts))
+    return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
+
+
+def never_during(told: Contacts, time: Array) -> tuple[str, ...]:
+    """What to say of sites whose touches all lie before or after a motion (frames,)."""
+    start, stop = float(time[0]), float(time[-1])
+    texts = []
+    for name in told.sites:
+        touches = told.of(name)
+        if touches and all(one.stop < start or one.start > stop for one in touches):
+            spans = f"{min(one.start for one in touches):g} to {max(one.stop for one in touches):g} s"
+            texts.append(
+                f"'{name}' is told to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
+            )
+    return tuple(texts)
 
 
 def _shared(

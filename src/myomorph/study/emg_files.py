@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model, index_of
-from myomorph.model.series import Emg, Series
+from myomorph.model.series import Emg, Series, Table
 from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, raw_faults, without_faults
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
 from myomorph.study.inputs import TABLE_FILES, about, open_trial
@@ -68,18 +68,34 @@ def open_emg(
             index_of(f"muscle of EMG channel '{channel}'", muscle, model.muscle_names)
     with about(path):
         told = muscles_of_channels(found.names, model, side) | dict(named)
+        mended = (*_mended(found, path), *_left_out(path, found.names, told))
         if Path(path).suffix.lower() == ".c3d":
             if not told:
                 raise BadFile(path, "has no analog channel that tells a muscle", "name them in emg_muscles")
             found = _picked(found, tuple(told))
         if not _is_raw(found):
-            return _as_envelopes(found, told, Path(path).name)
+            made = _as_envelopes(found, told, Path(path).name)
+            return replace(made, notes=(*mended, *made.notes))
         maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
         faults = raw_faults(found)
         whole = without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
-    return EmgGiven(whole, told, notes)
+    return EmgGiven(whole, told, (*mended, *notes))
+
+
+def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
+    """What a table had to have mended."""
+    return tuple(f"{Path(path).name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
+
+
+def _left_out(path: str | Path, names: Sequence[str], told: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """Channels of a table that take no part while others do; a C3D file has channels of all kinds."""
+    lacking = [name for name in names if name not in told]
+    if not told or not lacking or Path(path).suffix.lower() == ".c3d":
+        return ()
+    which = ", ".join(lacking[:6]) + (" ..." if len(lacking) > 6 else "")
+    return (f"EMG of {which} takes no part: the name tells no muscle of the model; name them in emg_muscles",)
 
 
 def _channels(path: str | Path) -> Series:

@@ -102,13 +102,18 @@ def check_time(time: tuple[float, float] | None, where: str, problems: list[str]
 
 def _sentence(error: Any, file: type[BaseModel]) -> str:
     """One validation error: where it is, what was given, what exists."""
-    where = [one for one in error["loc"] if isinstance(one, int) or not (one == "str" or str(one).startswith("_"))]
+    where = [one for one in error["loc"] if isinstance(one, int) or not _is_kind(one)]
     name = ".".join(f"{one + 1}" if isinstance(one, int) else str(one) for one in where)
     if error["type"] == "extra_forbidden":
         return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
     if error["type"] == "missing":
         return f"'{name}' is missing"
     return f"'{name}' = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _is_kind(part: str) -> bool:
+    """Whether a part of a place is no key, but one of the types that a key may have."""
+    return part in ("str", "float", "int") or part.startswith("_") or "[" in part
 
 
 def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:
