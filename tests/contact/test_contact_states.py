@@ -57,6 +57,15 @@ def test_contacts_of_a_walk_agree_with_plates(walk):
     assert checked >= 3
 
 
+def test_order_of_sites_does_not_matter(walk):
+    """Nor need the sites of a foot stand beside each other."""
+    model, motion, sites, wrenches, _ = walk
+    found = find_contacts(model, motion, sites, plates=wrenches)
+    mixed = find_contacts(model, motion, (*sites[::2], *sites[1::2]), plates=wrenches)
+    assert [one for one in found.touches if one.source == "plates"]
+    assert set(mixed.touches) == set(found.touches)
+
+
 def test_plates_tell_the_foot_and_come_first(walk):
     model, motion, sites, wrenches, _ = walk
     unknown = replace(wrenches, bodies=("", ""))

@@ -160,7 +160,7 @@ def by_plates(
     """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
 
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
-    sites touch that are not above twice the height at which a touch ends; where all are, the nearest one does.
+    sites touch that are less than `high` above the lowest of them.
     """
     options = options or ContactStateOptions()
     names = tuple(one.name for one in sites)
@@ -184,7 +184,7 @@ def by_plates(
             members = [k for k, one in enumerate(sites) if one.group == groups[best]]
             level = moving.lowest[here][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
-            touching[here, members[0] : members[-1] + 1] |= low
+            touching[here, members] |= low
     touches = [
         Touch(name, float(moving.time[start]), float(moving.time[stop - 1]), sites[k].against, 1.0, PLATES)
         for k, name in enumerate(names)
