@@ -98,8 +98,9 @@ class ContactIntervals:
     normal, normal_low, normal_high : (frames, groups) the same of the force along the cones [N]
     near_low, near_high : (frames, groups, 3) the same among those of them near the optimum; NaN where not asked for
     direction : (frames, groups, 3) the unit combination of the forces that the data and effort determine least
-    spread : (frames,) how far forces may move along it until the cost has grown by the share `near` [N]
-    sentences : one a frame: what that direction is
+    spread : (frames,) how far forces may move along it until the cost has grown by the share `near` [N]; like
+        `direction` NaN where not asked for
+    sentences : one a frame: what that direction is, "" where not asked for
     """
 
     time: Array
@@ -278,7 +279,7 @@ def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, 
     """
     frames, groups = functions.shape[:2]
     direction, spread = np.full((frames, groups, 3), np.nan), np.full(frames, np.nan)
-    if not len(good):
+    if not len(good) or near == 0.0:
         return direction, spread
     x, A = solved.x[good], solved.A[good]
     margin = ON_BOUND * (1.0 + np.abs(x))
