@@ -228,7 +228,7 @@ def _calibration(
         marker_names=names,
         converged=search.found.converged,
         costs=search.costs,
-        notes=_notes(search, lengths, markers, options),
+        notes=_notes(search, lengths, markers),
     )
 
 
@@ -259,7 +259,6 @@ def _notes(
     search: Search,
     lengths: Sequence[FoundLength],
     markers: Sequence[FoundMarker],
-    options: CalibrationOptions,
 ) -> tuple[str, ...]:
     notes = []
     count = sum(len(one) for one in search.found.point.angles)

@@ -44,13 +44,13 @@ def score_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop
     return Section(
         "analysis",
         f"{analysis.preset.title}: pictures, contacts and muscles",
-        _lead(prepared, analysis, bool(graph)),
+        _lead(analysis, bool(graph)),
         tuple(legend),
         (Figure("".join(rows), "full"),),
     )
 
 
-def _lead(prepared: Prepared, analysis: MotionAnalysis, graph: bool) -> str:
+def _lead(analysis: MotionAnalysis, graph: bool) -> str:
     told = ["One time axis for all rows."]
     if analysis.activations is not None:
         told.append(f"Activations from 0 to {_top(analysis.activations):g}.")

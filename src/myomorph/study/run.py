@@ -216,7 +216,7 @@ def run_take(
         _gather(parts, earlier, outcome)
     outcome = _with_numbers(outcome, found)
     if "report" in steps and outcome.done:
-        outcome = _report(take, found, outcome)
+        outcome = _report(take, outcome)
     return outcome
 
 
@@ -255,7 +255,7 @@ def _with_numbers(outcome: Outcome, found: Found) -> Outcome:
     return outcome
 
 
-def _report(take: Take, found: Found, outcome: Outcome) -> Outcome:
+def _report(take: Take, outcome: Outcome) -> Outcome:
     from myomorph.study.reporting import report_folder
 
     try:
