@@ -144,7 +144,7 @@ def join_takes(together: Together, parts: Mapping[str, Part], settings: Settings
         name=together.name,
         subject=" and ".join(parts),
         model=model,
-        loads=_loads(parts, motions),
+        loads=_JoinedLoads(parts, motions),
         emg=emg,
         emg_muscles=channels,
         derivatives=first.derivatives,
@@ -186,7 +186,7 @@ def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str,
     return Emg(joined.time, joined.names, joined.values), MappingProxyType(channels)
 
 
-class _loads:
+class _JoinedLoads:
     """External forces of all parts, at the times of the first that has any."""
 
     def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
