@@ -235,7 +235,7 @@ def blows_from_sound(
     ----------
     laws : of each instrument
     sites : by place in `strokes.strokes`, as `striking_sites` finds
-    normals : instrument to the direction in which it pushes back, in ground; up where it is not named
+    normals : instrument to the direction in which it pushes back, in ground; y where it is not named
 
     Raises
     ------
