@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from types import CodeType
@@ -50,21 +50,35 @@ TEXT = Path(__file__).resolve().parent / "validation_text"
 Row = dict[str, object]
 
 
-def run() -> list[Row]:
+def run(keep: Path | None = None) -> list[Row]:
     """Measure every section, write the document, and return all rows.
 
     Sections of one module share what they simulate, so they run in one process; modules run side by side.
+
+    Parameters
+    ----------
+    keep : file for the rows found so far, as JSON by section
     """
     names = list(sections())
     by_module: dict[str, list[str]] = {}
     for name, measure in sections().items():
         by_module.setdefault(_module(measure), []).append(name)
     found: dict[str, list[Row]] = {}
+    failed: list[str] = []
     # Each in a fresh process: OpenSim's module and ezc3d's do not get on.
-    with get_context("spawn").Pool(os.cpu_count() or 2, maxtasksperchild=1) as pool:
-        for part, seconds in pool.imap_unordered(measured, by_module.values(), chunksize=1):
+    with ProcessPoolExecutor(mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
+        waiting = {pool.submit(measured, part): part for part in by_module.values()}
+        for done in as_completed(waiting):
+            if error := done.exception():
+                failed.append(f"{', '.join(waiting[done])}: {error!r}")
+                continue
+            part, seconds = done.result()
             found |= part
             print(f"{len(found)} of {len(names)} sections; {', '.join(part)}: {seconds:.0f} s", flush=True)
+            if keep is not None:
+                keep.write_text(json.dumps(found, default=float))
+    if failed:
+        raise RuntimeError("; ".join(failed))
     document = (TEXT / "head.md").read_text()
     for name in names:
         document += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + as_table(found[name])
