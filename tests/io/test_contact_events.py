@@ -57,7 +57,8 @@ def test_spans_that_overlap_are_told(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no table"),
+        ("", "is empty"),
+        ("# only a remark\n", "no table"),
         ("site,begin,end\na,0,1\n", "expected columns site,start,stop"),
         ("site,start,stop\na,0\n", "line 2 has 2 cells"),
         ("site,start,stop\na,0,one\n", "line 2: 'one' is no number for stop"),
@@ -75,6 +76,14 @@ def test_spans_that_overlap_are_told(tmp_path):
 def test_bad_tables_are_refused_by_line(tmp_path, text, message):
     with pytest.raises(BadFile, match=message):
         read_events(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+def test_tables_as_spreadsheets_save_them(tmp_path, encoding):
+    path = tmp_path / "events.csv"
+    path.write_bytes("site;start;stop\r\nFuß_r;0,1;0,25\r\n".encode(encoding))
+    (touch,) = read_events(path).touches
+    assert (touch.site, touch.start, touch.stop) == ("Fuß_r", 0.1, 0.25)
 
 
 def test_what_is_no_text_is_refused(tmp_path):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.text import written
+from myomorph.io.text import file_text, written
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadFile
 from myomorph.model.model import GROUND
@@ -93,10 +93,7 @@ def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
 
 def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
     """Names of the columns, and rows by their line numbers."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadFile(path, f"cannot be read as text: {error}") from None
+    text = file_text(path, f"expected {SHAPES}")
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if not lines:
         raise BadFile(path, "holds no table of contacts", f"expected {SHAPES}")
