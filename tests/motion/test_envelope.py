@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
-from myomorph.motion.envelope import envelopes
+from myomorph.motion.envelope import EnvelopeOptions, envelopes
 
 TIME = np.arange(8000) / 2000.0
 
@@ -35,3 +35,9 @@ def test_silence_stays_silent():
 def test_too_short_is_refused():
     with pytest.raises(BadData, match="EMG of 20 samples"):
         envelopes(Series(TIME[:20], ("a",), np.ones((20, 1))))
+
+
+def test_a_cutoff_beyond_the_rate_is_refused():
+    slow = Series(np.arange(400) / 60.0, ("a",), np.ones((400, 1)))
+    with pytest.raises(BadData, match="cutoff of 30 Hz: expected below half the rate of 60 Hz"):
+        envelopes(slow, EnvelopeOptions(cutoff=30.0))

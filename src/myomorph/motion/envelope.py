@@ -92,6 +92,8 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
             f"EMG of {len(raw)} samples at {rate:g} Hz: expected at least {30 * options.order + 1} samples and a rate "
             f"above {low / 0.45:g} Hz"
         )
+    if not options.cutoff < 0.5 * rate:
+        raise BadData(f"envelopes with a cutoff of {options.cutoff:g} Hz: expected below half the rate of {rate:g} Hz")
     known = np.isfinite(raw.values)
     # Silence is the channel's own level: a gap set to 0 would be a step of the amplifier's offset.
     level = [np.median(column[use]) if use.any() else 0.0 for column, use in zip(raw.values.T, known.T, strict=True)]
