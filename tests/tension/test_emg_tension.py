@@ -9,6 +9,7 @@ from walking import task, walk
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.emg import EmgTarget
+from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.frame_program import frame_program
 from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
 from myomorph.tension.terms import solve_program
@@ -117,3 +118,6 @@ def test_emg_that_does_not_fit_is_refused_by_name(walker):
         solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told[1:]))
     with pytest.raises(BadData, match="twice"):
         solve_tension(model, motion, tau, emg=EmgTarget(("soleus_r", "soleus_r"), told[:, :2]))
+    for wrong, message in (({"mode": "hard"}, "unknown use of EMG 'hard'"), ({"weight": 0.0}, "EMG weight 0")):
+        with pytest.raises(BadData, match=message):
+            EmgOptions(**wrong)

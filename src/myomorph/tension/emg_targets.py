@@ -44,6 +44,8 @@ class EmgOptions:
     search: DelayOptions = field(default_factory=DelayOptions)
 
     def __post_init__(self) -> None:
+        # What the target would refuse is refused before anything is calibrated.
+        EmgTarget((), np.zeros((0, 0)), self.mode, self.weight, self.slack)
         if self.gains not in ("fitted", "given"):
             raise BadData(f"unknown gains of EMG '{self.gains}': there are 'fitted', 'given'")
         if self.delay is not None and not 0.0 <= self.delay <= 0.5:
