@@ -30,7 +30,7 @@ class CameraClock:
 def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1e-3) -> CameraClock:
     """The clock of a camera from events that both saw, as a flash, a clap or a heel drop.
 
-    One event gives the start; two or more give the pace too, by least squares.
+    One event gives the start; two or more give the pace too, by least squares, so they should lie far apart.
 
     Parameters
     ----------
@@ -48,7 +48,6 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
         return CameraClock(float(np.mean(b - a)), 1.0, float(np.ptp(b - a)))
     pace, start = np.polyfit(a, b, 1)
     error = float(np.abs(start + pace * a - b).max())
-    # Two events a moment apart tell the pace no better than they were marked.
     if abs(pace - 1.0) > drift:
         raise BadData(
             f"the camera's clock runs {pace:.4f} times as fast as the motion's: is its rate right, or were events of "

@@ -93,7 +93,6 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     Parameters
     ----------
     source : "auto", a table of touches (.csv) or a contact file (.toml)
-    sound : strokes that microphones recorded, whose forces are known by their loudness or motion
     measured : what measured loads are used for, where it is not what the file says
 
     Raises
