@@ -110,9 +110,6 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
 
 def subject_weight(tree: Tree, body: str) -> float:
     """Weight of the subject or object that a body belongs to: all that hangs on the same joint to the ground [N]."""
-    parent, mass = tree.arrays.parent, tree.arrays.mass
-    root = np.arange(len(parent))
-    for b in range(1, len(parent)):
-        root[b] = root[parent[b]] if parent[b] > 0 else b
-    mine = mass[root == root[tree.body_index[body]]].sum()
+    roots, mass = tree.roots, tree.arrays.mass
+    mine = mass[roots == roots[tree.body_index[body]]].sum()
     return (float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY) * float(mine or mass.sum())
