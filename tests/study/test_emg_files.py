@@ -11,13 +11,16 @@ from myomorph.model.series import Table
 from myomorph.motion.envelope import envelopes
 from myomorph.study.emg_files import muscles_of_channels, open_emg
 from myomorph.study.inputs import open_model
+from myomorph.study.steps import step_provenance
+from myomorph.study.takes import FileTake, open_take
 
+WALK = "rajagopal-walk-emg"
 HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"
 
 
 @pytest.fixture(scope="module")
 def walker(data):
-    return open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    return open_model(data(f"{WALK}/subject_walk_scaled.osim"))
 
 
 @pytest.fixture
@@ -28,6 +31,19 @@ def raw(tmp_path):
     table = Table(time, ("soleus_r", "CH7"), 1e-3 * noise)
     write_sto(table, tmp_path / "raw.sto")
     return tmp_path / "raw.sto", table
+
+
+def test_settings_of_envelopes_belong_to_what_tensions_are_made_from(data, walker, raw):
+    """So that a run which is taken up again sees that they changed."""
+    path, _ = raw
+    files = FileTake(data(f"{WALK}/subject_walk_scaled.osim"), motion=data(f"{WALK}/coordinates.sto"), emg=path)
+
+    def key(step, **given):
+        return step_provenance(step, open_take(files, {"tension": given}, walker)).key
+
+    assert key("tension", emg_cutoff=6.0) == key("tension", emg_cutoff=6.0)
+    assert key("tension", emg_cutoff=6.0) != key("tension", emg_cutoff=3.0)
+    assert key("muscles", emg_cutoff=6.0) == key("muscles", emg_cutoff=3.0)
 
 
 def test_channels_find_their_muscles(walker):

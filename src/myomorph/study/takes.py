@@ -27,6 +27,7 @@ from myomorph.study.settings import (
     Side,
     TensionTables,
     TorqueTable,
+    plain_settings,
     with_settings,
 )
 from myomorph.study.steps import Take
@@ -173,6 +174,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     if files.emg is not None:
         envelope = with_settings(EnvelopeOptions(), settings.get("tension", {}))
         given = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
+        sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
     if files.emg_muscles or files.emg_side:
         sources.append(value_source("emg", "muscles of channels", sorted(files.emg_muscles.items()), files.emg_side))
     return Take(
