@@ -66,6 +66,13 @@ def test_order_of_sites_does_not_matter(walk):
     assert set(mixed.touches) == set(found.touches)
 
 
+def test_plates_of_another_clock_are_refused(walk):
+    model, motion, sites, wrenches, _ = walk
+    late = replace(wrenches, time=wrenches.time + 0.5)
+    with pytest.raises(BadData, match="resample them to its times first"):
+        find_contacts(model, motion, sites, plates=late)
+
+
 def test_plates_tell_the_foot_and_come_first(walk):
     model, motion, sites, wrenches, _ = walk
     unknown = replace(wrenches, bodies=("", ""))

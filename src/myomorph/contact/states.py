@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import GRAVITY, Floor, SiteMotion, floor_under, site_motion
 from myomorph.model.contacts import Contacts, Site, Touch
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Array
@@ -69,6 +70,10 @@ def find_contacts(
     ----------
     motion : coordinates over time, filtered
     plates : forces on bodies (or of plates, bodies unknown), at the motion's times
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole, or the plates' times are not the motion's
     """
     options = options or ContactStateOptions()
     moving = site_motion(model, motion, sites)
@@ -161,8 +166,16 @@ def by_plates(
 
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
     sites touch that are less than `high` above the lowest of them.
+
+    Raises
+    ------
+    BadData : the plates' times are not the motion's
     """
     options = options or ContactStateOptions()
+    if len(plates) != len(moving.time) or np.max(np.abs(plates.time - moving.time), initial=0.0) > 1e-6:
+        raise BadData(
+            f"forces of plates have {len(plates)} frames, the motion {len(moving.time)}: resample them to its times first"
+        )
     names = tuple(one.name for one in sites)
     groups = tuple(dict.fromkeys(one.group for one in sites))
     weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
