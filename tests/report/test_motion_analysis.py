@@ -1,5 +1,6 @@
 import re
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ from lxml import etree
 from walker import GRAVITY, Tension, everything, model, motion, steps
 
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.report.analysis_section import analysis_sections
@@ -24,6 +25,7 @@ from myomorph.report.scene import make_scene
 from myomorph.report.strip import even_times, picture_strip, pictures_beside
 from myomorph.report.subjects import centroids, subjects
 from myomorph.report.tracks import Backdrop
+from myomorph.study import settings
 
 WEIGHT = 60.0 * GRAVITY
 
@@ -71,6 +73,15 @@ def test_presets_name_only_what_exists() -> None:
         Preset("x", "X", ("muscle",), (), ())  # type: ignore[arg-type]
     with pytest.raises(UnknownName, match="gait"):
         preset_of("walking")
+
+
+def test_a_study_file_knows_every_preset() -> None:
+    assert set(get_args(settings.Preset)) == {"", *PRESETS}
+
+
+def test_times_outside_the_motion_are_refused() -> None:
+    with pytest.raises(BadData, match="no picture at 99 s: the motion lasts from"):
+        report_page(replace(everything(), times=(99.0,)))
 
 
 def test_the_preset_follows_from_the_recording() -> None:

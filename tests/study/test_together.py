@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from arm_files import table_text
+from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim import read_osim
 from myomorph.io.sto import read_sto
@@ -93,7 +94,10 @@ def test_a_held_ball_takes_the_force_that_its_motion_needs(held):
     np.testing.assert_allclose(on["ball_ball"], force, atol=1e-6)
     # The force that was measured on the forearm (10 N down) is there beside the ball's.
     np.testing.assert_allclose(on["s01_fore"], [0.0, -10.0, 0.0] - force, atol=1e-6)
-    assert (home / "contacts.csv").is_file()
+    # A touch that always lasts is told as long as the motion.
+    (touch,) = read_events(home / "contacts.csv").touches
+    recorded = read_sto(held.motion).time
+    assert (touch.start, touch.stop) == pytest.approx((recorded[0], recorded[-1]), abs=0.05)
     # The page can be made again from the results alone, the joined model with it.
     assert report_folder(home) == [home / "report.html"]
 
@@ -105,6 +109,12 @@ def test_what_does_not_fit_is_named_before_anything_runs(held):
         study(held, trial="raech")
     with pytest.raises(BadFile, match=r"motion of 'ball' file 'ball\.mto' does not exist"):
         study(held, BALL.replace("ball.mot", "ball.mto"))
+    with pytest.raises(BadFile, match="neither a size nor an inertia"):
+        study(held, BALL.replace("size = [0.1, 0.1, 0.1]", ""))
+    with pytest.raises(BadFile, match="two parts are named 's01'"):
+        study(held, BALL.replace('name = "ball"', 'name = "s01"'))
+    with pytest.raises(BadFile, match=r"'options\.report\.preset' = 'judoka'"):
+        study(held, BALL + '[options.report]\npreset = "judoka"\n')
 
 
 def test_a_site_on_no_body_stops_only_what_is_solved_together(held):
@@ -112,4 +122,5 @@ def test_a_site_on_no_body_stops_only_what_is_solved_together(held):
     alone, both = run_study(study(held), held.out)
     assert alone.error == ""
     assert "unknown body 's01_hand'" in both.error
+    assert (both.subject, both.trial) == ("held", "held")
     assert not both.fault

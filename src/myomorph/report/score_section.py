@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.report.chart import Limit, Line, scaled_unit
 from myomorph.report.contact_graph import contact_graph, graph_rows
@@ -68,6 +69,10 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
     return " ".join(one for one in told if one)
 
 
+def _inside(time: float, span: tuple[float, float]) -> bool:
+    return span[0] - 1e-6 <= time <= span[1] + 1e-6
+
+
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:
     """The body at even times, or at those asked for."""
     given, motion = prepared.given, prepared.given.kinematics
@@ -81,7 +86,12 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
         frames = nearest_frames(motion.time, good, wanted)
         count = fitting(make_scene(given.model, motion, frames, given.surfaces), analysis.preset.pictures)
         wanted = even_times(behind.span, count)
-    wanted = tuple(one for one in wanted if behind.span[0] - 1e-6 <= one <= behind.span[1] + 1e-6)
+    if given.times and not any(_inside(one, behind.span) for one in wanted):
+        raise BadData(
+            f"no picture at {', '.join(f'{one:g}' for one in wanted)} s: "
+            f"the motion lasts from {behind.span[0]:g} to {behind.span[1]:g} s"
+        )
+    wanted = tuple(one for one in wanted if _inside(one, behind.span))
     if not wanted:
         return ""
     activations = None

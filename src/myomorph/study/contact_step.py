@@ -19,7 +19,7 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
-from myomorph.study.contact_file import ContactPlan
+from myomorph.study.contact_file import FOREVER, ContactPlan
 from myomorph.study.sound_plan import heard_contacts
 from myomorph.tension.contacts import ContactOptions, ContactTask
 
@@ -99,6 +99,19 @@ def set_contacts(
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
+
+
+def during(contacts: Contacts, start: float, stop: float) -> Contacts:
+    """Touches that always last, cut to a motion's start and stop [s]."""
+    touches = (
+        replace(
+            one,
+            start=max(one.start, start) if one.start <= -FOREVER else one.start,
+            stop=min(one.stop, stop) if one.stop >= FOREVER else one.stop,
+        )
+        for one in contacts.touches
+    )
+    return replace(contacts, touches=tuple(touches))
 
 
 def never_during(told: Contacts, time: Array) -> tuple[str, ...]:

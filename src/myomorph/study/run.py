@@ -144,8 +144,7 @@ def _together(
 ) -> Outcome:
     """Several trials as one, from the coordinates that their own steps found."""
     folder = out / file_name(together.name)
-    names = (*together.trials, *(table.name for table, _ in together.objects))
-    outcome = Outcome(together.name, " and ".join(names), folder)
+    outcome = Outcome(together.name, together.name, folder)
     try:
         parts: dict[str, Part] = {}
         for subject, trial in together.trials.items():

@@ -17,6 +17,9 @@ Options = TypeVar("Options")
 Measured: TypeAlias = Literal["exact", "shared", "hidden"]
 """What measured forces are used for where contacts are estimated."""
 
+Preset: TypeAlias = Literal["", "taichi", "tap", "drum", "judo", "gait", "lift", "motion"]
+"""A kind of motion that reports know (`report.presets`), "" for the one that fits."""
+
 Side: TypeAlias = Literal["", "right", "left"]
 """Side of a body, "" where it is not told."""
 
@@ -105,11 +108,11 @@ class ReportOptions:
 
     Attributes
     ----------
-    preset : kind of motion, which says what panels, muscles and phases are shown: taichi, tap, drum, judo, gait, lift;
-        chosen by what the recording shows where it is not told
+    preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what the recording shows
+        where it is not told
     """
 
-    preset: str = ""
+    preset: Preset = ""
 
 
 def settings_of(options: type) -> tuple[Setting, ...]:

@@ -109,6 +109,7 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
             *take.warnings,
             *(f"{files.markers.name}: {text}" for text in trial.warnings),
             *_rate_doubts(take, trial.markers.time),
+            *_phase_doubts(files, trial.markers.time),
         ),
     )
     if files.loads is None and files.plates:
@@ -131,6 +132,16 @@ def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     take = replace(take, time=inputs.cut_to(files.time, recorded, files.motion), warnings=warnings)
     return replace(take, real=_real(files, take)), recorded
+
+
+def _phase_doubts(files: FileTake, time: Array) -> tuple[str, ...]:
+    """Phases that are told of times outside the recording."""
+    start, stop = float(time[0]), float(time[-1])
+    return tuple(
+        f"phase '{name}' is told from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
+        for name, (first, last) in files.phases.items()
+        if last <= start or first >= stop
+    )
 
 
 def _rate_doubts(take: Take, time: Array) -> tuple[str, ...]:

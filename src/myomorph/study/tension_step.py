@@ -147,7 +147,7 @@ def _write_contacts(
 ) -> tuple[Wrenches, Series]:
     """Contact forces as external loads, touches as a table; returns all loads, and the torques that they leave."""
     from myomorph.io.contact_events import write_events
-    from myomorph.study.contact_step import all_loads
+    from myomorph.study.contact_step import all_loads, during
 
     assert take.contacts is not None
     assert tension.contacts is not None
@@ -158,7 +158,7 @@ def _write_contacts(
     contact_store.put_carried(writer, torques)
     write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
     write_sto(torque_table(torques, take.model), folder / ALL_TORQUES)
-    write_events(setting.contacts, folder / CONTACTS)
+    write_events(during(setting.contacts, float(motion.time[0]), float(motion.time[-1])), folder / CONTACTS)
     return loads, torques
 
 
