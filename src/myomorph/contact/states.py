@@ -174,7 +174,8 @@ def by_plates(
     options = options or ContactStateOptions()
     if len(plates) != len(moving.time) or np.max(np.abs(plates.time - moving.time), initial=0.0) > 1e-6:
         raise BadData(
-            f"forces of plates have {len(plates)} frames, the motion {len(moving.time)}: resample them to its times first"
+            f"forces of plates have {len(plates)} frames, the motion {len(moving.time)}: resample them to its times "
+            "first"
         )
     names = tuple(one.name for one in sites)
     groups = tuple(dict.fromkeys(one.group for one in sites))
