@@ -7,8 +7,10 @@ import pytest
 from scipy.io.wavfile import write as write_wav
 
 from myomorph.io.osim import read_osim
+from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadFile
 from myomorph.study.contact_file import contact_files, read_contacts
+from myomorph.study.contact_step import untold
 
 SITE = """
 [[site]]
@@ -114,6 +116,13 @@ def test_touches_of_another_clock_are_named(arm, command, tmp_path):
     done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
     assert done.status == 0
     assert "'hand' is told to touch at 900 to 901 s" in done.err
+
+
+def test_soles_that_a_table_leaves_out_are_named():
+    told = Contacts(("heel_r",), ())
+    soles = [Site(name, "foot", np.zeros((1, 3))) for name in ("heel_r", "toe_r")]
+    assert untold(told, soles) == ("no touch is told of toe_r: the motion tells when they do",)
+    assert untold(Contacts(("hand",), ()), soles) == ()
 
 
 @pytest.mark.parametrize("told", [("--measured", "hidden"), ("--measured", "shared", "--contacts", "auto")])

@@ -85,7 +85,7 @@ def set_contacts(
     raised = _raised(plan, told, model, motion, feet)
     told += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
-    elsewhere = () if plan.told is None else never_during(plan.told, known.recorded.time)
+    elsewhere = () if plan.told is None else (*never_during(plan.told, known.recorded.time), *untold(plan.told, feet))
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
     if plan.measured == "exact" and measured is not None:
@@ -112,6 +112,15 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
         for one in contacts.touches
     )
     return replace(contacts, touches=tuple(touches))
+
+
+def untold(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
+    """Soles that a file leaves out while it tells of others: who took their lines away meant that they never touch."""
+    names = [one.name for one in feet]
+    lacking = [name for name in names if name not in told.sites]
+    if not lacking or len(lacking) == len(names):
+        return ()
+    return (f"no touch is told of {', '.join(lacking)}: the motion tells when they do",)
 
 
 def never_during(told: Contacts, time: Array) -> tuple[str, ...]:
