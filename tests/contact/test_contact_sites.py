@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
 from mujoco_models import compiled
-from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion, up_of
+from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_poses, body_sites, feet_of, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.io.loads import read_external_loads
@@ -37,7 +37,7 @@ OSIM = (
 
 def checked_soles(model: Model) -> None:
     """Each foot has six sites in convex order, under the ankle, ahead of the heel, and mirrored on the other foot."""
-    sites, poses, up = foot_sites(model), body_poses(model), up_of(model)
+    sites, poses, up = foot_sites(model), body_poses(model), model.up
     placed = {one.name: poses[one.body].apply(one.points[0]) for one in sites}
     assert [one.group for one in sites] == ["foot_r"] * 6 + ["foot_l"] * 6
     for foot in feet_of(model):

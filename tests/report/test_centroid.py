@@ -4,7 +4,7 @@ from walker import model, motion
 
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.report.centroid import centroid, up_axis
+from myomorph.report.centroid import centroid
 
 
 def test_in_the_default_pose_it_is_the_weighted_mean_of_the_mass_centers() -> None:
@@ -40,4 +40,4 @@ def test_a_frame_without_a_pose_has_none() -> None:
 )
 def test_up_is_against_gravity(gravity: tuple[float, ...], up: tuple[float, ...]) -> None:
     one = Model("m", (), (), (), np.array(gravity, dtype=float))
-    assert up_axis(one) == pytest.approx(up)
+    assert one.up == pytest.approx(up)

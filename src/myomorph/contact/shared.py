@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.contact.assign import Assignment, AssignOptions, assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
-from myomorph.contact.site_motion import GRAVITY, SiteMotion, site_motion
+from myomorph.contact.site_motion import SiteMotion, site_motion
 from myomorph.contact.states import hysteresis, steady
 from myomorph.model.contacts import Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
@@ -70,7 +70,7 @@ def shared_wrenches(
     moving = site_motion(model, motion, sites)
     wrenches, outlines = _on_motion(plates, plate_time, motion)
     touching = contacts.states(motion.time).values[:, [contacts.sites.index(one.name) for one in sites]] > 0.0
-    weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
+    weight = model.weight
     pressing = np.nan_to_num(wrenches.forces @ moving.up)
     state = hysteresis(pressing > options.loaded * weight, pressing < options.unloaded * weight)
     loaded = np.stack([steady(column, motion.time, options.shortest) for column in state.T], axis=1)
@@ -161,7 +161,7 @@ def without_measured(
     measured : forces on bodies that act as they were measured
     """
     options = options or SharedOptions()
-    weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
+    weight = model.weight
     size = np.linalg.norm(np.nan_to_num(measured.forces), axis=2)
     carrying = hysteresis(size > options.loaded * weight, size < options.unloaded * weight)
     values, bodies = np.array(ready.values), group_bodies(model, sites)

@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.model.model import STANDARD_GRAVITY, Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
-
-GRAVITY = 9.80665
-"""Where a model has no gravity [m/s^2]."""
 
 STILL = 0.1
 """A site at rest moves slower than this, over the speed sqrt(g height)."""
@@ -59,7 +56,7 @@ class SiteMotion:
     @property
     def pace(self) -> float:
         """Speed that thresholds are relative to: sqrt(g height), whose Froude number is 1 [m/s]."""
-        return float(np.sqrt(GRAVITY * self.height))
+        return float(np.sqrt(STANDARD_GRAVITY * self.height))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +73,6 @@ class Floor:
     velocity: Array
 
 
-def up_of(model: Model) -> Array:
-    """Unit vector (3,) against gravity in ground, y where there is no gravity."""
-    size = float(np.linalg.norm(model.gravity))
-    up: Array = -model.gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
-    return up
-
-
 def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
     """Places and speeds of sites; frames in which the motion is NaN are NaN.
 
@@ -94,7 +84,7 @@ def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMoti
     """
     if not np.isfinite(motion.values).all(axis=1).any():
         raise BadData("no frame of the motion is without gaps: contacts cannot be found")
-    tree, up = compile_tree(model), up_of(model)
+    tree, up = compile_tree(model), model.up
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     owner = np.repeat(np.arange(len(sites)), [len(one.points) for one in sites])
     bodies = np.array([tree.body_index[sites[int(k)].body] for k in owner], np.int64)
@@ -103,7 +93,7 @@ def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMoti
     lowest = np.stack([(points[:, owner == k] @ up).min(axis=1) for k in range(len(sites))], axis=1)
     center = center_of(tree, poses, np.isin(tree.roots, tree.roots[bodies])) @ up
     rises = _slope(motion.time, _slope(motion.time, center))
-    gravity = float(np.linalg.norm(model.gravity)) or GRAVITY
+    gravity = float(np.linalg.norm(model.gravity)) or STANDARD_GRAVITY
     height = float(np.nanmedian(center - np.min(lowest, axis=1)))
     return SiteMotion(motion.time, up, places, lowest, _slope(motion.time, places), height, 1.0 + rises / gravity)
 
@@ -159,7 +149,7 @@ def plate_height(model: Model, plates: Wrenches | None) -> float | None:
     """
     if plates is None:
         return None
-    up = up_of(model)
+    up = model.up
     pressing = np.nan_to_num(plates.forces @ up)
     heights = plates.points @ up
     firm = np.isfinite(heights) & (pressing > 0.3 * pressing.max(initial=0.0)) & (pressing > 0.0)

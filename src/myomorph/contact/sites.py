@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from myomorph.contact.site_motion import up_of
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Model
@@ -95,7 +94,7 @@ def foot_sites(
     BadData : the model has no foot that can be told by its bodies' names
     """
     options = options or FootOptions()
-    cone = replace(options.cone, direction=up_of(model))
+    cone = replace(options.cone, direction=model.up)
     sites = []
     for foot in feet_of(model):
         part, side = foot.name[:-6], foot.name[-2:]
@@ -151,7 +150,7 @@ def _foot(
     """A foot of a heel and the first of some bodies of toes, which may be none."""
     toes = (*bodies, heel)[0]
     pose = poses[heel.name]
-    up = _snapped(pose.rotation, up_of(model))
+    up = _snapped(pose.rotation, model.up)
     ahead = poses[toes.name].translation if toes is not heel else pose.apply(heel.mass_center)
     along = ahead - pose.translation
     along = along - (along @ up) * up
@@ -251,7 +250,7 @@ def _hand(model: Model, name: str) -> Site:
 
 
 def _seat(model: Model) -> Site:
-    poses, up = body_poses(model), up_of(model)
+    poses, up = body_poses(model), model.up
     segments = segments_of(model)
     hips = {
         segments[joint.child].side: (joint.parent, poses[joint.child].translation)
@@ -274,7 +273,7 @@ def _seat(model: Model) -> Site:
 
 
 def _back(model: Model) -> Site:
-    segments, poses, up = segments_of(model), body_poses(model), up_of(model)
+    segments, poses, up = segments_of(model), body_poses(model), model.up
     bodies = [one for one in model.bodies if segments[one.name].name == "upper_trunk"]
     if not bodies:
         raise BadData(f"model '{model.name}' has no thorax for site 'back': name a body and points yourself")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.plates import episodes
-from myomorph.contact.site_motion import GRAVITY, Floor, SiteMotion, floor_under, site_motion
+from myomorph.contact.site_motion import Floor, SiteMotion, floor_under, site_motion
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -179,7 +179,7 @@ def by_plates(
         )
     names = tuple(one.name for one in sites)
     groups = tuple(dict.fromkeys(one.group for one in sites))
-    weight = model.mass * (float(np.linalg.norm(model.gravity)) or GRAVITY)
+    weight = model.weight
     pressing = plates.forces @ moving.up
     touching = np.zeros((len(moving.time), len(sites)), np.bool_)
     for plate in range(len(plates.names)):

@@ -18,6 +18,9 @@ from myomorph.model.spatial import Array, Transform, frozen_array
 
 GROUND = "ground"
 
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]"""
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -335,6 +338,17 @@ class Model:
     def dependent_coordinates(self) -> Mapping[str, Coupler]:
         """The coupler of each coordinate that follows others."""
         return MappingProxyType({coupler.dependent: coupler for coupler in self.couplers})
+
+    @cached_property
+    def up(self) -> Array:
+        """Unit vector (3,) against gravity in ground; y, as in OpenSim, where the model has no gravity."""
+        size = float(np.linalg.norm(self.gravity))
+        return frozen_array(-self.gravity / size if size > 0.0 else (0.0, 1.0, 0.0))
+
+    @cached_property
+    def weight(self) -> float:
+        """Weight of all bodies, by standard gravity where the model has none [N]."""
+        return self.mass * (float(np.linalg.norm(self.gravity)) or STANDARD_GRAVITY)
 
     def coordinate(self, name: str) -> Coordinate:
         """The coordinate of that name; raises `UnknownName`."""

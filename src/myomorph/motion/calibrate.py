@@ -67,7 +67,7 @@ def calibrate(
     where x is linear in (s, d) and the angles, bounded, locked and coupled as in inverse kinematics, are
     eliminated frame by frame. The prior keeps what no marker shows near the given model: every length near
     the overall size, stretch across near that along, right near left, markers near their places. [D] 3.2.1
-    step 1 (Ayusawa et al. 2011).
+    step 1, after its reference 26.
 
     Parameters
     ----------

@@ -40,14 +40,6 @@ def centroid(model: Model, motion: Motion) -> Series:
     return Series(motion.time, NAMES, values)
 
 
-def up_axis(model: Model | None) -> Array:
-    """Unit vector (3,) against gravity; y up, as in OpenSim, where a model has no gravity."""
-    if model is None or not np.any(model.gravity):
-        return np.array([0.0, 1.0, 0.0])
-    against: Array = -model.gravity / np.linalg.norm(model.gravity)
-    return against
-
-
 def velocity(time: Array, values: Array) -> Array:
     """First derivative over time, (frames, ...), by second-order differences [per s]."""
     if len(time) < 2:

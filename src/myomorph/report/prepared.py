@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.model.series import Event, Motion, Series
 from myomorph.model.spatial import Array
-from myomorph.report.centroid import centroid, up_axis
+from myomorph.report.centroid import centroid
 from myomorph.report.estimated_forces import contact_verdicts
 from myomorph.report.given import ReportInput
 from myomorph.report.phases import Movement, find_movement
@@ -98,7 +98,7 @@ class Prepared:
 
 def prepare(given: ReportInput) -> Prepared:
     """Span, events, center of mass and verdicts of what was given."""
-    up = up_axis(given.model)
+    up = np.array([0.0, 1.0, 0.0]) if given.model is None else given.model.up
     span = _span(given)
     motion = given.kinematics
     com = None
@@ -106,7 +106,7 @@ def prepare(given: ReportInput) -> Prepared:
         com = centroid(given.model, _thinned(motion))
     weight = None
     if given.model is not None and given.model.mass > 0.0 and np.any(given.model.gravity):
-        weight = given.model.mass * float(np.linalg.norm(given.model.gravity))
+        weight = given.model.weight
     # A model of part of a body does not weigh what stands on the plates.
     whole = weight if not given.root_note else None
     movement = Movement()

@@ -14,7 +14,6 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
-from myomorph.report.centroid import up_axis
 from myomorph.report.shapes import primitive, sticks
 from myomorph.report.subjects import subjects
 from myomorph.rigid.kinematics import Poses, forward_kinematics
@@ -104,7 +103,7 @@ def make_scene(
     coordinates = np.ascontiguousarray(np.nan_to_num(tree.coordinates_of(motion)[chosen]))
     poses = forward_kinematics(tree, coordinates)
     solids = _solids(model, tree.body_index, surfaces or {})
-    up = up_axis(model)
+    up = model.up
     low, high, size = _extent(poses, solids, up)
     lowest = low
     forward, right = _facing(model, poses, up) or _heading(model, poses, up)
@@ -113,7 +112,7 @@ def make_scene(
     for muscle in muscles:
         heights = muscle.points @ up
         low, high = min(low, float(np.nanmin(heights))), max(high, float(np.nanmax(heights)))
-    weight = model.mass * float(np.linalg.norm(model.gravity))
+    weight = model.weight
     floor = float(np.nanmedian(starts @ up)) if np.isfinite(starts).any() else lowest
     if not lowest - 0.2 * size < floor < lowest + 0.2 * size:
         # Forces far from the feet (a bar, a wheel) say nothing of the ground.

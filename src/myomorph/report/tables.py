@@ -177,7 +177,7 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
     ----------
     height : mean height of the center of mass over the ground [m]
     """
-    weight = model.mass * float(np.linalg.norm(model.gravity))
+    weight = model.weight
     found = residuals(model, torques)
     inside = (wrenches.time >= torques.time[0] - 1e-6) & (wrenches.time <= torques.time[-1] + 1e-6)
     net = np.linalg.norm(np.nan_to_num(wrenches.forces[inside]).sum(axis=1), axis=1)

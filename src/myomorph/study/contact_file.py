@@ -16,7 +16,6 @@ from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
 from myomorph.model.model import GROUND, Model
 from myomorph.model.spatial import Array
-from myomorph.report.centroid import up_axis
 from myomorph.study.settings import Measured
 from myomorph.study.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan
 from myomorph.study.study_file import Strict, checked, existing, read_toml, refuse
@@ -111,7 +110,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
     found, problems = checked(_File, read_toml(path))
     table = None if found is None else existing(path.parent, found.touches, "touches", problems)
-    sound = None if found is None else _sound(found, path.parent, up_axis(model), problems)
+    sound = None if found is None else _sound(found, path.parent, model.up, problems)
     sites: list[Site] = []
     for one in () if found is None else found.site:
         try:
@@ -173,7 +172,7 @@ def _site(given: _Site, model: Model) -> Site:
     for body in (given.body, given.against, given.frame):
         if body != GROUND and body not in model.body_names:
             raise UnknownName("body", body, (GROUND, *model.body_names))
-    direction = up_axis(model) if given.direction == "up" else None
+    direction = model.up if given.direction == "up" else None
     if not isinstance(given.direction, str):
         direction = np.array(given.direction)
     cone = Cone(direction, given.frame, given.friction, given.torsion, given.grip, given.edges, given.most)
