@@ -75,6 +75,14 @@ def test_an_envelope_that_was_cut_is_named_stretch_by_stretch():
     np.testing.assert_array_equal(np.isnan(kept), cut.values[:, 0] == 0.8)
 
 
+def test_what_is_only_rectified_or_has_an_offset_is_no_envelope():
+    made = envelopes(Series(TIME, ("a",), muscle()[:, None]))
+    assert not {one.kind for one in envelope_faults(made)} & {"fast"}
+    for column in (np.abs(muscle()), muscle() + 1e4):
+        faults = envelope_faults(Emg(TIME, ("a",), column[:, None] / column.max()))
+        assert "fast" in {one.kind for one in faults}
+
+
 def test_a_wrong_rate_shows_in_the_spectrum():
     assert "rate" in kinds(muscle(), rate=10_000.0)
     assert "rate" in kinds(muscle(), rate=200.0)

@@ -32,6 +32,12 @@ NEGATIVE = 0.01
 CLIPPED_ENVELOPE = 0.05
 """Time that an envelope stands at its largest value when it was cut there [s]; one of 6 Hz turns in a few ms."""
 
+FAST = 20.0
+"""Frequency that no envelope reaches [Hz]: raw EMG begins there."""
+
+FAST_SHARE = 0.1
+"""Share of a channel's variance above it that shows that it is none."""
+
 BEYOND_ONE = 1.5
 """Envelopes beyond this are no share of a maximum."""
 
@@ -42,7 +48,7 @@ class EmgFault:
 
     Attributes
     ----------
-    kind : "dead", "clipped", "unknown", "negative", "large", "copy" or "rate"
+    kind : "dead", "clipped", "unknown", "negative", "large", "fast", "copy" or "rate"
     start, stop : first and last time of it [s]
     text : one line
     """
@@ -85,7 +91,7 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
             told = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
             found.append(_fault(emg, name, "large", large, told))
         dead = _dead(emg, name, column, DEAD_ENVELOPE)
-        found += dead or _cut(emg, name, column)
+        found += dead or [*_cut(emg, name, column), *_fast(emg, name, column)]
         before = emg.values[:, : emg.names.index(name)].T
         twin = next((k for k, other in enumerate(before) if np.array_equal(other, column, equal_nan=True)), None)
         if twin is not None:
@@ -187,6 +193,19 @@ def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
             at[first : last + 1] = True
             found.append(_fault(emg, name, "clipped", at, f"stands at its largest value, {column[first]:.3g}: clipped"))
     return found
+
+
+def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
+    """An envelope that changes as fast as EMG itself: rectified only, or raw with an offset."""
+    if len(column) < 64 or emg.rate <= 2.0 * FAST:
+        return []
+    changes = np.nan_to_num(column - np.nanmean(column)) * np.hanning(len(column))
+    power = np.abs(np.fft.rfft(changes)) ** 2
+    share = power[np.fft.rfftfreq(len(changes), 1.0 / emg.rate) > FAST].sum() / max(power.sum(), 1e-300)
+    if share <= FAST_SHARE:
+        return []
+    told = f"has {100.0 * share:.0f} % of its variance above {FAST:g} Hz: rectified or raw with an offset, no envelope"
+    return [_fault(emg, name, "fast", np.ones(len(column), dtype=bool), told)]
 
 
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
