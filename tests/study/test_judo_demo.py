@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
 from myomorph.study import judo_demo
 from myomorph.study.demo import demo_model
@@ -51,6 +52,12 @@ def test_forces_are_written_for_both_and_are_opposite(shown):
     assert set(on) == {*FEET, "tori_forearm_r", "tori_forearm_l", "uke_torso", "uke_forearm_r"}
     np.testing.assert_allclose(on["tori_forearm_r"], -on["uke_torso"], atol=1e-6)
     np.testing.assert_allclose(on["tori_forearm_l"], -on["uke_forearm_r"], atol=1e-6)
+
+
+def test_touches_of_a_grip_name_the_body_that_it_holds(shown):
+    out, _ = shown
+    surfaces = {one.site: one.surface for one in read_events(out / "contacts.csv").touches}
+    assert (surfaces["lapel"], surfaces["sleeve"]) == ("uke_torso", "uke_forearm_r")
 
 
 def test_the_page_says_that_it_is_simulated(shown):

@@ -179,7 +179,13 @@ def _all_contacts(
     found = [find_contacts(model, motion, standing, options, measured)] if standing else []
     found += [find_holds(model, motion, holding)] if holding else []
     parts = (*told, *found)
-    touches = tuple(touch for one in parts for touch in one.touches)
+    against = {one.name: one.against for one in sites}
+    # Tables seldom tell the surface; of a site against a body it is that body.
+    touches = tuple(
+        replace(touch, surface=against[touch.site]) if touch.surface == GROUND else touch
+        for one in parts
+        for touch in one.touches
+    )
     return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
 
 
