@@ -54,6 +54,14 @@ def test_channels_find_their_muscles(walker):
         "bifemlh_r": ("bflh_r",),
         "glut_med_l": ("glmed1_l", "glmed2_l", "glmed3_l"),
     }
+    assert muscles_of_channels(
+        ("Voltage.R Tib Ant", "R_TA", "gluteus_maximus_r", "biceps_femoris"), walker, "left"
+    ) == {
+        "Voltage.R Tib Ant": ("tibant_r",),
+        "R_TA": ("tibant_r",),
+        "gluteus_maximus_r": ("glmax1_r", "glmax2_r", "glmax3_r"),
+        "biceps_femoris": ("bflh_l",),
+    }
 
 
 def test_envelopes_of_any_scale(tmp_path, walker):

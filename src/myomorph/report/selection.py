@@ -17,21 +17,21 @@ Indices = NDArray[np.int64]
 SIDES = ("right", "left", "")
 
 MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
-    ("Gluteus maximus", r"gl(ut)?_?max(imus)?[\d_]*"),
-    ("Gluteus medius", r"gl(ut)?_?med(ius)?[\d_]*"),
+    ("Gluteus maximus", r"gl(ut(eus)?)?_?max(imus)?[\d_]*"),
+    ("Gluteus medius", r"gl(ut(eus)?)?_?med(ius)?[\d_]*"),
     ("Iliacus", r"(iliacus|iliopsoas)"),
     ("Psoas", r"psoas"),
     ("Adductor magnus", r"add_?mag(dist|isch|mid|prox)?[\d_]*"),
-    ("Rectus femoris", r"rec(t(us)?)?_?fem(oris)?\d*"),
-    ("Vastus medialis", r"vas(tus)?_?med(ialis|ius)?\d*"),
-    ("Vastus lateralis", r"(vas(tus)?_?lat(eralis)?\d*|vasti)"),
-    ("Biceps femoris, long head", r"(bi?f_?(em)?_?lh|bicfem|bifemlh|bflh|hamstrings)\d*"),
+    ("Rectus femoris", r"(rec(t(us)?)?_?fem(oris)?\d*|rf)"),
+    ("Vastus medialis", r"(vas(tus)?_?med(ialis|ius)?\d*|vm)"),
+    ("Vastus lateralis", r"(vas(tus)?_?lat(eralis)?\d*|vasti|vl)"),
+    ("Biceps femoris, long head", r"(bi?f_?(em)?_?lh|bicfem|bifemlh|bflh|hamstrings|biceps_?fem(oris)?(_?lh)?)\d*"),
     ("Semitendinosus", r"semi_?ten(dinosus)?"),
     ("Semimembranosus", r"semi_?mem(branosus)?"),
     ("Gastrocnemius, medial", r"(gas_?med|med_?gas|gastroc(nemius)?)\d*"),
     ("Gastrocnemius, lateral", r"(gas_?lat|lat_?gas)\d*"),
     ("Soleus", r"sol(eus)?"),
-    ("Tibialis anterior", r"tib(ialis)?_?ant(erior)?"),
+    ("Tibialis anterior", r"(tib(ialis)?_?ant(erior)?|ta)"),
     ("Peroneus longus", r"(per(oneus)?|fib(ularis)?)_?long(us)?"),
 )
 """Muscles shown first, with the spellings of the Rajagopal, gait2392 and MyoSim families, hip to ankle."""

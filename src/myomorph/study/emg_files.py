@@ -153,6 +153,8 @@ def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -
     found: dict[str, tuple[str, ...]] = {}
     for channel in channels:
         plain = re.sub(r"[_. ](activation|emg|envelope)$", "", channel.strip(), flags=re.IGNORECASE)
+        # As amplifiers and capture programs write: "Voltage.R Tib Ant".
+        plain = re.sub(r"^(voltage|emg|analog)[_.: ]+", "", plain, flags=re.IGNORECASE).replace(" ", "_")
         if plain in sided:
             found[channel] = (plain,)
             continue
