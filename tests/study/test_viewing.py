@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -141,7 +142,10 @@ def test_results_are_shown_from_any_folder(
 def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
     path = write(f"walk{STORED}", "walk")
     command = [sys.executable, "-m", "myomorph.cli", "view", str(path), "--no-browser"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # A shell that runs the tests in the background has its children ignore Ctrl-C.
+    heeded = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(command, **pipes, text=True, preexec_fn=heeded)
     try:
         assert process.stdout is not None
         line = process.stdout.readline()
