@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from types import CodeType
+from typing import TypeAlias
 
 from benchmarks import (
     accuracy_calibration,
@@ -100,9 +101,18 @@ def _module(measure: Callable[[], Iterable[Row]]) -> str:
     return next((name for name in names if name.startswith("accuracy_")), measure.__module__.split(".")[-1])
 
 
-def sections() -> dict[str, Callable[[], Iterable[Row]]]:
+Sections: TypeAlias = dict[str, Callable[[], Iterable[Row]]]
+
+
+def sections() -> Sections:
     """What is measured, by the name of its text, in the order of the document."""
     folder = data_folder()
+    parts = (_of_models, _of_lengths, _of_masses, _of_limbs, _of_contacts)
+    return {name: measure for part in parts for name, measure in part(folder).items()}
+
+
+def _of_models(folder: Path) -> Sections:
+    """Models, kernels, and the steps from markers to muscle tensions; joint reactions, EMG, sound and hands."""
     return {
         "models": lambda: accuracy_models.measure(folder),
         "kernels": accuracy_kernels.measure,
@@ -141,6 +151,12 @@ def sections() -> dict[str, Callable[[], Iterable[Row]]]:
         "hands_seat": lambda: accuracy_hands.measure_seat(folder),
         "hands_seat_open": lambda: accuracy_hands.measure_seat_open(folder),
         "hands_seat_times": lambda: accuracy_hands.measure_seat_times(folder),
+    }
+
+
+def _of_lengths(folder: Path) -> Sections:
+    """Passive forces, lengths and marker positions."""
+    return {
         "passive": lambda: accuracy_passive.measure(folder),
         "passive_muscles": lambda: accuracy_passive.measure_muscles(folder),
         "passive_forms": lambda: accuracy_passive.measure_forms(folder),
@@ -149,6 +165,12 @@ def sections() -> dict[str, Callable[[], Iterable[Row]]]:
         "scale": lambda: accuracy_scale.measure(folder),
         "tools": lambda: accuracy_scale.measure_tools(folder),
         "transfer": lambda: accuracy_transfer.measure(folder),
+    }
+
+
+def _of_masses(folder: Path) -> Sections:
+    """Masses and inertias."""
+    return {
         "regressor": lambda: accuracy_regressor.measure_regressor(folder),
         "base_parameters": lambda: accuracy_regressor.measure_base_parameters(folder),
         "figaroh": accuracy_regressor.measure_figaroh,
@@ -164,6 +186,12 @@ def sections() -> dict[str, Callable[[], Iterable[Row]]]:
         "identification": lambda: accuracy_identification.measure(folder),
         "identification_prototype": lambda: accuracy_identification.measure_prototype(folder),
         "identification_segments": lambda: accuracy_identification.measure_segments(folder),
+    }
+
+
+def _of_limbs(folder: Path) -> Sections:
+    """Plates, clocks, scans and the viscosity of a limb."""
+    return {
         "plates": accuracy_calibrations.measure_plates,
         "plates_standing": lambda: accuracy_calibrations.measure_standing(folder),
         "clocks": accuracy_calibrations.measure_clocks,
@@ -183,6 +211,12 @@ def sections() -> dict[str, Callable[[], Iterable[Row]]]:
         "virtual_joints": accuracy_virtual.measure_joints,
         "virtual_cohort": accuracy_virtual.measure_cohort,
         "virtual_muscles": accuracy_virtual.measure_muscles,
+    }
+
+
+def _of_contacts(folder: Path) -> Sections:
+    """Contact forces, of one body and of two, and what the data leave open."""
+    return {
         "hidden_plates": lambda: accuracy_hidden_plates.measure(folder),
         "hidden_plates_parts": lambda: accuracy_hidden_plates.measure_parts(folder),
         "hidden_plates_partial": lambda: accuracy_hidden_plates.measure_partial(folder),
