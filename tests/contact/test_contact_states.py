@@ -16,7 +16,6 @@ from myomorph.contact.states import (
     find_contacts,
     hysteresis,
     merge_contacts,
-    state_rows,
     steady,
 )
 from myomorph.contact.strengths import StrengthOptions, fade, leans, strengths
@@ -190,17 +189,6 @@ def test_sources_merge_by_trust():
     assert merged.warnings == ("one", "two")
     assert [(one.start, one.stop) for one in merged.of("heel")] == [(1.0, 2.0), (2.0, 4.0), (5.0, 6.0)]
     assert len(merged.of("toe")) == 1
-
-
-def test_rows_of_the_contact_graph(walk):
-    model, motion, sites, _, _ = walk
-    found = find_contacts(model, motion, sites)
-    rows = state_rows(found, motion.time)
-    assert [name for name, _ in rows] == [one.name for one in sites]
-    states = found.states(motion.time)
-    for name, spans in rows:
-        held = sum(((motion.time >= start) & (motion.time <= stop)).sum() for start, stop in spans)
-        assert held == (states[name] > 0.0).sum()
 
 
 def test_readiness_fades_smoothly():

@@ -13,7 +13,7 @@ from myomorph.contact.site_motion import Floor, SiteMotion, floor_under, site_mo
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import Array
 
 Bools = NDArray[np.bool_]
@@ -245,16 +245,3 @@ def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
             cut += [replace(part, start=one.stop)] if one.stop < part.stop else []
         parts = cut
     return parts
-
-
-def state_rows(contacts: Contacts, time: Array) -> tuple[tuple[str, tuple[tuple[float, float], ...]], ...]:
-    """Rows of the contact-state graph ([D] figure 5.5): each site, and the spans (start, stop) [s] it touches.
-
-    Touches that overlap or follow within a frame are one span; the order is that of the sites.
-    """
-    state = Series(time, contacts.sites, contacts.states(time).values)
-    rows = []
-    for k, name in enumerate(contacts.sites):
-        spans = episodes(state.values[:, k] > 0.0)
-        rows.append((name, tuple((float(time[start]), float(time[stop - 1])) for start, stop in spans)))
-    return tuple(rows)
