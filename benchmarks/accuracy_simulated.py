@@ -145,7 +145,7 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     got = trials(case, folder, free=False, size=size)
     person = got.subject.person
     yield "motion from markers: coordinates that move", len(got.exciting.motion.names), ""
-    found = calibrate(got.subject.generic, [got.exciting.markers], CalibrationOptions(noise=None))
+    found = calibrate(got.subject.generic, [got.exciting.markers], CalibrationOptions(noise=0.0))
     yield "lengths and markers from so many frames", sum(len(one) for one in found.frames), ""
     yield "noise of a marker, found and true [mm]", f"{1e3 * found.noise:.3f}, {1e3 * Instruments().marker:g}", ""
     yield from _length_facts(found.model, got.subject)

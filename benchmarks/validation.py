@@ -1,8 +1,12 @@
-"""All comparisons of accuracy, written as docs/validation.md: `python -m benchmarks validation`."""
+"""All comparisons of accuracy, written as docs/validation.md: `python -m benchmarks validation`.
+
+`python -m benchmarks.validation SECTION ...` measures some sections anew and keeps the tables of the others.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -12,11 +16,13 @@ from types import CodeType
 from typing import TypeAlias
 
 from benchmarks import (
+    accuracy_articular,
     accuracy_calibration,
     accuracy_calibrations,
     accuracy_certificates,
     accuracy_cohort,
     accuracy_emg,
+    accuracy_groups,
     accuracy_hands,
     accuracy_hidden_plates,
     accuracy_identification,
@@ -25,18 +31,29 @@ from benchmarks import (
     accuracy_loop_forces,
     accuracy_loops,
     accuracy_masspoints,
+    accuracy_mirror,
     accuracy_models,
+    accuracy_morph_demo,
+    accuracy_morph_laws,
+    accuracy_morph_masses,
+    accuracy_morph_shapes,
+    accuracy_mouse,
     accuracy_muscles,
     accuracy_pair,
     accuracy_passive,
     accuracy_pendulum,
     accuracy_reaction,
+    accuracy_real_bones,
     accuracy_regressor,
     accuracy_scale,
     accuracy_shape,
     accuracy_simulated,
     accuracy_sound,
+    accuracy_species,
+    accuracy_species_arm,
+    accuracy_stairs,
     accuracy_steps,
+    accuracy_strides,
     accuracy_tension,
     accuracy_tracking,
     accuracy_transfer,
@@ -61,9 +78,41 @@ def run(keep: Path | None = None) -> list[Row]:
     keep : file for the rows found so far, as JSON by section
     """
     names = list(sections())
+    found = _found(names, keep)
+    DOCUMENT.write_text(_document({name: as_table(found[name]) for name in names}))
+    return [{"section": name, **row} for name in names for row in found[name]]
+
+
+def renew(names: list[str]) -> None:
+    """Measure these sections and write the document with the tables that it has of the others."""
+    found = _found(names, None)
+    DOCUMENT.write_text(_document(tables_of(DOCUMENT.read_text()) | {name: as_table(found[name]) for name in names}))
+
+
+def tables_of(document: str) -> dict[str, str]:
+    """The table of every section that a document has."""
+    lines = document.splitlines()
+    headings = {(TEXT / f"{name}.md").read_text().splitlines()[0]: name for name in sections()}
+    starts = [i for i, line in enumerate(lines) if line in headings]
+    found = {}
+    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        table = [line for line in lines[start:end] if line.startswith(("|", "(nothing measured"))]
+        found[headings[lines[start]]] = "\n".join(table) + "\n"
+    return found
+
+
+def _document(tables: dict[str, str]) -> str:
+    text = (TEXT / "head.md").read_text()
+    for name in sections():
+        text += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + tables[name]
+    return text
+
+
+def _found(names: list[str], keep: Path | None) -> dict[str, list[Row]]:
+    """Rows of some sections, by their names."""
     by_module: dict[str, list[str]] = {}
-    for name, measure in sections().items():
-        by_module.setdefault(_module(measure), []).append(name)
+    for name in names:
+        by_module.setdefault(_module(sections()[name]), []).append(name)
     found: dict[str, list[Row]] = {}
     failed: list[str] = []
     # Each in a fresh process: OpenSim's module and ezc3d's do not get on.
@@ -80,11 +129,7 @@ def run(keep: Path | None = None) -> list[Row]:
                 keep.write_text(json.dumps(found, default=float))
     if failed:
         raise RuntimeError("; ".join(failed))
-    document = (TEXT / "head.md").read_text()
-    for name in names:
-        document += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + as_table(found[name])
-    DOCUMENT.write_text(document)
-    return [{"section": name, **row} for name in names for row in found[name]]
+    return found
 
 
 def measured(names: list[str]) -> tuple[dict[str, list[Row]], float]:
@@ -107,7 +152,7 @@ Sections: TypeAlias = dict[str, Callable[[], Iterable[Row]]]
 def sections() -> Sections:
     """What is measured, by the name of its text, in the order of the document."""
     folder = data_folder()
-    parts = (_of_models, _of_lengths, _of_masses, _of_limbs, _of_contacts)
+    parts = (_of_models, _of_lengths, _of_masses, _of_limbs, _of_contacts, _of_morphing, _of_animals)
     return {name: measure for part in parts for name, measure in part(folder).items()}
 
 
@@ -214,6 +259,50 @@ def _of_limbs(folder: Path) -> Sections:
     }
 
 
+def _of_morphing(folder: Path) -> Sections:
+    """Muscles carried to other bones."""
+    return {
+        "articular_made": accuracy_articular.measure_made,
+        "articular_centers": lambda: accuracy_articular.measure_centers(folder),
+        "articular_persons": accuracy_articular.measure_persons,
+        "landmarks_found": accuracy_articular.measure_landmarks,
+        "morph_laws": lambda: accuracy_morph_laws.measure(folder),
+        "morph_shapes": accuracy_morph_shapes.measure,
+        "morph_shapes_bones": accuracy_morph_shapes.measure_bones,
+        "morph_shapes_beside": accuracy_morph_shapes.measure_beside,
+        "morph_demo": accuracy_morph_demo.measure,
+        "morph_demo_joints": accuracy_morph_demo.measure_joints,
+        "real_bones": lambda: accuracy_real_bones.measure(folder),
+        "real_bones_arms": lambda: accuracy_real_bones.measure_arms(folder),
+        "real_bones_depths": lambda: accuracy_real_bones.measure_depths(folder),
+        "real_bones_pairs": lambda: accuracy_real_bones.measure_pairs(folder),
+        "morph_masses": lambda: accuracy_morph_masses.measure(folder),
+        "species": lambda: accuracy_species.measure(folder),
+        "species_muscles": lambda: accuracy_species.measure_muscles(folder),
+        "species_arms": lambda: accuracy_species.measure_arms(folder),
+        "species_alignment": lambda: accuracy_species.measure_alignment(folder),
+        "species_arm": lambda: accuracy_species_arm.measure(folder),
+        "mirror": lambda: accuracy_mirror.measure(folder),
+    }
+
+
+def _of_animals(folder: Path) -> Sections:
+    """Strides, mice through every step, steps that measure force, and groups of animals."""
+    return {
+        "strides": lambda: accuracy_strides.measure(folder),
+        "strides_mouse": lambda: accuracy_strides.measure_mouse(folder),
+        "mouse_markers": lambda: accuracy_mouse.measure_markers(folder),
+        "mouse_keypoints": lambda: accuracy_mouse.measure_keypoints(folder),
+        "mouse_strides": lambda: accuracy_mouse.measure_strides(folder),
+        "mouse_lengths": lambda: accuracy_mouse.measure_lengths(folder),
+        "mouse_plate": lambda: accuracy_mouse.measure_plate(folder),
+        "mouse_masses": lambda: accuracy_mouse.measure_masses(folder),
+        "stairs": lambda: accuracy_stairs.measure(folder),
+        "groups_false": accuracy_groups.measure_false,
+        "groups_power": accuracy_groups.measure_power,
+    }
+
+
 def _of_contacts(folder: Path) -> Sections:
     """Contact forces, of one body and of two, and what the data leave open."""
     return {
@@ -246,3 +335,7 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.3g}"
     return json.dumps(value) if isinstance(value, dict) else str(value).replace("|", "/")
+
+
+if __name__ == "__main__":
+    renew(sys.argv[1:])

@@ -216,3 +216,14 @@ def test_the_player_keeps_to_its_budget() -> None:
     told = json.loads(player(make_scene(heavy, motion(body), [0], {"dense.stl": dense})))
     total = sum(len(decoded(one["faces"], "<u2")) for one in told["solids"]) / 3
     assert 1000 < total <= MOST_TRIANGLES
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_mirrored_mesh_keeps_its_outside(side: float) -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    outward = Surface(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    bone = replace(model().bodies[0], meshes=(Mesh("bone.obj", IDENTITY, np.array([1.0, 1.0, side])),))
+    drawn = replace(model(), bodies=(bone, *model().bodies[1:]))
+    solid = make_scene(drawn, motion(drawn), [0], {"bone.obj": outward}).solids[0].surface
+    a, b, c = solid.vertices[solid.faces].transpose(1, 0, 2)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(1 / 6)

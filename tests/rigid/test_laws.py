@@ -142,3 +142,10 @@ def test_a_wrench_on_an_unknown_body_is_refused():
     zero = np.zeros((3, 1, 3))
     with pytest.raises(UnknownName, match=r"'body99'.*'body9'"):
         inverse_dynamics(model, motion, Wrenches(motion.time, ("w",), ("body99",), zero, zero, zero))
+
+
+def test_defaults_given_as_whole_numbers_do_not_round_motions():
+    model = random_tree(0)
+    whole = replace(model, coordinates=tuple(replace(one, default=0) for one in model.coordinates))
+    moved = swinging(whole, 3, 0.1)
+    np.testing.assert_array_equal(compile_tree(whole).coordinates_of(moved), moved.values)

@@ -8,9 +8,12 @@ import pytest
 from myomorph.io.osim import read_osim
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Actuator
+from myomorph.model.scale import scale
+from myomorph.motion.body_size import length_unit
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.actuators import body_directions, compile_body_actuators, default_reserves, free_coordinates
+from stick_figure import person
 
 RAJAGOPAL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 FLOATING = tuple(f"residual_{kind}{axis}" for kind in "FM" for axis in "XYZ")
@@ -153,3 +156,15 @@ def test_limits_of_coordinates_pull_as_in_opensim(data):
             assert ours == pytest.approx(limit.calcLimitForce(state), abs=1e-9)
             largest = max(largest, abs(ours))
     assert largest > 100.0
+
+
+def test_what_is_weak_on_a_human_is_weak_on_an_animal_too():
+    """By default forces go with the cube and torques with the fourth power of a small body's length."""
+    human = person().generic
+    tiny = scale(human, {body: np.full(3, 0.05) for body in human.body_names})
+    unit = length_unit(compile_tree(tiny))
+    for one, other in zip(default_reserves(human), default_reserves(tiny), strict=True):
+        usual = 10.0 if one.kind in ("point", "torque") else 1.0
+        assert one.optimal_force == usual
+        assert other.optimal_force == pytest.approx(usual * unit ** (3 if one.kind == "point" else 4))
+    assert {one.optimal_force for one in default_reserves(tiny, 2.0, 3.0)} == {2.0, 3.0}

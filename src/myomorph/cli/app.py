@@ -40,6 +40,11 @@ COMMANDS = {
         "myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static static.trc --mass 72.6 "
         "--out subject.osim",
     ),
+    "morph": Command(
+        "morph",
+        "A model's muscles in other bones: those of a subject or of another species.",
+        "myomorph morph --source generic.osim --bones scan --landmarks pairs.csv --out subject.osim",
+    ),
     "ik": Command(
         "motion",
         "Inverse kinematics: the coordinates whose markers lie nearest to those recorded.",

@@ -19,7 +19,7 @@ def calibrate_command(
     model: ModelFile,
     out: Annotated[Path, Parameter(help="Model to write (.osim); tables of lengths and markers stand beside it.")],
     markers: Annotated[
-        tuple[Path, ...], Parameter(help="Recordings: .trc or .c3d, one or more.", consume_multiple=True)
+        tuple[Path, ...], Parameter(help="Recordings: .trc, .c3d, .mat or .h5, one or more.", consume_multiple=True)
     ] = (),
     static: Annotated[Path | None, Parameter(help="Recording of standing still.")] = None,
     marker_set: Annotated[
@@ -37,7 +37,7 @@ def calibrate_command(
 
     use_threads(threads)
     files = calibrating.CalibrationFiles(model, markers, static, marker_set, tasks, time)
-    check_out_model(out)
+    check_out_model(out, read=(model,))
     calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), given(options)))
     lost = calibrating.write_calibrated(calibrated, out)
     warn((*calibrated.warnings, *calibrated.found.notes, *lost))

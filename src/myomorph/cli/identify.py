@@ -60,7 +60,7 @@ def identify_command(
     from myomorph.study.made_model import check_out_model
 
     use_threads(threads)
-    check_out_model(out)
+    check_out_model(out, read=(model,))
     settings = given(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)

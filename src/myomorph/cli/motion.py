@@ -20,17 +20,18 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
+from myomorph.motion.crossings import CrossingOptions
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.study.settings import Differentiation, TorqueTable
 
-IkOptions = options_class(InverseKinematicsOptions, leave_out=("only_weighted",))
+IkOptions = options_class(InverseKinematicsOptions, CrossingOptions, leave_out=("only_weighted",))
 IdOptions = options_class(Differentiation, TorqueTable)
 
 
 def ik_command(
     *,
     model: ModelFile,
-    markers: Annotated[Path, Parameter(help="Recording: .trc or .c3d.")],
+    markers: Annotated[Path, Parameter(help="Recording: .trc, .c3d, .mat or .h5.")],
     out: OutFile,
     tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
     time: Time = None,

@@ -18,10 +18,11 @@ def demo_command(
     *,
     out: Annotated[Path, Parameter(help="Folder to write.")] = Path("demo"),
     study: Annotated[
-        Literal["jump", "simulated", "shoulder", "judo"],
+        Literal["jump", "simulated", "shoulder", "judo", "morph"],
         Parameter(
             help="A recorded countermovement jump, a simulated full-body squat with known truth, six virtual "
-            "shoulders that swing on a force plate, or two simulated fighters whose contact forces are found."
+            "shoulders that swing on a force plate, two simulated fighters whose contact forces are found, or a leg's "
+            "muscles carried into bones whose deformation is known."
         ),
     ] = "jump",
     threads: Threads = None,
@@ -33,6 +34,14 @@ def demo_command(
         from myomorph.study.shoulder_demo import run_shoulder_demo
 
         return ended(run_shoulder_demo(out, told), out)
+    if study == "morph":
+        from myomorph.study.morph_demo import run_morph_demo, summary
+
+        found = run_morph_demo(out)
+        for line in summary(found):
+            said(line)
+        said(f"report: {found.report.resolve()}")
+        return 0
     from myomorph.study.demo import run_demo
     from myomorph.study.reporting import REPORT
 
@@ -83,9 +92,10 @@ def run_command(
 
     for remark in plan.remarks:
         said(remark)
-    outcomes = [one for one in run_study(plan, out, resume, told) if one.trial]
-    failed = [one for one in outcomes if one.error]
-    said(f"{len(outcomes) - len(failed)} of {len(outcomes)} trials done; table: {out / 'results.csv'}")
-    if any(one.fault for one in failed):
+    outcomes = run_study(plan, out, resume, told)
+    trials = [one for one in outcomes if one.trial]
+    done = sum(1 for one in trials if not one.error)
+    said(f"{done} of {len(trials)} trials done; table: {out / 'results.csv'}")
+    if any(one.fault for one in outcomes):
         return OUR_FAULT
-    return BAD_INPUT if failed else 0
+    return BAD_INPUT if any(one.error for one in outcomes) else 0

@@ -192,6 +192,11 @@ def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...
             forces.append(np.where(mine, wrenches.forces[:, plate], 0.0))
             points.append(wrenches.points[:, plate])
             torques.append(np.where(mine, wrenches.torques[:, plate], 0.0))
-    parts = {"forces": forces, "points": points, "torques": torques}
-    arrays = {name: np.stack(columns, axis=1) for name, columns in parts.items()}
-    return replace(wrenches, names=tuple(labels), bodies=tuple(bodies), **arrays)
+    return replace(
+        wrenches,
+        names=tuple(labels),
+        bodies=tuple(bodies),
+        forces=np.stack(forces, axis=1),
+        points=np.stack(points, axis=1),
+        torques=np.stack(torques, axis=1),
+    )

@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.contact.plate_corners import counted_from, first_corner
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate, PlateRecording, Trial, Wrenches
 from myomorph.model.spatial import Array
@@ -145,7 +146,8 @@ def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
     Each plate's center of pressure and free torque are NaN where it is unloaded. A plate of a type that
     is not built is left out with a warning that names it. Which way is up is told by the markers: the
     force of a loaded plate must point from the plate to the subject, else force and moment are
-    reversed, with a warning.
+    reversed, with a warning; and its center of pressure must lie under them, else its corners are counted
+    from another one where that is clearly better (`first_corner`), with a warning.
     """
     options = options or PlateOptions()
     found: list[str] = []
@@ -169,11 +171,32 @@ def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
         found.append("the force plates pull the subject down as the file has it: force and moment were reversed")
     final = []
     for recording, plate, state in zip(recordings, plates, states, strict=True):
+        plate = _turned(plate, state, trial, found)
+        recording = replace(recording, corners=plate.corners)
         found += _doubts(recording, plate, state, options)
-        hidden = ~state[:, None]
-        points, torques = np.where(hidden, np.nan, plate.points), np.where(hidden, np.nan, plate.torques)
-        final.append(replace(plate, points=points, torques=torques))
+        final.append(_while_loaded(plate, state))
     return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(found))
+
+
+def _while_loaded(plate: ForcePlate, state: NDArray[np.bool_]) -> ForcePlate:
+    """The plate with center of pressure and free torque only where it is loaded."""
+    hidden = ~state[:, None]
+    points, torques = np.where(hidden, np.nan, plate.points), np.where(hidden, np.nan, plate.torques)
+    return replace(plate, points=points, torques=torques)
+
+
+def _turned(plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, found: list[str]) -> ForcePlate:
+    """The plate turned under the body where its corners are clearly counted from the wrong one."""
+    if trial.markers is None:
+        return plate
+    told = first_corner(_while_loaded(plate, state), trial.plate_time, trial.markers)
+    if told is None or not told.clear:
+        return plate
+    found.append(
+        f"the corners of {plate.name} were counted from its corner {told.best + 1}: so the center of pressure lies "
+        f"{told.distances[told.best]:.2g} m from the markers' middle, as the file has them {told.distances[0]:.2g} m"
+    )
+    return counted_from(plate, told.best)
 
 
 def _pulls_down(plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]], trial: Trial) -> bool:

@@ -11,13 +11,14 @@ from scipy.spatial import ConvexHull, QhullError
 
 from myomorph.identify.grid import MOST, SPACING, fill
 from myomorph.identify.points import Links, links_of
-from myomorph.identify.skin import Skin, signed_volume
+from myomorph.identify.skin import Skin
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
+from myomorph.model.surface_parts import signed_volume
 
 TISSUE = 1050.0
 """Density of solids whose size the inertia does not tell [kg/m^3]."""

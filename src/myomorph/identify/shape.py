@@ -14,12 +14,13 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from myomorph.identify.landmarks import landmark_vertices
-from myomorph.identify.skin import Skin, check_height, check_skin, signed_volume
+from myomorph.identify.skin import Skin, check_height, check_skin
 from myomorph.identify.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
 from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
+from myomorph.model.surface_parts import signed_volume
 
 DENSITY = 985.0
 """Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
+from myomorph.model.surface_parts import area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
 
 TALLEST = 3.0
 """No body is longer than this in any direction [m]; what is longer is in other units."""
@@ -75,14 +74,14 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     vertices, faces = np.array(surface.vertices), np.array(surface.faces)
     _check_units(vertices, faces, height)
     notes: list[str] = []
-    faces = _with_area(vertices, faces, notes)
+    faces = _with_area(faces, notes)
     faces = _one_body(vertices, faces, notes)
     vertices, faces = _closed(vertices, faces, notes)
     used, compact = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], compact.reshape(-1, 3)
     if not signed_volume(vertices, faces) > 1e-9:
         raise BadData("the skin encloses no volume: expected a closed surface of a body")
-    watertight = not len(_border(faces))
+    watertight = not len(border_of(faces))
     if not watertight:
         notes.append("the skin is still open: what is inside is told by winding numbers above one half")
     up = _up(vertices)
@@ -120,12 +119,6 @@ def winding_numbers(skin: Skin, points: Array) -> Array:
         return np.zeros(0)
     parts = (igl.fast_winding_number(vertices, faces, x[i : i + CHUNK]) for i in range(0, len(x), CHUNK))
     return np.concatenate([np.atleast_1d(part) for part in parts])
-
-
-def signed_volume(vertices: Array, faces: np.ndarray) -> float:
-    """Volume that faces enclose, negative where they look inward [m^3]."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def check_height(height: float) -> None:
@@ -167,11 +160,8 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
         raise BadData(f"the skin is {longest:.4g} long, as a body in {guess}: expected meters; {remedy}")
 
 
-def _with_area(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:
-    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    kept = faces[~repeated]
-    _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
-    kept = kept[np.sort(first)]
+def _with_area(faces: np.ndarray, notes: list[str]) -> np.ndarray:
+    kept = distinct_faces(faces)
     if len(kept) < len(faces):
         notes.append(f"{len(faces) - len(kept)} faces without area or given twice are left out")
     return kept
@@ -179,15 +169,15 @@ def _with_area(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarr
 
 def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:
     """Faces of the body alone, every piece of it oriented outward."""
-    pieces = [_oriented(vertices, piece) for piece in _pieces(len(vertices), faces)]
-    pieces.sort(key=lambda piece: -_area(vertices, piece[0]))
-    turned = sum(changed for _, changed in pieces)
-    (body, _), others = pieces[0], [piece for piece, _ in pieces[1:]]
+    given = pieces_of(len(vertices), faces)
+    pieces = [turned_outward(vertices, piece) for piece in given]
+    turned = sum(not np.array_equal(*both) for both in zip(given, pieces, strict=True))
+    body, *others = sorted(pieces, key=lambda piece: -area_of(vertices, piece))
     main = Skin(Surface(vertices, body), watertight=True)
     whole = signed_volume(vertices, body)
     kept, opened, within, specks = [body], 0, 0, 0
     for piece in others:
-        if len(_border(piece)):
+        if len(border_of(piece)):
             opened += 1
         elif signed_volume(vertices, piece) < SPECK * whole:
             specks += 1
@@ -207,41 +197,9 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarra
     return np.concatenate(kept)
 
 
-def _pieces(count: int, faces: np.ndarray) -> list[np.ndarray]:
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    label = connected_components(graph, directed=False)[1][faces[:, 0]]
-    order = np.argsort(label, kind="stable")
-    starts = np.flatnonzero(np.diff(label[order])) + 1
-    return np.split(faces[order], starts)
-
-
-def _oriented(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Faces turned to one side and outward, and whether any was turned."""
-    result = faces
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    if len(np.unique(directed, axis=0)) < len(directed):
-        import igl
-
-        result = igl.bfs_orient(np.array(faces, dtype=np.int64))[0]
-    # About a point amid the piece, so that an open one has a volume of the right sign too.
-    middle = vertices[np.unique(result)].mean(axis=0)
-    if signed_volume(vertices - middle, result) < 0.0:
-        result = result[:, ::-1]
-    return np.ascontiguousarray(result), not np.array_equal(result, faces)
-
-
-def _border(faces: np.ndarray) -> np.ndarray:
-    """(edges, 2) directed edges without a face on their other side."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    count = int(faces.max()) + 1
-    keys, opposite = directed[:, 0] * count + directed[:, 1], directed[:, 1] * count + directed[:, 0]
-    return directed[~np.isin(keys, opposite)]
-
-
 def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array, np.ndarray]:
     """Every loop of the border closed by a fan around its middle."""
-    border = _border(faces)
+    border = border_of(faces)
     if not len(border):
         return vertices, faces
     following: dict[int, list[int]] = {}
@@ -268,11 +226,6 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array
     if around:
         notes.append(f"{len(around)} holes were filled, the largest {1000 * max(around):.0f} mm around")
     return np.concatenate(added_vertices), np.concatenate(added_faces)
-
-
-def _area(vertices: Array, faces: np.ndarray) -> float:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
 
 
 def _doubled(skin: Skin) -> float:

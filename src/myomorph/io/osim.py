@@ -78,6 +78,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         tuple(document.warnings),
         read_passive_torques(node, tree.coordinates),
         read_bushings(node, frames),
+        forces.ligaments,
     )
 
 

@@ -8,10 +8,11 @@ from myomorph.io.osim_actuators import KINDS, placed_actuator, read_actuator
 from myomorph.io.osim_document import Node, unique
 from myomorph.io.osim_frames import Frames
 from myomorph.io.osim_kept import kept_force
+from myomorph.io.osim_ligaments import read_ligaments
 from myomorph.io.osim_muscles import PathReader, is_muscle, read_muscle
 from myomorph.io.osim_viscosity import with_dampers
 from myomorph.model.model import Actuator, Kept
-from myomorph.model.paths import Muscle
+from myomorph.model.paths import Ligament, Muscle
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Forces:
     muscles: tuple[Muscle, ...]
     actuators: tuple[Actuator, ...]
     kept: tuple[Kept, ...]
+    ligaments: tuple[Ligament, ...]
 
 
 def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]) -> Forces:
@@ -40,7 +42,8 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
     muscles, others = with_dampers(muscles, others, paths)
     names = unique([one.name for one in actuators], "actuator", model.document)
     actuators = [replace(one, name=name) for one, name in zip(actuators, names, strict=True)]
-    return Forces(tuple(muscles), tuple(actuators), tuple(kept_force(one) for one in others))
+    kept = tuple(kept_force(one) for one in others)
+    return Forces(tuple(muscles), tuple(actuators), kept, read_ligaments(others, paths))
 
 
 def _groups(model: Node) -> dict[str, tuple[str, ...]]:

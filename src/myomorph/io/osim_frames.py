@@ -61,6 +61,14 @@ class Frames:
         body, pose = self.place(node.socket("parent_frame", "body"), node)
         return body, pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
 
+    def stations(self) -> list[tuple[str, str, Array]]:
+        """Name, body and location in the body of every station and marker."""
+        found = []
+        for path, node in self._stations.items():
+            if node.name:
+                found.append((node.name, *self.station(path, node)))
+        return found
+
     def _find(self, text: str, user: Node, where: Mapping[str, object], kind: str) -> str:
         path = joined(user.path, text)
         if path in where:

@@ -14,7 +14,7 @@ from myomorph.io.osim_functions import read_function
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function, SineProduct, constant, linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Array, Transform, frozen_array
 
 X, Y, Z = np.eye(3)
 SIMPLE: dict[str, tuple[tuple[str, Array, int], ...]] = {
@@ -36,6 +36,8 @@ SIMPLE: dict[str, tuple[tuple[str, Array, int], ...]] = {
 }
 CURVED = {"EllipsoidJoint": 3, "ScapulothoracicJoint": 4}
 KINDS = (*SIMPLE, "CustomJoint", *CURVED)
+QUARTER_TURN = frozen_array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""About z: how a scapulothoracic joint's ellipsoid lies in its frame."""
 SPATIAL = ("rotation1", "rotation2", "rotation3", "translation1", "translation2", "translation3")
 
 
@@ -251,7 +253,7 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
     """
     quarter = np.eye(3)
     if node.kind == "ScapulothoracicJoint":
-        quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        quarter = QUARTER_TURN
         radii = node.vector("thoracic_ellipsoid_radii_x_y_z", (np.nan,) * 3)
         radii = radii[[1, 0, 2]]
     else:

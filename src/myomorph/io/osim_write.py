@@ -11,6 +11,8 @@ from lxml import etree
 
 from myomorph.io.marker_set import put_marker
 from myomorph.io.osim_document import NEWEST
+from myomorph.io.osim_kept import HARMLESS
+from myomorph.io.osim_ligaments import put_ligament
 from myomorph.io.osim_write_forces import (
     write_actuator,
     write_bushing,
@@ -110,7 +112,7 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
         if not _is_kept(bushing.name, kept):
             write_bushing(sets["ForceSet"], bushing)
     for name, objects in sets.items():
-        _put_back(objects, kept, name)
+        _put_back(objects, kept, name, model, joints)
     _write_groups(holders["ForceSet"], model)
     markers = child(child(element, "MarkerSet", name="markerset"), "objects")
     for marker in model.markers:
@@ -235,11 +237,11 @@ def _usable(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
     """The kept parts that an OpenSim 4.6 document can hold, in its layout."""
     usable = []
     for part in kept:
+        if part.kind == "BushingForce" and part.effect == HARMLESS:
+            continue  # the model's own bushing is written
         new = part.version >= 40000 and not (part.room == "ControllerSet" and part.version < NEWEST)
         if new or part.room == "Model" or part.kind in SAME_SINCE_2:
             usable.append(part)
-        elif part.kind == "BushingForce":
-            continue  # the model's own bushing is written
         elif part.version:
             warnings.append(f"{part.kind} '{part.name}' is left out: its layout is of document version {part.version}")
         else:
@@ -253,13 +255,21 @@ def _is_kept(passive: str, kept: list[Kept]) -> bool:
     return any(part.room == "ForceSet" and part.name in names for part in kept)
 
 
-def _put_back(parent: etree._Element, kept: list[Kept], room: str) -> None:
+def _put_back(
+    parent: etree._Element,
+    kept: list[Kept],
+    room: str,
+    model: Model | None = None,
+    joints: dict[str, str] | None = None,
+) -> None:
     for part in kept:
         if part.room != room:
             continue
         element = etree.fromstring(part.text)
         if part.version < 30509:
             _renamed_switch(element, room)
+        if model is not None:
+            put_ligament(part, element, model.ligaments, joints or {})
         for path in element.findall("GeometryPath"):
             path.set("name", "path")
         parent.append(element)

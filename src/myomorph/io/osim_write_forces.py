@@ -27,7 +27,7 @@ def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str],
     child(element, "appliesForce", str(muscle.enabled).lower())
     child(element, "min_control", number(muscle.min_activation))
     child(element, "max_control", number(muscle.max_activation))
-    _write_path(element, muscle, joints, warnings)
+    write_path(element, muscle.name, muscle.path, joints, warnings)
     for tag, value in (
         ("max_isometric_force", muscle.max_isometric_force),
         ("optimal_fiber_length", muscle.optimal_fiber_length),
@@ -51,7 +51,7 @@ def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, st
     """The damper along a muscle's path: a force of its own, which every class of muscle can have beside it."""
     element = child(parent, "ExpressionBasedPathForce", name=f"{muscle.name}{DAMPER}")
     child(element, "appliesForce", str(muscle.enabled).lower())
-    _write_path(element, muscle, joints, [])
+    write_path(element, muscle.name, muscle.path, joints, [])
     child(element, "expression", damper_expression(muscle.viscosity))
     child(element, "clamp_stretch", "false")
 
@@ -69,21 +69,25 @@ def _write_parameters(element: etree._Element, muscle: Muscle) -> None:
         child(holder, tag, str(bool(value)).lower() if flag else number(value))
 
 
-def _write_path(element: etree._Element, muscle: Muscle, joints: dict[str, str], warnings: list[str]) -> None:
+def write_path(
+    element: etree._Element, owner: str, way: Path, joints: dict[str, str], warnings: list[str]
+) -> etree._Element:
+    """The path of a muscle or ligament, put into `element`."""
     path = child(element, "GeometryPath", name="path")
     points = child(child(path, "PathPointSet"), "objects")
-    for i, point in enumerate(muscle.path.points):
-        _write_point(points, point, point.name or f"{muscle.name}-P{i + 1}", joints, warnings)
+    for i, point in enumerate(way.points):
+        _write_point(points, point, point.name or f"{owner}-P{i + 1}", joints, warnings)
     wraps = child(child(path, "PathWrapSet"), "objects")
-    _warn_of_path(muscle.path, warnings)
+    _warn_of_path(way, warnings)
     names: set[str] = set()
-    for wrap in muscle.path.wraps:
+    for wrap in way.wraps:
         if isinstance(wrap, PathWrap):
             written = child(wraps, "PathWrap", name=f"{legal(wrap.wrap_object)}_{len(names)}")
             names.add(wrap.wrap_object + str(len(names)))
             child(written, "wrap_object", legal(wrap.wrap_object))
             child(written, "method", wrap.method)
             child(written, "range", f"{wrap.first} {wrap.last}")
+    return path
 
 
 def _warn_of_path(path: Path, warnings: list[str]) -> None:

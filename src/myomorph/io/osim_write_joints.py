@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim_joints import CURVED, SIMPLE, SPATIAL, reversed_joint
+from myomorph.io.osim_joints import CURVED, QUARTER_TURN, SIMPLE, SPATIAL, reversed_joint
 from myomorph.io.osim_write_functions import child, legal, number, numbers, write_function
 from myomorph.model.functions import PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
@@ -145,6 +145,9 @@ def curved_settings(joint: Joint) -> dict[str, str] | None:
     """Radii (and winging axis) of a joint that rides on an ellipsoid, or None where its axes are others."""
     axes = joint.axes
     if len(axes) != 6 + (joint.kind == "ScapulothoracicJoint") or len(joint.coordinates) != CURVED[joint.kind]:
+        return None
+    frame = QUARTER_TURN if joint.kind == "ScapulothoracicJoint" else np.eye(3)
+    if not all(np.array_equal(axis.vector, frame[:, i % 3]) for i, axis in enumerate(axes[:6])):
         return None
     sines = [axis.function for axis in axes[:3]]
     if not all(isinstance(one, SineProduct) for one in sines):

@@ -72,6 +72,7 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
         warnings=tuple(one for model in renamed for one in model.warnings),
         passive_torques=tuple(one for model in renamed for one in model.passive_torques),
         bushings=tuple(one for model in renamed for one in model.bushings),
+        ligaments=tuple(one for model in renamed for one in model.ligaments),
     )
 
 
@@ -237,6 +238,7 @@ def _renamed(model: Model, part: str) -> Model:
         ),
         loops=tuple(_tied(one, own) for one in model.loops),
         bushings=tuple(_tied(one, own) for one in model.bushings),
+        ligaments=tuple(replace(one, name=own(one.name), path=_path(one.path, own)) for one in model.ligaments),
         frames=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.frames),
         kept=tuple(_kept_part(one, model, own) for one in model.kept),
         warnings=tuple(f"{part}: {one}" for one in model.warnings),
@@ -260,15 +262,18 @@ def _joint(joint: Joint, own: Callable[[str], str]) -> Joint:
 
 
 def _muscle(muscle: Muscle, own: Callable[[str], str]) -> Muscle:
-    path = muscle.path
+    groups = tuple(own(one) for one in muscle.groups)
+    return replace(muscle, name=own(muscle.name), path=_path(muscle.path, own), groups=groups)
+
+
+def _path(path: Path, own: Callable[[str], str]) -> Path:
     tendon = tuple(
         replace(one, wrap_object=own(one.wrap_object), side_body=own(one.side_body))
         for one in path.wraps
         if isinstance(one, TendonWrap)
     )
     other = tuple(replace(one, wrap_object=own(one.wrap_object)) for one in path.wraps if isinstance(one, PathWrap))
-    renamed = Path(tuple(_point(one, own) for one in path.points), tendon or other, path.divisors)
-    return replace(muscle, name=own(muscle.name), path=renamed, groups=tuple(own(one) for one in muscle.groups))
+    return Path(tuple(_point(one, own) for one in path.points), tendon or other, path.divisors)
 
 
 def _point(point: PathPoint | MovingPathPoint, own: Callable[[str], str]) -> PathPoint | MovingPathPoint:

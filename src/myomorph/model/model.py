@@ -13,7 +13,7 @@ import numpy as np
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function
 from myomorph.model.passive_parts import Bushing, PassiveTorque
-from myomorph.model.paths import Muscle, WrapObject
+from myomorph.model.paths import Ligament, Muscle, WrapObject
 from myomorph.model.spatial import Array, Transform, frozen_array
 
 GROUND = "ground"
@@ -262,6 +262,7 @@ class Model:
     warnings : what reading the file found odd, one line each
     passive_torques : of joints' tissues and springs
     bushings : springs and dampers between two frames
+    ligaments : paths of ligaments, the rest of which is in `kept`
     """
 
     name: str
@@ -282,6 +283,7 @@ class Model:
     warnings: tuple[str, ...] = ()
     passive_torques: tuple[PassiveTorque, ...] = ()
     bushings: tuple[Bushing, ...] = ()
+    ligaments: tuple[Ligament, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,)))

@@ -155,3 +155,23 @@ class Muscle:
     enabled: bool = True
     curves: Mapping[str, Function] = field(default_factory=lambda: MappingProxyType({}))
     viscosity: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Ligament:
+    """A passive string between bones, whose force is not modelled: the file's own part is kept (`Kept`).
+
+    Attributes
+    ----------
+    kind : the file's class, "Ligament", "Blankevoort1991Ligament", ...
+    slack_length : at which it begins to pull; NaN where the file has none [m]
+    """
+
+    name: str
+    kind: str
+    path: Path
+    slack_length: float
+
+    def as_muscle(self) -> Muscle:
+        """A muscle along the same path, by which the path's length can be computed."""
+        return Muscle(self.name, self.kind, self.path, 0.0, 0.0, 0.0)

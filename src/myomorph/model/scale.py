@@ -14,7 +14,7 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
 from myomorph.model.passive_parts import Bushing
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.model.paths import Ligament, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.spatial import Array, Transform
 
 Tie = TypeVar("Tie", Loop, Bushing)
@@ -46,7 +46,7 @@ def scale(
     inertia : "cylinder" takes a body whose factors differ for a cylinder, as OpenSim does; "affine"
         stretches its second moments of mass exactly
     path_lengths : gives the lengths (muscles,) of a model's muscle paths in its default pose [m]; with
-        it optimal fiber and tendon slack lengths keep their ratio to the path, without it they stay
+        it optimal fiber and slack lengths keep their ratio to the path, without it they stay
 
     Raises
     ------
@@ -70,13 +70,37 @@ def scale(
         actuators=tuple(_actuator(one, sizes) for one in model.actuators),
         loops=tuple(_tied(one, sizes) for one in model.loops),
         bushings=tuple(_tied(one, sizes) for one in model.bushings),
+        ligaments=tuple(replace(one, path=_path(one.path, sizes)) for one in model.ligaments),
     )
     if path_lengths is None:
         return result
-    before, after = np.asarray(path_lengths(model)), np.asarray(path_lengths(result))
-    ratios = np.divide(after, before, out=np.ones_like(before), where=before > 0.0)
-    muscles = (_muscle(one, float(ratio)) for one, ratio in zip(result.muscles, ratios, strict=True))
-    return replace(result, muscles=tuple(muscles))
+    muscles = tuple(
+        _muscle(one, ratio) for one, ratio in zip(result.muscles, _ratios(model, result, path_lengths), strict=True)
+    )
+    return replace(result, muscles=muscles, ligaments=taut_ligaments(model, result, path_lengths))
+
+
+def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> tuple[Ligament, ...]:
+    """The ligaments of a model that has become another, with slack lengths that keep their ratio to the path.
+
+    Parameters
+    ----------
+    path_lengths : as of `scale`
+    """
+    if not after.ligaments:
+        return ()
+    strings = [replace(one, muscles=tuple(each.as_muscle() for each in one.ligaments)) for one in (before, after)]
+    ratios = _ratios(strings[0], strings[1], path_lengths)
+    return tuple(
+        replace(one, slack_length=one.slack_length * ratio) for one, ratio in zip(after.ligaments, ratios, strict=True)
+    )
+
+
+def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> list[float]:
+    """(muscles,) path lengths after over those before, 1 where there was none."""
+    old, new = np.asarray(path_lengths(before)), np.asarray(path_lengths(after))
+    ratios: list[float] = np.divide(new, old, out=np.ones_like(old), where=old > 0.0).tolist()
+    return ratios
 
 
 def _checked(model: Model, factors: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Array]:
@@ -189,14 +213,16 @@ def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) 
     if not slides_freely(axis.function):
         return replace(moved, function=axis.function.scaled(_along(axis, parent)))
     factor = travel.get(axis.coordinates[0], 1.0)
-    return replace(moved, function=_stretched(axis.function, factor, factor)) if factor != 1.0 else moved
+    return replace(moved, function=stretched(axis.function, factor, factor)) if factor != 1.0 else moved
 
 
-def _stretched(function: Function, factor: float, source: float) -> Function:
+def stretched(function: Function, factor: float, source: float) -> Function:
     """f(x) becomes factor f(x / source)."""
     grown = function.scaled(factor)
-    if source == 1.0 or isinstance(grown, SineProduct):
+    if source == 1.0:
         return grown
+    if isinstance(grown, SineProduct):
+        return replace(grown, frequencies=grown.frequencies / source)
     powers = source ** -np.arange(grown.coefficients.shape[1], dtype=np.float64)
     return PiecewisePolynomial(grown.breaks * source, grown.coefficients * powers)
 
@@ -218,7 +244,7 @@ def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
 def _coupler(coupler: Coupler, travel: Mapping[str, float]) -> Coupler:
     factor = travel.get(coupler.dependent, 1.0)
     source = travel.get(coupler.independents[0], 1.0)
-    return replace(coupler, function=_stretched(coupler.function, factor, source))
+    return replace(coupler, function=stretched(coupler.function, factor, source))
 
 
 def _wrap(wrap: WrapObject, size: Array) -> WrapObject:

@@ -75,6 +75,15 @@ def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Map
     return MappingProxyType({body: found.get(body, Segment("lower_trunk")) for body in model.body_names})
 
 
+def feet_of(model: Model) -> tuple[str, ...]:
+    """Bodies that stand on the ground by their names: heel bones, else feet; () where there are none."""
+    for word in ("calcn", "calcaneus", "hindfoot", "foot"):
+        found = tuple(name for name in model.body_names if word in name.lower())
+        if found:
+            return found
+    return ()
+
+
 def _by_name(body: str) -> Segment | None:
     base, side = split_side(body.rsplit("__", 1)[-1])
     for segment, pattern in _PATTERNS:

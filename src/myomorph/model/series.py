@@ -116,6 +116,7 @@ class Wrenches:
     bodies : name of the body each acts on, "" where not known yet
     forces, points, torques : (frames, wrenches, 3): force [N], its point of application [m] and the
         free torque about that point [N m]
+    notes : what they leave open or assume, one line each
     """
 
     time: Array
@@ -124,6 +125,7 @@ class Wrenches:
     forces: Array
     points: Array
     torques: Array
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         shape = (len(self.time), len(self.names), 3)

@@ -9,7 +9,10 @@ from types import MappingProxyType
 _SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
 _PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
 _LETTER = re.compile(r"^(.*__)?([RL])([A-Z][a-z].*)$")
+_WORD = re.compile(r"(?:^|(?<=[_. -]))(right|left|Right|Left|RIGHT|LEFT)(?=$|[_. -]|[A-Z0-9])|(Right|Left)$")
+_CAPITALS = re.compile(r"^[RL][A-Z0-9]{2,}$")
 _OTHER = {"right": "left", "left": "right"}
+_WORDS = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "left": "right", "Left": "Right", "LEFT": "RIGHT"}
 _OTHER_LETTER = {"R": "L", "L": "R", "r": "l", "l": "r"}
 
 
@@ -45,6 +48,30 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
     return MappingProxyType(found)
 
 
-def _stands_apart(name: str, i: int) -> bool:
-    """Whether a letter may tell the side: it begins the name, or stands between underscores or dots."""
-    return i == 0 or (name[i - 1] in "_. -" and (i + 1 == len(name) or name[i + 1] in "_. -"))
+def other_side(name: str, *, capitals: bool = False) -> str:
+    """The name's counterpart on the other side, "" where it tells no side: `Thigh_l` for `Thigh_r`.
+
+    Parameters
+    ----------
+    capitals : `RASI` tells a side too, as markers do; `RIBS` is then taken for one as well
+    """
+    apart = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER and _stands_apart(name, i, whole=True)]
+    if apart:
+        return "".join(_OTHER_LETTER[letter] if i in apart else letter for i, letter in enumerate(name))
+    word = _WORD.search(name)
+    if word:
+        return name[: word.start()] + _WORDS[word[0]] + name[word.end() :]
+    letter_first = _LETTER.match(name)
+    if letter_first:
+        i = letter_first.start(2)
+        return name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :]
+    return _OTHER_LETTER[name[0]] + name[1:] if capitals and _CAPITALS.match(name) else ""
+
+
+def _stands_apart(name: str, i: int, *, whole: bool = False) -> bool:
+    """Whether a letter may tell the side: it begins the name, or stands between underscores or dots.
+
+    With `whole` the letter that begins the name must be followed by one of these too.
+    """
+    after = i + 1 == len(name) or name[i + 1] in "_. -"
+    return (i == 0 and (after or not whole)) or (i > 0 and name[i - 1] in "_. -" and after)

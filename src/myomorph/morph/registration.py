@@ -31,6 +31,9 @@ FACING = 0.7
 COARSE = 200
 """Points with which the many starts are tried."""
 
+FEW = 4
+"""Different ways to lie that are looked at more closely."""
+
 SETTLED = 1e-5, 1e-2
 """A step that moves the surface less, in metres or as a share of the residual, ends the iteration."""
 
@@ -234,8 +237,35 @@ def _parts(pairs: _Pairs) -> tuple[Array, Array, Array]:
     return pairs.moved, pairs.normals, pairs.away
 
 
+@dataclass(frozen=True, eq=False)
+class RoughFit:
+    """One of the ways in which a surface may lie on another, and the root mean square distance that it leaves [m]."""
+
+    similarity: Similarity
+    rms: float
+
+
+def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None = None) -> list[RoughFit]:
+    """The few different ways in which a surface may lie on another, the best first; `register_surface` refines one.
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    options = options or SurfaceOptions()
+    given, goal = Shape(source), Shape(target)
+    partial = given.is_open if options.partial is None else options.partial
+    return [RoughFit(one.similarity, one.rms) for one in _few_fits(given, goal, partial, options)]
+
+
 def _from_starts(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> _Found:
     """The best of many coarse fits, refined."""
+    best = _few_fits(given, goal, partial, options)[0]
+    return _Fitting(given, goal, partial, options, options.points).iterated(best.similarity, options.iterations)
+
+
+def _few_fits(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> list[_Found]:
+    """The best few of many coarse fits that differ, the best first."""
     coarse = _Fitting(given, goal, partial, options, COARSE, fine=False)
     found = [coarse.iterated(start, 15) for start in _starts(given, goal, options.starts)]
     found.sort(key=lambda one: one.rms)
@@ -243,11 +273,10 @@ def _from_starts(given: Shape, goal: Shape, partial: bool, options: SurfaceOptio
     for one in found:
         if all(np.trace(one.similarity.rotation.T @ other.similarity.rotation) < 2.9 for other in distinct):
             distinct.append(one)
-        if len(distinct) == 4:
+        if len(distinct) == FEW:
             break
     finer = _Fitting(given, goal, partial, options, COARSE)
-    best = min((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
-    return _Fitting(given, goal, partial, options, options.points).iterated(best.similarity, options.iterations)
+    return sorted((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
 
 
 def _starts(given: Shape, goal: Shape, turns: int) -> list[Similarity]:

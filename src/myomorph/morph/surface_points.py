@@ -15,6 +15,12 @@ from myomorph.model.surface import Surface
 SPREAD = 4000
 """Samples among which a rough nearest point is looked for."""
 
+DENSE = 20_000
+"""Samples among which one that faces a given way is looked for."""
+
+ON_EDGE = 1e-9
+"""A corner that has no larger share in a place on a triangle has none: the place is on the edge opposite to it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -80,6 +86,12 @@ class Shape:
         return samples, cKDTree(samples.points)
 
     @cached_property
+    def dense(self) -> tuple[Samples, cKDTree]:
+        """Many samples, and the tree of their points."""
+        samples = self.samples(DENSE)
+        return samples, cKDTree(samples.points)
+
+    @cached_property
     def _boxes(self) -> object:
         import igl
 
@@ -93,16 +105,87 @@ class Shape:
             samples, tree = self._spread
             index = tree.query(points)[1]
             return Samples(samples.points[index], samples.normals[index], samples.rim[index])
+        places, faces = self.closest(points)
+        return Samples(places, self.normals[faces], self.rim[faces])
+
+    def closest(self, points: Array) -> tuple[Array, np.ndarray]:
+        """Nearest points (n, 3) of the triangles, and the triangles (n,) that they are on."""
         found = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))  # type: ignore[attr-defined]
-        return Samples(found[2], self.normals[found[1]], self.rim[found[1]])
+        return found[2], found[1]
 
     def signed(self, points: Array) -> Array:
-        """Distances (n,), positive outside [m]."""
-        closest = self.nearest(points, fine=True)
-        away = points - closest.points
-        side = np.sign(np.einsum("ij,ij->i", away, closest.normals))
-        distances: Array = np.where(side < 0, -1.0, 1.0) * np.linalg.norm(away, axis=1)
+        """Distances (n,), positive outside [m].
+
+        Where the nearest point is on an edge or a corner the faces around it tell the side together (Baerentzen and
+        Aanaes 2005): beside a sharp edge one of them alone may tell the wrong one.
+        """
+        distances: Array = np.zeros(len(points))
+        if len(points):
+            squared, face, places = self._seamless.nearest(points)
+            away = points - places
+            side = np.einsum("ij,ij->i", away, self._seamless.normals(face, places))
+            distances = np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
         return distances
+
+    @cached_property
+    def _seamless(self) -> _Seamless:
+        """The surface with equal vertices as one, and the faces that bound something, outward.
+
+        Faces without an area, and two on the same corners back to back, as files have them, bound nothing.
+        """
+        _, first, same = np.unique(np.round(self.vertices, 9), axis=0, return_index=True, return_inverse=True)
+        vertices, faces = self.vertices[first], same.reshape(-1)[self.faces].astype(np.int64)
+        corners = vertices[faces]
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        inward = np.einsum("ij,ij->i", crossed, self.normals) < 0.0
+        faces[inward] = faces[inward][:, ::-1]
+        way = np.sign(np.diff(faces, axis=1, append=faces[:, :1])).prod(axis=1)  # of going up or down the numbers
+        _, same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+        bound = (np.linalg.norm(crossed, axis=1) > 0.0) & (
+            way * np.bincount(same.reshape(-1), way)[same.reshape(-1)] > 0
+        )
+        return _Seamless(vertices, np.ascontiguousarray(faces[bound if bound.any() else slice(None)]))
+
+
+class _Seamless:
+    """A surface whose faces share vertices, with normals of faces, edges and corners."""
+
+    def __init__(self, vertices: Array, faces: np.ndarray):
+        import igl
+
+        self._vertices, self._faces, self._boxes = vertices, faces, igl.AABB()
+        self._boxes.init(vertices, faces)
+        corners = vertices[faces]
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._of_faces = crossed / np.linalg.norm(crossed, axis=1)[:, None]
+        by_angle = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
+        self._of_corners = igl.per_vertex_normals(vertices, faces, by_angle)
+        edges = igl.per_edge_normals(vertices, faces, igl.PER_EDGE_NORMALS_WEIGHTING_TYPE_UNIFORM)
+        self._of_edges = edges[0][edges[2].reshape(3, -1).T]
+
+    def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
+        """Squared distances (n,) of points, the nearest faces (n,) and places (n, 3) on them."""
+        found = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))
+        return np.atleast_1d(found[0]), np.atleast_1d(found[1]), np.reshape(found[2], (-1, 3))
+
+    def normals(self, face: np.ndarray, places: Array) -> Array:
+        """Normals (n, 3) at places on faces: the face's, at an edge or a corner that of all faces around."""
+        corners = self._vertices[self._faces[face]]
+        sides = np.roll(corners, -1, axis=1) - corners
+        # Share of each corner: twice the area of the triangle between the place and the side opposite to it.
+        shares = np.einsum(
+            "nij,nj->ni",
+            np.cross(np.roll(sides, -1, axis=1), places[:, None] - np.roll(corners, -1, axis=1)),
+            self._of_faces[face],
+        )
+        off = shares <= ON_EDGE * shares.sum(axis=1, keepdims=True)
+        found = self._of_faces[face].copy()
+        for k in range(3):
+            here = off[:, k] & (off.sum(axis=1) == 1)
+            found[here] = self._of_edges[face[here], k]
+            here = ~off[:, k] & (off.sum(axis=1) == 2)
+            found[here] = self._of_corners[self._faces[face[here], k]]
+        return found
 
 
 def _face_normals(surface: Surface) -> tuple[Array, Array]:

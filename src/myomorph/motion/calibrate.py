@@ -14,9 +14,11 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Array
+from myomorph.motion.body_size import length_unit
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
+    Distances,
     FoundLength,
     FoundMarker,
     root_mean_square,
@@ -48,7 +50,7 @@ STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 
 FEW_FRAMES = 10
 FAR = 0.1
-"""A marker farther than this from its place on the model may be another one [m]."""
+"""A marker farther than this from its place on the model may be another one [length units]."""
 
 
 def calibrate(
@@ -86,15 +88,18 @@ def calibrate(
     if not recordings:
         raise BadData("calibration needs at least one recording of markers")
     names, weights = _tracked(model, recordings, options)
+    distances = Distances.of(options, length_unit(compile_tree(model)))
     size = overall_size(model, names, [_columns(one, names) for one in recordings])
     bare = skeleton(model)
     sized = scale(bare, {body: np.full(3, size) for body in bare.body_names})
     tracking = InverseKinematicsOptions(marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True)
     chosen = spread_postures(sized, recordings, tracking, options.frames, options.static is not None)
-    problem = _problem(model, bare, names, weights, recordings, [frames for frames, _ in chosen], options, size)
+    problem = _problem(
+        model, bare, names, weights, recordings, [frames for frames, _ in chosen], options, size, distances
+    )
     # Frames are shared among our own threads; a thread pool for each of their small products costs more than it gains.
     with threadpool_limits(limits=1, user_api="blas"):
-        search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, progress)
+        search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, distances, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
     return _calibration(model, search.problem, search, names, chosen, options, path_lengths)
@@ -102,8 +107,9 @@ def calibrate(
 
 def _check(options: CalibrationOptions) -> None:
     for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "fixed_sd", "static_sd", "iterations"):
-        if not getattr(options, name) > 0:
-            raise BadData(f"calibration: {name} is {getattr(options, name)}; expected a number above 0")
+        given = getattr(options, name)
+        if given is not None and not given > 0:
+            raise BadData(f"calibration: {name} is {given}; expected a number above 0")
     if options.mass is not None and not options.mass > 0.0:
         raise BadData(f"calibration: a mass of {options.mass:g} kg; expected the subject's")
     if options.noise is not None and not options.noise >= 0.0:
@@ -148,6 +154,7 @@ def _problem(
     frames: Sequence[Ints],
     options: CalibrationOptions,
     size: float,
+    distances: Distances,
 ) -> SharedProblem:
     lengths = lengths_of(model, options.symmetric)
     tree = compile_tree(bare)
@@ -166,9 +173,10 @@ def _problem(
         stretch=stretch_of(bare, lengths, names),
         markers=marker_arrays(tree, names, weights, InverseKinematicsOptions()),
         sets=tuple(sets),
-        prior=calibration_prior(lengths, usual_shifts(model, names, options), options, size),
+        prior=calibration_prior(lengths, usual_shifts(model, names, distances), options, size),
         posture=tree.defaults,
         posture_weight=options.posture_weight,
+        unit=distances.unit,
     )
 
 
@@ -228,7 +236,7 @@ def _calibration(
         marker_names=names,
         converged=search.found.converged,
         costs=search.costs,
-        notes=_notes(search, lengths, markers),
+        notes=_notes(search, lengths, markers, FAR * problem.unit),
     )
 
 
@@ -259,6 +267,7 @@ def _notes(
     search: Search,
     lengths: Sequence[FoundLength],
     markers: Sequence[FoundMarker],
+    most: float,
 ) -> tuple[str, ...]:
     notes = []
     count = sum(len(one) for one in search.found.point.angles)
@@ -275,10 +284,10 @@ def _notes(
         notes.append(
             f"the recordings do not show {', '.join(hidden)}: they follow the overall size and their neighbors"
         )
-    far = [one.name for one in markers if float(np.linalg.norm(one.shift)) > FAR]
+    far = [one.name for one in markers if float(np.linalg.norm(one.shift)) > most]
     if far:
         notes.append(
-            f"more than {100 * FAR:g} cm from their places on the given model: {', '.join(far)}; look whether they are "
-            "named as the model names them"
+            f"more than {100 * most:.3g} cm from their places on the given model: {', '.join(far)}; look whether they "
+            "are named as the model names them"
         )
     return tuple(notes)

@@ -29,10 +29,11 @@ class CalibrationOptions:
     shape_sd : how much a segment's stretch across differs from that along
     side_sd : how much the right differs from the left
     marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies much
-        farther is let go (Student's t with 3 degrees of freedom)
-    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]
+        farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of human size, on a
+        smaller one less in proportion (`length_unit`)
+    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]; by default 0.01 likewise
     noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin; 0 takes
-        it from the residual, right for markers without skin
+        it from the residual, right for markers without skin; by default 0.005 likewise
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
         from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
@@ -51,9 +52,9 @@ class CalibrationOptions:
     length_sd: float = 0.05
     shape_sd: float = 0.05
     side_sd: float = 0.02
-    marker_sd: float = 0.02
-    fixed_sd: float = 0.01
-    noise: float | None = 0.005
+    marker_sd: float | None = None
+    fixed_sd: float | None = None
+    noise: float | None = None
     independent_frames: int = 12
     static_sd: float = 0.1
     iterations: int = 60
@@ -62,6 +63,25 @@ class CalibrationOptions:
     static: Markers | None = None
     static_pose: Mapping[str, float] | None = None
     posture_weight: float = 1e-10
+
+
+@dataclass(frozen=True)
+class Distances:
+    """What the options say of distances, on a body of some size [m]."""
+
+    marker: float
+    fixed: float
+    noise: float
+    unit: float
+
+    @classmethod
+    def of(cls, options: CalibrationOptions, unit: float) -> Distances:
+        """As told, or those of a human body times the `length_unit` of this one."""
+
+        def told(given: float | None, usual: float) -> float:
+            return usual * unit if given is None else given
+
+        return cls(told(options.marker_sd, 0.02), told(options.fixed_sd, 0.01), told(options.noise, 0.005), unit)
 
 
 @dataclass(frozen=True, eq=False)

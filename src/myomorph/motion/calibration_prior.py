@@ -8,14 +8,14 @@ import numpy as np
 
 from myomorph.model.model import Model
 from myomorph.model.spatial import Array
-from myomorph.motion.calibration import CalibrationOptions
+from myomorph.motion.calibration import CalibrationOptions, Distances
 from myomorph.motion.lengths import Length, mirrored_lengths
 from myomorph.motion.shared_fit import Prior
 
 
-def usual_shifts(model: Model, names: Sequence[str], options: CalibrationOptions) -> Array:
+def usual_shifts(model: Model, names: Sequence[str], distances: Distances) -> Array:
     """(markers,) how far each lies from its place on the model, as a standard deviation along one axis [m]."""
-    return np.array([options.fixed_sd if model.marker(name).fixed else options.marker_sd for name in names])
+    return np.array([distances.fixed if model.marker(name).fixed else distances.marker for name in names])
 
 
 def calibration_prior(lengths: Sequence[Length], shift_sd: Array, options: CalibrationOptions, size: float) -> Prior:

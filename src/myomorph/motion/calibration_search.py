@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
-from myomorph.motion.calibration import CalibrationOptions
+from myomorph.motion.calibration import CalibrationOptions, Distances
 from myomorph.motion.calibration_prior import calibration_prior, usual_shifts
 from myomorph.motion.shared_fit import (
     Minimum,
@@ -28,7 +28,7 @@ from myomorph.rigid.tree import compile_tree
 Bools = NDArray[np.bool_]
 
 NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
-"""Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [m]."""
+"""Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [length units]."""
 
 TAIL = 3.0
 """Degrees of freedom of Student's t, of which shifts of markers are a sample."""
@@ -66,6 +66,7 @@ def search_minimum(
     size: float,
     angles: Sequence[Array],
     options: CalibrationOptions,
+    distances: Distances,
     progress: Callable[[int], None] | None,
 ) -> Search:
     """Minimum of the problem, the noise told by its residual until both agree."""
@@ -82,17 +83,17 @@ def search_minimum(
             progress(1)
 
     frames = sum(len(one) for one in angles)
-    noise = options.noise or NOISE_UNKNOWN
-    if options.noise:
+    noise, at_first = distances.noise or NOISE_UNKNOWN * distances.unit, NOISE_AT_FIRST * distances.unit
+    if distances.noise:
         noise *= float(np.sqrt(max(1.0, frames / options.independent_frames)))
     root = root_coordinates(compile_tree(problem.model))
     # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
-    stages = [noise] if noise >= NOISE_AT_FIRST else [NOISE_AT_FIRST, noise]
+    stages = [noise] if noise >= at_first else [at_first, noise]
     start = point = settle(problem, x, angles, stages[0] ** 2)
     if not np.isfinite(point.cost(0.0)):
         raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
     told = True
-    usual = usual_shifts(problem.model, names, options)
+    usual = usual_shifts(problem.model, names, distances)
     stages.append(noise)
     while stages:
         noise = stages.pop(0)
@@ -108,7 +109,7 @@ def search_minimum(
             shifts_now = np.linalg.norm(point.x[len(problem.lengths) : -1].reshape(-1, 3), axis=1)
             released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
             problem = replace(problem, prior=calibration_prior(problem.lengths, released, options, size))
-        if not stages and not options.noise:
+        if not stages and not distances.noise:
             told_noise, told = _noise(problem, found, free, noise**2)
             if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [told_noise]
@@ -136,8 +137,8 @@ def _noise(problem: SharedProblem, found: Minimum, free: Bools, variance: float)
     used = float(np.trace(np.linalg.solve(H + variance * rows.T @ rows, H)))
     left = seen - found.reduced.angles_free - used
     if left < 0.2 * seen:
-        return NOISE_UNKNOWN, False
-    return max(float(np.sqrt(squares / left)), NOISE_LEAST), True
+        return NOISE_UNKNOWN * problem.unit, False
+    return max(float(np.sqrt(squares / left)), NOISE_LEAST * problem.unit), True
 
 
 def _alternate(

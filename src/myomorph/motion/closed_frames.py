@@ -16,8 +16,15 @@ import numpy as np
 from numba import njit
 
 from myomorph.model.spatial import Array
-from myomorph.motion.least_squares import hold, posture_cost, solve_frame, solve_frames, solve_in_place
-from myomorph.motion.marker_cost import marker_cost, marker_distances, mean_curvature, new_work, normal_equations
+from myomorph.motion.least_squares import SCOUT, hold, posture_cost, resume, solve_frame, solve_frames, solve_in_place
+from myomorph.motion.marker_cost import (
+    marker_cost,
+    marker_distances,
+    mean_curvature,
+    new_work,
+    normal_equations,
+    seen_weight,
+)
 from myomorph.motion.ties import Ties, close, eliminate, multipliers, new_closing, ties_at, ties_of
 from myomorph.rigid.tree import Tree
 from myomorph.rigid.vectors import in_place
@@ -33,15 +40,15 @@ def solvers(tree: Tree) -> tuple[Callable[..., Any], Callable[..., Any]]:
         *settings, c, _ = told
         errors, cost = np.empty((1, len(K.body))), np.empty(1)
         converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
-        frames = (observed[None], target[None], *settings, False, c[None], errors, cost, converged, iterations)
+        frames = (observed[None], target[None], *settings, False, c[None], c[None], errors, cost, converged, iterations)
         solve_closed_frames(ties, T, K, *frames)
         return bool(converged[0]), int(iterations[0]), float(cost[0])
 
     def all_frames(T: Any, K: Any, observed: Array, *told: Any) -> None:
-        *settings, start, c, errors, converged, iterations = told
-        c[:1] = start
+        *settings, starts, c, errors, converged, iterations = told
+        c[:1] = starts[0]
         cost = np.empty(len(c))
-        solve_closed_frames(ties, T, K, observed, *settings, True, c, errors, cost, converged, iterations)
+        solve_closed_frames(ties, T, K, observed, *settings, True, starts, c, errors, cost, converged, iterations)
 
     return one, all_frames
 
@@ -50,14 +57,14 @@ def settle_closed(ties: Ties, T: Any, K: Any, observed: Array, *told: Any) -> No
     """`settle_frames` with loops kept closed; the cost is infinite where they cannot be."""
     *settings, c, cost, converged = told
     errors, iterations = np.empty((len(c), len(K.body))), np.empty(len(c), np.int64)
-    solve_closed_frames(ties, T, K, observed, *settings, False, c, errors, cost, converged, iterations)
+    solve_closed_frames(ties, T, K, observed, *settings, False, c, c, errors, cost, converged, iterations)
     cost *= np.where(np.isfinite(errors), K.weight, 0.0).sum(axis=1)
 
 
 @njit(cache=True, nogil=True)
 def solve_closed_frames(
-    ties, T, K, observed, targets, posture, posture_weight, tolerance, most, chained, c, errors, cost, converged,
-    iterations,
+    ties, T, K, observed, targets, posture, posture_weight, tolerance, most, chained, starts, c, errors, cost,
+    converged, iterations,
 ):  # fmt: skip
     """`solve_frames` with loops kept closed.
 
@@ -65,16 +72,27 @@ def solve_closed_frames(
     ----------
     chained : whether each frame starts from where those before it lead, the first from its row of c; else all
         start from their rows
+    starts : (poses, coordinates) of every `SCOUT`-th frame where they are chained
     c : (frames, coordinates) starts, replaced by what is found
     errors, cost, converged, iterations : filled; the cost is infinite where loops cannot be closed
     """
     n = c.shape[1]
     work, closing = new_work(T, n), new_closing(ties, n, K.free.shape[0])
+    run, unseen = 0, 0
     for frame in range(observed.shape[0]):
         now = c[frame]
+        if chained and seen_weight(K, observed[frame]) == 0.0:
+            run, unseen = 0, unseen + 1
+            now[:] = c[max(frame - 1, 0)]
+            converged[frame], iterations[frame], cost[frame] = False, 0, 0.0
+            errors[frame] = np.nan
+            continue
         if chained and frame > 0:
             for j in range(n):
-                now[j] = 2.0 * c[frame - 1, j] - c[frame - 2, j] if frame >= 2 else c[frame - 1, j]
+                now[j] = 2.0 * c[frame - 1, j] - c[frame - 2, j] if run >= 2 else c[frame - 1, j]
+            if unseen >= SCOUT:
+                resume(K, observed, starts, frame, now)
+        run, unseen = run + 1, 0
         hold(K, targets[frame], now)
         begin(K, now)
         whole = close(ties, T, K, now, work, closing)
@@ -113,8 +131,9 @@ def descend(ties, T, K, observed, target, posture, posture_weight, tolerance, mo
     cost += posture_cost(K, c, posture, stiffness)
     for count in range(1, most + 1):
         for i in range(F.shape[0]):
-            work.g[F[i]] += stiffness * (c[F[i]] - posture[F[i]])
-            work.H[F[i], F[i]] += stiffness
+            square = K.unit[F[i]] ** 2
+            work.g[F[i]] += stiffness / square * (c[F[i]] - posture[F[i]])
+            work.H[F[i], F[i]] += stiffness / square
         # `close` and an accepted trial leave the gaps, their derivatives and the poses at c.
         held = multipliers(T, ties, K, c, work, closing)
         accepted, reached = False, cost
@@ -159,7 +178,7 @@ def closed_step(K, work, closing, c, damping, held_first):
     """Damped Newton step of the variables along the ties, those at a bound and pushed outwards held.
 
     Variables that would leave their bounds are stopped there and the rest is solved again. Returns the
-    largest entry of the step, or -1 where the damped Hessian is not positive definite along the ties.
+    largest entry of the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
     """
     F, L, step, A, taken, n = K.free, work.L, work.step, closing.A, closing.taken, K.free.shape[0]
     held, late = held_first.copy(), np.zeros(n, np.bool_)
@@ -202,7 +221,7 @@ def closed_step(K, work, closing, c, damping, held_first):
             break
     largest = 0.0
     for i in range(n):
-        largest = max(largest, abs(step[i]))
+        largest = max(largest, abs(step[i]) / K.unit[F[i]])
     return largest
 
 

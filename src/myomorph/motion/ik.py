@@ -11,11 +11,13 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Array
+from myomorph.motion.body_size import coordinate_units
 from myomorph.motion.closed_frames import solvers
+from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.marker_cost import MarkerArrays
-from myomorph.motion.starts import chunk_starts
+from myomorph.motion.starts import scout_poses
 from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.frames import CHUNK, over_frames
+from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import couple_frames
 from myomorph.rigid.loops import closure
 from myomorph.rigid.tree import Tree, compile_tree
@@ -46,7 +48,8 @@ class InverseKinematicsOptions:
     only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
     coordinate_tasks : tasks by coordinate name
     coordinates : a motion that gives values to tasks and to locked coordinates
-    tolerance : a frame is solved when its last step moves no coordinate further [rad or m]
+    tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a body of human size;
+        on a smaller one in proportion, see `length_unit`]
     iterations : at most so many in a frame
     posture_weight : pull towards the default pose of coordinates that no marker shows, relative to the
         mean curvature of the marker cost; too small to be seen in the others
@@ -89,6 +92,11 @@ class KinematicsFit:
     closure: Array | None = None
 
     @property
+    def seen(self) -> np.ndarray:
+        """(frames,) whether any marker was seen."""
+        return np.asarray(np.isfinite(self.errors).any(axis=1))
+
+    @property
     def rms(self) -> Array:
         """(frames,) root mean square of the marker errors [m], NaN where none was seen."""
         seen = np.isfinite(self.errors)
@@ -105,7 +113,7 @@ class KinematicsFit:
     @property
     def summary(self) -> str:
         """Frames, markers and errors in one line."""
-        lost = int((~self.converged).sum())
+        lost = int((~self.converged & self.seen).sum())
         opened = "" if self.closure is None else f"; loops closed to {float(np.nanmax(self.closure)):.1g} m"
         return (
             f"{len(self.motion)} frames, {len(self.marker_names)} markers: root mean square "
@@ -152,7 +160,7 @@ def inverse_kinematics(
         raise BadData(f"none of the {len(markers)} frames shows a marker that the model has")
     targets = coordinate_targets(tree, markers.time, options)
     arrays = marker_arrays(tree, names, weights, options)
-    starts = chunk_starts(tree, arrays, observed, targets, options.posture_weight, options.iterations)
+    starts = scout_poses(tree, arrays, observed, targets, options.posture_weight, options.iterations)
 
     frames = len(markers)
     values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
@@ -160,10 +168,10 @@ def inverse_kinematics(
     _, solve_frames = solvers(tree)
 
     def part(start: int, stop: int) -> None:
-        span = slice(start, stop)
+        span, poses = slice(start, stop), starts[start // SCOUT : -(-stop // SCOUT)]
         solve_frames(
             tree.arrays, arrays, observed[span], targets[span], tree.defaults, options.posture_weight,
-            options.tolerance, options.iterations, starts[start // CHUNK], values[span], errors[span],
+            options.tolerance, options.iterations, poses, values[span], errors[span],
             converged[span], iterations[span],
         )  # fmt: skip
 
@@ -255,4 +263,5 @@ def marker_arrays(
         lower=lower,
         upper=upper,
         task_weight=task_weight,
+        unit=coordinate_units(tree),
     )

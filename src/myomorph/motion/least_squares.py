@@ -5,34 +5,53 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from myomorph.motion.marker_cost import marker_cost, marker_distances, mean_curvature, new_work, normal_equations
+from myomorph.motion.marker_cost import (
+    marker_cost,
+    marker_distances,
+    mean_curvature,
+    new_work,
+    normal_equations,
+    seen_weight,
+)
 from myomorph.rigid.kinematics import body_poses, couple
 from myomorph.rigid.vectors import in_place
+
+SCOUT = 16
+"""Frames between the poses that are tracked first; a gap of so many frames ends at one of them."""
 
 
 @njit(cache=True, nogil=True)
 def solve_frames(
-    T, K, observed, targets, posture, posture_weight, tolerance, most, start, c_out, errors, converged, iterations
+    T, K, observed, targets, posture, posture_weight, tolerance, most, starts, c_out, errors, converged, iterations
 ):
-    """Inverse kinematics frame after frame, each starting from the one before.
+    """Inverse kinematics frame after frame, each starting from the one before; frames without markers are left out.
 
     Parameters
     ----------
     observed : (frames, markers, 3) [m], NaN where unseen
     targets : (frames, coordinates) of the coordinate tasks; locked and prescribed coordinates take theirs
     posture, posture_weight : (coordinates,) and its weight relative to the mean curvature
-    tolerance, most : largest last step [rad or m], and iterations allowed
-    start : (coordinates,) where the first frame starts
+    tolerance, most : largest last step, in units of the coordinates, and iterations allowed
+    starts : (poses, coordinates) of every `SCOUT`-th frame: where the first frame starts, and the first after a gap
     c_out, errors, converged, iterations : filled, (frames, coordinates), (frames, markers), (frames,) twice
     """
-    n = start.shape[0]
+    n = starts.shape[1]
     work = new_work(T, n)
-    c, before = start.copy(), start.copy()
+    c, before = starts[0].copy(), starts[0].copy()
+    run, unseen = 0, 0
     for frame in range(observed.shape[0]):
-        if frame >= 2:
+        if seen_weight(K, observed[frame]) == 0.0:
+            run, unseen = 0, unseen + 1
+            converged[frame], iterations[frame] = False, 0
+            c_out[frame], errors[frame] = c, np.nan
+            continue
+        if unseen >= SCOUT:
+            resume(K, observed, starts, frame, c)
+        if run >= 2:
             # Straight on from the last two frames: the start is nearer, the step count smaller.
             for j in range(n):
                 c[j] = 2.0 * c[j] - before[j]
+        run, unseen = run + 1, 0
         hold(K, targets[frame], c)
         done, count, _ = solve_frame(
             T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c, work
@@ -42,6 +61,15 @@ def solve_frames(
             before[j] = c_out[frame - 1, j] if frame > 0 else c[j]
             c_out[frame, j] = c[j]
         marker_distances(T, K, observed[frame], c, work, errors[frame])
+
+
+@njit(cache=True, nogil=True)
+def resume(K, observed, starts, frame, c):
+    """Put c at the nearest of the poses tracked first that is seen; the one to come goes before the one that was."""
+    for k in (-(-frame // SCOUT), frame // SCOUT):
+        if k < starts.shape[0] and k * SCOUT < observed.shape[0] and seen_weight(K, observed[k * SCOUT]) > 0.0:
+            c[:] = starts[k]
+            return
 
 
 @njit(cache=True, nogil=True)
@@ -73,8 +101,9 @@ def solve_frame(T, K, observed, target, posture, posture_weight, tolerance, most
     cost += posture_cost(K, c, posture, stiffness)
     for count in range(1, most + 1):
         for i in range(F.shape[0]):
-            g[F[i]] += stiffness * (c[F[i]] - posture[F[i]])
-            H[F[i], F[i]] += stiffness
+            square = K.unit[F[i]] ** 2
+            g[F[i]] += stiffness / square * (c[F[i]] - posture[F[i]])
+            H[F[i], F[i]] += stiffness / square
         accepted, reached = False, cost
         while not accepted and damping < 1e6:
             size = bounded_step(K, work, c, damping)
@@ -116,7 +145,7 @@ def posture_cost(K, c, posture, stiffness):
     """Pull towards the posture, which places what no marker shows."""
     total = 0.0
     for j in K.free:
-        total += stiffness * (c[j] - posture[j]) ** 2
+        total += stiffness * ((c[j] - posture[j]) / K.unit[j]) ** 2
     return total
 
 
@@ -125,7 +154,7 @@ def bounded_step(K, work, c, damping):
     """Damped Newton step of the variables, those at a bound and pushed outwards held.
 
     Variables that would leave their bounds are stopped there and the rest is solved again. Returns the
-    largest entry of the step, or -1 where the damped Hessian is not positive definite.
+    largest entry of the step, in units, or -1 where the damped Hessian is not positive definite.
     """
     F, H, g, D, L, step = K.free, work.H, work.g, work.D, work.L, work.step
     n = F.shape[0]
@@ -167,7 +196,7 @@ def bounded_step(K, work, c, damping):
             break
     largest = 0.0
     for i in range(n):
-        largest = max(largest, abs(step[i]))
+        largest = max(largest, abs(step[i]) / K.unit[F[i]])
     return largest
 
 

@@ -65,7 +65,7 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
     """
     tree = compile_tree(model)
     pose = forward_kinematics(tree, tree.coordinates_of(_standing()))
-    rotations, centers = pose.rotations[0], _joint_centers(tree, pose.axis_points[0], pose.origins[0])
+    rotations, centers = pose.rotations[0], joint_centers(tree, pose.axis_points[0], pose.origins[0])
     markers: dict[str, list[Array]] = {}
     for marker in model.markers:
         b = tree.body_index[marker.body]
@@ -149,7 +149,7 @@ def _named_segments(model: Model) -> Mapping[str, Segment]:
         return {}
 
 
-def _joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
+def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
     """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its origin [m]."""
     centers = origins.copy()
     arrays = tree.arrays

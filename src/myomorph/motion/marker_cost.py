@@ -23,6 +23,7 @@ class MarkerArrays(NamedTuple):
     free : (variables,) coordinates that are solved for
     lower, upper : (variables,) bounds [rad or m]
     task_weight : (coordinates,) weight of each coordinate's task, 0 for none
+    unit : (coordinates,) by what changes of each are measured [rad or m]; see `coordinate_units`
     """
 
     body: Ints
@@ -32,6 +33,7 @@ class MarkerArrays(NamedTuple):
     lower: Array
     upper: Array
     task_weight: Array
+    unit: Array
 
 
 class Work(NamedTuple):
@@ -113,12 +115,12 @@ def marker_cost(K, observed, target, c, R, p):
 
 @in_place
 def mean_curvature(K, D):
-    """Mean Gauss-Newton diagonal of the marker cost over the variables that markers move."""
+    """Mean Gauss-Newton diagonal of the marker cost, in units, over the variables that markers move."""
     total, moved = 0.0, 0
     for j in K.free:
         own = D[j] - K.task_weight[j]
         if own > 0.0:
-            total += own
+            total += own * K.unit[j] ** 2
             moved += 1
     return total / moved if moved > 0 else 1.0
 

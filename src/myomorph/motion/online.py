@@ -19,7 +19,7 @@ from myomorph.motion.ik import (
     marker_arrays,
     tracked_markers,
 )
-from myomorph.motion.starts import chunk_starts
+from myomorph.motion.starts import scout_poses
 from myomorph.rigid.tree import compile_tree
 
 REACH = 4.0
@@ -213,7 +213,7 @@ class OnlineKinematics:
 
     def _search(self, observed: Array, targets: Array) -> Array:
         options = self._options
-        return chunk_starts(self._tree, self._arrays, observed, targets, options.posture_weight, options.iterations)[0]
+        return scout_poses(self._tree, self._arrays, observed, targets, options.posture_weight, options.iterations)[0]
 
     def _settle(self, observed: Array, targets: Array, start: Array) -> tuple[Array, float]:
         options = self._options
@@ -221,6 +221,6 @@ class OnlineKinematics:
         converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
         self._solve_frames(
             self._tree.arrays, self._arrays, observed, targets, self._tree.defaults, options.posture_weight,
-            options.tolerance, options.iterations, start, values, errors, converged, iterations,
+            options.tolerance, options.iterations, start[None], values, errors, converged, iterations,
         )  # fmt: skip
         return values[0], float(np.sqrt(np.nanmean(errors**2)))

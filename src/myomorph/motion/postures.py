@@ -11,6 +11,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Array
+from myomorph.motion.body_size import length_unit
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.lengths import segments_that_stretch
 from myomorph.motion.measurements import default_markers
@@ -22,10 +23,10 @@ CANDIDATES = 1000
 """At most so many frames of all recordings are looked at."""
 
 SAME_POSTURE = 0.01
-"""Frames whose markers lie nearer to each other than this, root mean square, show the same posture [m]."""
+"""Frames whose markers lie nearer to each other than this, root mean square, show the same posture [length units]."""
 
 SHORTEST = 0.05
-"""Markers nearer to each other than this say nothing of a body's size [m]."""
+"""Markers nearer to each other than this say nothing of a body's size [length units]."""
 
 UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 
@@ -47,17 +48,18 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
     marked, own = [model.marker(name) for name in names], default_markers(model, names)
     segment = {body: k for k, group in enumerate(segments_that_stretch(model)) for body in group}
     ratios, weights = [], []
+    shortest = SHORTEST * length_unit(compile_tree(model))
     for i, one in enumerate(marked):
         for j in range(i):
             distance = float(np.linalg.norm(own[i] - own[j]))
-            if segment[one.body] != segment[marked[j].body] or distance < SHORTEST:
+            if segment[one.body] != segment[marked[j].body] or distance < shortest:
                 continue
             seen = np.concatenate([np.linalg.norm(part[:, i] - part[:, j], axis=1) for part in recordings])
             if np.isfinite(seen).any():
                 ratios.append(float(np.nanmedian(seen)) / distance)
                 weights.append(distance**2)
     if not ratios:
-        ratios, weights = [_spread(recordings, own)], [1.0]
+        ratios, weights = [_spread(recordings, own, shortest)], [1.0]
     order = np.argsort(ratios)
     reached = np.cumsum(np.array(weights)[order])
     size = float(np.array(ratios)[order][np.searchsorted(reached, 0.5 * reached[-1])])
@@ -70,12 +72,12 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
     return size
 
 
-def _spread(recordings: Sequence[Array], own: Array) -> float:
+def _spread(recordings: Sequence[Array], own: Array, shortest: float) -> float:
     """Extent of all markers relative to the model's, 1 where there is none."""
     expected = float(np.linalg.norm(own - own.mean(axis=0)))
     full = [part[np.isfinite(part).all(axis=(1, 2))] for part in recordings]
     seen = np.concatenate(full)
-    if not len(seen) or expected < SHORTEST:
+    if not len(seen) or expected < shortest:
         return 1.0
     return float(np.median(np.linalg.norm(seen - seen.mean(axis=1, keepdims=True), axis=(1, 2)))) / expected
 
@@ -118,7 +120,8 @@ def spread_postures(
     good = (error <= 3.0 * np.median(error)) & (count >= 0.5 * count.max())
     usable = np.flatnonzero(good)
     still = np.array([looked[k][0] == len(trials) - 1 for k in usable])
-    chosen = _farthest(table, usable, frames, still if static and still.any() else np.ones(len(usable), np.bool_))
+    first = still if static and still.any() else np.ones(len(usable), np.bool_)
+    chosen = _farthest(table, usable, frames, first, SAME_POSTURE * length_unit(tree))
     q = np.concatenate(coordinates)
     taken = []
     for number in range(len(trials)):
@@ -137,10 +140,13 @@ def _seen_from_base(model: Model, values: Array) -> Array:
     return local.reshape(len(values), -1)
 
 
-def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_]) -> list[int]:
-    """Rows chosen one after another, each as far as can be from those before it; the first among some of them."""
+def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_], same: float) -> list[int]:
+    """Rows chosen one after another, each as far as can be from those before it; the first among some of them.
+
+    None is chosen whose markers lie within `same` of those of one chosen, root mean square [m].
+    """
     points = table[usable]
-    least = SAME_POSTURE**2 * table.shape[1] / 3.0
+    least = same**2 * table.shape[1] / 3.0
     middle = ((points - points[first].mean(axis=0)) ** 2).sum(axis=1)
     chosen = [int(np.argmin(np.where(first, middle, np.inf)))]
     nearest = ((points - points[chosen[0]]) ** 2).sum(axis=1)

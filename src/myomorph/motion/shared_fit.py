@@ -84,6 +84,7 @@ class SharedProblem:
     ----------
     model : skeleton, as given
     markers : what is tracked; locations are those of the given model
+    unit : by which changes of marker positions are measured [m]; see `length_unit`
     """
 
     model: Model
@@ -94,6 +95,7 @@ class SharedProblem:
     prior: Prior
     posture: Array
     posture_weight: float
+    unit: float = 1.0
 
     def stretched(self, x: Array) -> Model:
         """The skeleton with its lengths."""
@@ -285,12 +287,15 @@ def minimise(
     Parameters
     ----------
     free : (unknowns,) which of them may move
-    tolerance : largest last change of a factor, and of a marker position in metres
+    tolerance : largest last change of a factor, and of a marker position in the problem's unit
     told : called once a step
     """
     rows, right = problem.prior.rows[:, free], problem.prior.right
     point, damping, costs = start, 1e-6, [start.cost(variance)]
     lengths = len(problem.lengths)
+    units = np.ones(len(free))
+    units[lengths:-1] = problem.unit
+    units = units[free]
     point = replace(point, prior=problem.prior.cost(point.x))
     for _ in range(iterations):
         reduced = reduce(problem, point)
@@ -300,11 +305,11 @@ def minimise(
         # Frames settle to a tolerance of their own, so that the cost of the last small step is noise.
         while not accepted and not small and damping < 1e6 and promised > LEAST_GAIN:
             step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
-            small = damping <= 1e-6 and bool(np.abs(step).max(initial=0.0) <= tolerance)
+            small = damping <= 1e-6 and bool(np.abs(step / units).max(initial=0.0) <= tolerance)
             promised = -float(2.0 * g @ step + step @ H @ step) / max(point.cost(variance), 1e-300)
             x = point.x.copy()
             x[free] += step
-            if x[:lengths].min(initial=1.0) > 0.1 and np.abs(step).max(initial=0.0) < 1.0:
+            if x[:lengths].min(initial=1.0) > 0.1 and np.abs(step / units).max(initial=0.0) < 1.0:
                 trial = settle(problem, x, point.angles, variance)
                 accepted = trial.cost(variance) <= point.cost(variance) * (1.0 + 1e-12)
             damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
@@ -315,7 +320,7 @@ def minimise(
         gained = 1.0 - trial.cost(variance) / max(point.cost(variance), 1e-300)
         point = trial
         costs.append(point.cost(variance))
-        if np.abs(step).max(initial=0.0) <= tolerance or gained < LEAST_GAIN:
+        if np.abs(step / units).max(initial=0.0) <= tolerance or gained < LEAST_GAIN:
             return Minimum(point, reduce(problem, point), True, tuple(costs))
     return Minimum(point, reduce(problem, point), False, tuple(costs))
 

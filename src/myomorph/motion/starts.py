@@ -1,4 +1,4 @@
-"""Where inverse kinematics starts: one pose a chunk of frames, found without any knowledge of the first."""
+"""Where inverse kinematics starts: some poses of a recording, found without any knowledge of the first."""
 
 from __future__ import annotations
 
@@ -8,17 +8,13 @@ import numpy as np
 
 from myomorph.model.spatial import Array
 from myomorph.motion.closed_frames import solvers
-from myomorph.motion.least_squares import hold
+from myomorph.motion.least_squares import SCOUT, hold
 from myomorph.motion.marker_cost import MarkerArrays, new_work
-from myomorph.rigid.frames import CHUNK
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
 
-SCOUT = 16
-"""Frames between the poses that are tracked first."""
-
 SCOUT_TOLERANCE = 1e-3
-"""Last step of such a pose [rad or m]: a start need not be exact."""
+"""Last step of such a pose, in units of the coordinates: a start need not be exact."""
 
 HEADINGS_TRIED = 4
 """Headings of the whole body, the best by themselves, from which the whole pose is solved."""
@@ -28,10 +24,10 @@ AT_BOUND = 1e-9
 """A coordinate that is nearer to its bound lies at it [rad]."""
 
 
-def chunk_starts(
+def scout_poses(
     tree: Tree, markers: MarkerArrays, observed: Array, targets: Array, posture_weight: float, iterations: int
 ) -> Array:
-    """Start of every chunk, (chunks, coordinates), from every `SCOUT`-th frame tracked in turn.
+    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not seen, that before it.
 
     The first frame, and a frame whose cost jumps, is solved again from several headings of the whole
     body, and the best pose is kept, so that a bad first frame or a long gap does not spoil what follows.
@@ -59,7 +55,7 @@ def chunk_starts(
         )  # fmt: skip
         return cost, pose
 
-    starts = np.empty((-(-len(observed) // CHUNK), len(tree.defaults)))
+    poses = np.empty((-(-len(observed) // SCOUT), len(tree.defaults)))
     pose, usual = rest.copy(), 0.0
     for frame in range(0, len(observed), SCOUT):
         if np.isfinite(observed[frame]).all(axis=1).any():
@@ -77,9 +73,8 @@ def chunk_starts(
                     if best < 0.999 * cost:
                         cost, pose = best, other
             usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
-        if frame % CHUNK == 0:
-            starts[frame // CHUNK] = pose
-    return starts
+        poses[frame // SCOUT] = pose
+    return poses
 
 
 def closed_defaults(tree: Tree) -> Array:

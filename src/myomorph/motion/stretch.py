@@ -257,7 +257,7 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
         curvature, moved = 0.0, 0
         for a in range(size):
             if A[a, a] > 0.0:
-                curvature += A[a, a]
+                curvature += A[a, a] * K.unit[F[a]] ** 2
                 moved += 1
             A[a, a] += total * K.task_weight[F[a]]
             E[a, shared] += total * K.task_weight[F[a]] * (at[F[a]] - targets[frame, F[a]])
@@ -266,8 +266,9 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
             marker_slopes(T, tied, tied_S, at, R, p, w, o, dphi, grown, tied_places, tied_length, tied_coordinate)
             add_ties(F, tied_length, tied_coordinate, A, E, H)
         for a in range(size):
-            A[a, a] += stiffness
-            E[a, shared] += stiffness * (at[F[a]] - posture[F[a]])
+            pull = stiffness / K.unit[F[a]] ** 2
+            A[a, a] += pull
+            E[a, shared] += pull * (at[F[a]] - posture[F[a]])
             slack = 1e-9 * (1.0 + abs(at[F[a]]))
             if at[F[a]] <= K.lower[a] + slack or at[F[a]] >= K.upper[a] - slack:
                 for k in range(size):

@@ -169,7 +169,7 @@ class ReportInput:
     torques : generalized forces of inverse dynamics (frames, coordinates) [N m or N]
     root_note : what the forces at the root joint are where they are not residuals (a model of the legs
         alone carries the trunk there); with it, no residual is judged
-    lengths : (frames, muscles) muscle-tendon lengths [m]
+    lengths, length_rates : (frames, muscles) muscle-tendon lengths [m] and their velocities [m/s]
     driven : coordinates that at least one muscle moves; () if unknown
     tension : solved muscle tensions
     overstretched : muscles whose passive force passes their maximum isometric force somewhere
@@ -210,6 +210,7 @@ class ReportInput:
     torques: Series | None = None
     root_note: str = ""
     lengths: Series | None = None
+    length_rates: Series | None = None
     driven: tuple[str, ...] = ()
     tension: TensionResult | None = None
     overstretched: tuple[str, ...] = ()

@@ -201,8 +201,8 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     if given.fit is not None and np.isfinite(given.fit.errors).any():
         rms = 100 * float(np.sqrt(np.nanmean(given.fit.errors**2)))
         tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, "Marker error, RMS")))
-        done = int(np.sum(given.fit.converged))
-        tiles.append(Tile(f"{done} / {len(given.fit.converged)}", "frames fitted", _state(prepared, "Frames whose")))
+        done, shown = int(np.sum(given.fit.converged)), int(np.sum(given.fit.seen))
+        tiles.append(Tile(f"{done} / {shown}", "frames fitted", _state(prepared, "Frames whose")))
     for start, name in (
         ("Residual force, peak", "residual force, of peak external force"),
         ("Residual moment, peak", "residual moment, of COM height × force"),

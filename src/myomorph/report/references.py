@@ -122,6 +122,40 @@ REFERENCES: tuple[Reference, ...] = (
         "https://doi.org/10.1111/j.2517-6161.1995.tb02031.x",
     ),
     Reference(
+        "nichols2002",
+        "tests of curves by relabelling, corrected by the largest statistic",
+        "Nichols TE, Holmes AP (2002). Nonparametric permutation tests for functional neuroimaging: a primer with "
+        "examples. Hum Brain Mapp 15:1–25.",
+        "https://doi.org/10.1002/hbm.1058",
+    ),
+    Reference(
+        "tusher2001",
+        "the constant in the statistic along a curve",
+        "Tusher VG, Tibshirani R, Chu G (2001). Significance analysis of microarrays applied to the ionizing radiation "
+        "response. Proc Natl Acad Sci 98:5116–5121.",
+        "https://doi.org/10.1073/pnas.091062498",
+    ),
+    Reference(
+        "holm1979",
+        "correction for the number of parameters",
+        "Holm S (1979). A simple sequentially rejective multiple test procedure. Scand J Stat 6:65–70.",
+        "",
+    ),
+    Reference(
+        "hedges1981",
+        "effect size of small groups",
+        "Hedges LV (1981). Distribution theory for Glass's estimator of effect size and related estimators. "
+        "J Educ Stat 6:107–128.",
+        "https://doi.org/10.3102/10769986006002107",
+    ),
+    Reference(
+        "zeni2008",
+        "strikes and lifts of feet from markers",
+        "Zeni JA, Richards JG, Higginson JS (2008). Two simple methods for determining gait events during treadmill "
+        "and overground walking using kinematic data. Gait Posture 27:710–714.",
+        "https://doi.org/10.1016/j.gaitpost.2007.07.007",
+    ),
+    Reference(
         "zar1999",
         "whether something keeps a rhythm",
         "Zar JH (1999). Biostatistical Analysis, 4th edition. Prentice Hall, chapter 27.",
@@ -171,6 +205,75 @@ REFERENCES: tuple[Reference, ...] = (
     ),
 )
 
+MORPHING: tuple[Reference, ...] = (
+    Reference(
+        "morphing",
+        "muscles from the shape of bones: feature points, local transforms blended by distance, virtual links, another "
+        "species in two steps ([D])",
+        "Subject-specific musculoskeletal modeling based on geometric morphing. Chapters 2, 6 and 7 of a dissertation "
+        "on subject-specific musculoskeletal modeling, of which outlines are published; the equations are those of the "
+        "documentation.",
+        "",
+    ),
+    Reference(
+        "umeyama1991",
+        "the similarity that brings points onto others",
+        "Umeyama S (1991). Least-squares estimation of transformation parameters between two point patterns. IEEE "
+        "Trans Pattern Anal Mach Intell 13:376–380.",
+        "https://doi.org/10.1109/34.88573",
+    ),
+    Reference(
+        "shepard1968",
+        "weights by the inverse distance",
+        "Shepard D (1968). A two-dimensional interpolation function for irregularly-spaced data. Proc 23rd ACM "
+        "National Conference, 517–524.",
+        "https://doi.org/10.1145/800186.810616",
+    ),
+    Reference(
+        "lewis2000",
+        "skeletal subspace deformation",
+        "Lewis JP, Cordner M, Fong N (2000). Pose space deformation: a unified approach to shape interpolation and "
+        "skeleton-driven deformation. Proc SIGGRAPH, 165–172.",
+        "https://doi.org/10.1145/344779.344862",
+    ),
+    Reference(
+        "carr2001",
+        "radial basis functions with an affine part, and smoothing",
+        "Carr JC, Beatson RK, Cherrie JB, Mitchell TJ, Fright WR, McCallum BC, Evans TR (2001). Reconstruction and "
+        "representation of 3D objects with radial basis functions. Proc SIGGRAPH, 67–76.",
+        "https://doi.org/10.1145/383259.383266",
+    ),
+    Reference(
+        "amberg2007",
+        "dense correspondence of two bones",
+        "Amberg B, Romdhani S, Vetter T (2007). Optimal step nonrigid ICP algorithms for surface registration. IEEE "
+        "Conf Computer Vision and Pattern Recognition.",
+        "https://doi.org/10.1109/CVPR.2007.383165",
+    ),
+    Reference(
+        "modenese2016",
+        "fiber and tendon lengths that keep the range in which fibers work",
+        "Modenese L, Ceseracciu E, Reggiani M, Lloyd DG (2016). Estimation of musculotendon parameters for scaled and "
+        "subject specific musculoskeletal models using an optimization technique. J Biomech 49:141–148.",
+        "https://doi.org/10.1016/j.jbiomech.2015.11.006",
+    ),
+    Reference(
+        "barill2018",
+        "what is inside a bone, however open its surface",
+        "Barill G, Dickson NG, Schmidt R, Levin DIW, Jacobson A (2018). Fast winding numbers for soups and clouds. ACM "
+        "Trans Graph 37:43.",
+        "https://doi.org/10.1145/3197517.3201337",
+    ),
+    Reference(
+        "pellikaan2014",
+        "how far attachments carried from one body to another lie from those found in it: 13.3 mm on average, standard "
+        "deviation 8.1 mm",
+        "Pellikaan P, van der Krogt MM, Carbone V, Fluit R, Vigneron LM, Van Deun J, Verdonschot N, Koopman HFJM "
+        "(2014). Evaluation of a morphing based method to estimate muscle attachment sites of the lower extremity. J "
+        "Biomech 47:1144–1150.",
+        "https://doi.org/10.1016/j.jbiomech.2013.12.010",
+    ),
+)
 
 ANALYSIS = ("experts", "bartlett1946", "mcleod2005", "bartlett1935", "benjamini1995", "zar1999")
 
@@ -192,4 +295,10 @@ def references(
 def viscosity_references() -> tuple[Reference, ...]:
     """Those that a report on swinging limbs relies on."""
     wanted = ("murai2016", "stroeve1999", "cameron2008")
+    return tuple(one for key in wanted for one in REFERENCES if one.key == key)
+
+
+def group_references() -> tuple[Reference, ...]:
+    """Those that a comparison of two groups relies on."""
+    wanted = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
     return tuple(one for key in wanted for one in REFERENCES if one.key == key)

@@ -145,7 +145,9 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
             surface = primitive(mesh)
             if mesh.shape == "mesh" and mesh.file in surfaces:
                 loaded = surfaces[mesh.file]
-                surface = Surface(loaded.vertices * mesh.scale, loaded.faces)
+                # A mirrored mesh is turned inside out, and back by the order of its corners.
+                faces = loaded.faces[:, ::-1] if np.prod(mesh.scale) < 0.0 else loaded.faces
+                surface = Surface(loaded.vertices * mesh.scale, faces)
             if surface is not None and len(surface.faces):
                 own.append(Surface(mesh.pose.apply(surface.vertices), surface.faces))
         found += [Solid(numbers[body.name], one) for one in own or fallback[body.name]]

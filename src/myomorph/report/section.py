@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with its caption; `size` is "small", "medium", "wide" or "full"."""
+    """A drawing with its caption; `size` is "small", "medium", "wide" or "full", `folded` the words it hides behind."""
 
     svg: str
     size: str = "small"
     caption: str = ""
+    folded: str = ""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from myomorph.report.figures import (
     residual_figures,
 )
 from myomorph.report.identification import identification_sections
+from myomorph.report.length_section import length_cycle_section
 from myomorph.report.muscle_sections import (
     activation_section,
     emg_section,
@@ -48,6 +49,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (tension_section, ""),
         (emg_section, "EMG: no channels were given."),
         (length_section, ""),
+        (length_cycle_section, ""),
         (truth_section, ""),
     ):
         section = make(prepared)

@@ -106,7 +106,7 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
             HICKS,
         ),
     ]
-    failed = ~np.asarray(fit.converged, dtype=bool)
+    failed = fit.seen & ~np.asarray(fit.converged, dtype=bool)
     rows.append(_counted("Frames whose inverse kinematics did not converge", failed, time))
     if fit.closure is not None:
         frame = int(np.nanargmax(fit.closure))

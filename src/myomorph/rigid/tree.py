@@ -101,7 +101,7 @@ class Tree:
     @cached_property
     def defaults(self) -> Array:
         """(coordinates,) default value of every coordinate [rad or m]."""
-        return np.array([coordinate.default for coordinate in self.model.coordinates])
+        return np.array([coordinate.default for coordinate in self.model.coordinates], dtype=np.float64)
 
     @cached_property
     def independent(self) -> Ints:

@@ -131,13 +131,15 @@ def calibrate_subject(
     tables: Path,
 ) -> Calibrated:
     """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
+    from myomorph.study.steps import used_markers
+
     options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
     warnings = [text for take in takes for text in take.warnings]
     recordings = {}
     for take in takes:
         if take.markers is not None:
-            span = inputs.cut_to(take.time, take.markers, take.name)
-            recordings[take.name] = take.markers if span is None else cut(take.markers, *span)
+            inputs.cut_to(take.time, take.markers, take.name)
+            recordings[take.name] = used_markers(take, take.markers)
             options = replace(options, marker_weights=take.kinematics.marker_weights or options.marker_weights)
     if files.static is not None:
         options = replace(options, static=_recording(files.static, model, None, warnings))

@@ -18,6 +18,7 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.spatial import Array
 from myomorph.study.settings import Measured
 from myomorph.study.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan
+from myomorph.study.stairs_file import Stairs, read_stairs, recording_of
 from myomorph.study.study_file import Strict, checked, existing, read_toml, refuse
 
 AUTO = "auto"
@@ -40,6 +41,7 @@ class ContactPlan:
     surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
     told : touches that a file tells of; of the soles too where it names them
     sound : strokes that microphones recorded, whose forces are known by their loudness or motion
+    stairs : load cells of steps that tell who stands on them and, together, what force they carry
     measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
         none was measured; "shared": each is known for the sites on it together; "hidden": not at all
     """
@@ -51,6 +53,7 @@ class ContactPlan:
     told: Contacts | None = None
     sound: SoundPlan | None = None
     measured: Measured = "exact"
+    stairs: Stairs | None = None
 
 
 class _Camera(Strict):
@@ -82,6 +85,7 @@ class _File(Strict):
     camera: _Camera = Field(default_factory=_Camera)
     site: list[_Site] = Field(default_factory=list)
     sites: list[str] = Field(default_factory=list)
+    stairs: str | None = None
     sound: SoundTable | None = None
     instrument: list[InstrumentTable] = Field(default_factory=list)
 
@@ -110,6 +114,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
     found, problems = checked(_File, read_toml(path))
     table = None if found is None else existing(path.parent, found.touches, "touches", problems)
+    steps = None if found is None else existing(path.parent, found.stairs, "stairs", problems)
     sound = None if found is None else _sound(found, path.parent, model.up, problems)
     sites: list[Site] = []
     for one in () if found is None else found.site:
@@ -133,11 +138,12 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         told,
         sound,
         measured or found.measured,
+        None if steps is None else read_stairs(steps, model),
     )
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file, and the table of touches and the sound that it names.
+    """A contact file, and the table of touches, the sound and the stairs that it names.
 
     Raises
     ------
@@ -153,7 +159,10 @@ def contact_files(path: Path) -> tuple[Path, ...]:
     raw = read_toml(path)
     sound = raw.get("sound")
     named = (raw.get("touches"), sound.get("file") if isinstance(sound, dict) else None)
-    files = (path.parent / one for one in named if isinstance(one, str))
+    files = [path.parent / one for one in named if isinstance(one, str)]
+    if isinstance(raw.get("stairs"), str):
+        steps = path.parent / raw["stairs"]
+        files += (steps, *recording_of(steps)) if steps.is_file() else ()
     return (path, *(one for one in files if one.is_file()))
 
 

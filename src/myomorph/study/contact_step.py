@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.contact.held_objects import find_holds
+from myomorph.contact.paws_on_steps import shared_stairs
 from myomorph.contact.raised import raised_contacts
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
@@ -21,6 +22,7 @@ from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.study.contact_file import FOREVER, ContactPlan
 from myomorph.study.sound_plan import heard_contacts
+from myomorph.study.stairs_file import Stairs, stairs_contacts
 from myomorph.tension.contacts import ContactOptions, ContactTask
 
 NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
@@ -71,6 +73,8 @@ def set_contacts(
         where there is no site, or touches are told of a site that does not exist
     """
     measured = known.wrenches
+    if plan.stairs is not None:
+        return _on_stairs(plan.stairs, plan, model, motion, measured, options)
     feet = _soles(plan, model)
     seen = None if plan.measured == "hidden" else measured
     feet, floor = rest_on_floor(model, motion, feet, plate_height(model, seen)) if feet else (feet, None)
@@ -99,6 +103,26 @@ def set_contacts(
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
+
+
+def _on_stairs(
+    stairs: Stairs, plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None, options: ContactOptions
+) -> ContactSetting:
+    """Paws on steps: the cells tell touches, and forces for the sites on each step together.
+
+    Loads that are given beside act as they are; then only steps that these leave out are shared.
+    """
+    paws = stairs.paws_in(model, motion)
+    contacts = stairs_contacts(paws)
+    exact = measured if plan.measured == "exact" else None
+    ready = contacts.states(motion.time)
+    known: set[str] = set()
+    if exact is not None:
+        ready = without_measured(model, ready, paws.sites, exact)
+        pairs = ((step.name, site.body) for step in paws.steps for site in paws.sites)
+        known = {step for step, body in pairs if f"{step}_{body}" in exact.names}
+    task = ContactTask(paws.sites, ready, shared_stairs(paws, known), options, leans(model, motion, paws.sites))
+    return ContactSetting(task, contacts, exact, paws.notes)
 
 
 def during(contacts: Contacts, start: float, stop: float) -> Contacts:

@@ -11,10 +11,11 @@ import numpy as np
 
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
-from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Trial, Wrenches
+from myomorph.model.segments import feet_of
+from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
 from myomorph.model.spatial import Array
 
-MARKER_FILES = (".trc", ".c3d")
+MARKER_FILES = (".trc", ".c3d", ".mat", ".h5", ".hdf5")
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
 
@@ -54,7 +55,7 @@ def has_mass(model: Model, step: str) -> None:
 
 
 def open_trial(path: str | Path) -> Trial:
-    """What a TRC or C3D file holds, plates as forces in the laboratory."""
+    """What a recording of markers or keypoints holds, plates as forces in the laboratory."""
     ending = Path(path).suffix.lower()
     if ending == ".trc":
         from myomorph.io.trc import read_trc
@@ -66,13 +67,46 @@ def open_trial(path: str | Path) -> Trial:
 
         with about(path):
             return force_plates(read_c3d(path))
-    raise BadFile(path, f"does not hold markers: its name ends in '{ending}'", "expected .trc or .c3d")
+    if ending == ".mat":
+        from myomorph.io.qualisys_mat import read_qualisys_mat
+
+        return read_qualisys_mat(path)
+    if ending in (".h5", ".hdf5"):
+        from myomorph.io.keypoints import read_keypoints
+
+        return read_keypoints(path)
+    raise BadFile(path, f"does not hold markers: its name ends in '{ending}'", f"expected {', '.join(MARKER_FILES)}")
+
+
+def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
+    """The trial with its markers under the model's names.
+
+    Parameters
+    ----------
+    labels : recorded label to the model's name; a label that the recording lacks is passed over, for labels differ
+        from file to file
+
+    Raises
+    ------
+    BadData
+        where two markers would have the same name
+    """
+    if trial.markers is None or not labels:
+        return trial
+    names = tuple(labels.get(name, name) for name in trial.markers.names)
+    twice = next((name for name in names if names.count(name) > 1), "")
+    if twice:
+        own = [old for old, name in zip(trial.markers.names, names, strict=True) if name == twice]
+        raise BadData(f"{trial.source}: {' and '.join(repr(one) for one in own)} would both be called '{twice}'")
+    return replace(trial, markers=replace(trial.markers, names=names))
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:
     """The trial in the model's ground frame, its markers checked against the model's size.
 
-    A C3D file whose vertical axis is z is turned to the model's vertical, which is told in its warnings.
+    A recording whose vertical axis is z is turned to the model's vertical, which is told in its warnings: a C3D
+    file in which a standing body is tallest along z or whose plates lie level with z, and a Qualisys export, whose z
+    points up by custom. Nothing is turned where a standing body is tallest along y.
 
     Raises
     ------
@@ -97,9 +131,10 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     if not np.isfinite(recorded).all(axis=2).any():
         raise BadData(f"{trial.source}: none of its {len(markers)} frames shows a marker that the model has")
     _check_size(trial.source, own, recorded)
-    if Path(trial.source).suffix.lower() != ".c3d" or not _lies_on_its_side(model, own, recorded):
+    why = _why_z_is_up(model, trial, own, recorded)
+    if not why:
         return trial
-    told = "the laboratory's z axis points up: the recording was turned to the model's y axis"
+    told = f"{why}: the recording was turned to the model's y axis"
     return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, told))
 
 
@@ -129,14 +164,28 @@ def _spread(recorded: Array) -> float:
     return float(np.median(np.linalg.norm(extent, axis=1)))
 
 
-def _lies_on_its_side(model: Model, own: Array, recorded: Array) -> bool:
-    """Whether the model stands along y, but the recording along z."""
-    seen = recorded[np.isfinite(recorded).all(axis=(1, 2))]
-    if not len(seen) or model.gravity[1] >= 0.0:
-        return False
-    extent = np.median(np.ptp(seen, axis=1), axis=0)
+def _why_z_is_up(model: Model, trial: Trial, own: Array, recorded: Array) -> str:
+    """What shows that z is up in the recording while y is in the model; "" where nothing does."""
+    ending = Path(trial.source).suffix.lower()
+    if ending not in (".c3d", ".mat") or model.gravity[1] >= 0.0:
+        return ""
     size = np.ptp(own, axis=0)
-    return bool(size[1] > 1.3 * size[2] and extent[2] > 1.3 * extent[1])
+    seen = recorded[np.isfinite(recorded).all(axis=(1, 2))]
+    if len(seen) and size[1] > 1.3 * size[2]:
+        extent = np.median(np.ptp(seen, axis=1), axis=0)
+        if extent[2] > 1.3 * extent[1]:
+            return "the laboratory's z axis points up"
+        if extent[1] > 1.3 * extent[2]:
+            return ""
+    if ending == ".mat":
+        return "the z axis of a Qualisys export points up by custom"
+    return "the plates lie level with z" if trial.plates and all(map(_faces_z, trial.plates)) else ""
+
+
+def _faces_z(plate: ForcePlate) -> bool:
+    """Whether a plate's normal is the z axis."""
+    normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
+    return bool(abs(normal[2]) > 0.9 * np.linalg.norm(normal) > 0.0)
 
 
 def open_motion(path: str | Path, model: Model) -> Motion:
@@ -166,12 +215,19 @@ def open_motion(path: str | Path, model: Model) -> Motion:
     return motion
 
 
-def open_loads(path: str | Path, model: Model, motion: Motion, bodies: Mapping[str, str] | None = None) -> Wrenches:
-    """External forces of an OpenSim external loads file, or of a table with the bodies that they act on.
+def open_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+) -> Wrenches:
+    """External forces of an OpenSim external loads file, of a table with the bodies that they act on, or of stairs.
 
     Parameters
     ----------
     bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
+    trial : for stairs: the file of the markers, which tells the one of the load cells
 
     Raises
     ------
@@ -190,8 +246,16 @@ def open_loads(path: str | Path, model: Model, motion: Motion, bodies: Mapping[s
 
         with about(path):
             wrenches = read_external_loads(path, poses=_poses_by(model, motion))
+    elif ending == ".toml":
+        from myomorph.study.stairs_file import read_stairs, stairs_wrenches
+
+        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     else:
-        raise BadFile(path, f"holds no external loads: its name ends in '{ending}'", "expected .xml")
+        raise BadFile(
+            path,
+            f"holds no external loads: its name ends in '{ending}'",
+            "expected .xml, or .toml of force-measuring stairs",
+        )
     for body in wrenches.bodies:
         if body not in model.body_names and body != "ground":
             raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
@@ -282,15 +346,6 @@ def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
     used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
     wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
     return replace(wrenches, bodies=tuple(body for _, body in used))
-
-
-def feet_of(model: Model) -> tuple[str, ...]:
-    """Bodies that stand on the ground by their names: heel bones, else feet; () where there are none."""
-    for word in ("calcn", "calcaneus", "hindfoot", "foot"):
-        found = tuple(name for name in model.body_names if word in name.lower())
-        if found:
-            return found
-    return ()
 
 
 def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:

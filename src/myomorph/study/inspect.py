@@ -15,8 +15,14 @@ from myomorph.model.model import Model
 
 MODELS = (".osim", ".xml", ".mjcf")
 TABLES = (".mot", ".sto")
-EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d) or a table (.mot, .sto)"
-SHOWN = 12
+RECORDINGS = {
+    ".trc": "TRC markers",
+    ".c3d": "C3D recording",
+    ".mat": "Qualisys recording",
+    ".h5": "keypoints",
+    ".hdf5": "keypoints",
+}
+EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,7 @@ class Inspection:
 
 
 def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """What a model, C3D, TRC, MOT, STO or external loads file holds, and what looks wrong with it.
+    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong with it.
 
     Raises
     ------
@@ -54,11 +60,11 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     if path.is_dir():
         raise BadFile(path, "is a folder", EXPECTED)
     ending = path.suffix.lower()
-    if ending in (".trc", ".c3d"):
+    if ending in RECORDINGS:
         from myomorph.study.inputs import open_trial
         from myomorph.study.inspect_recording import inspect_trial
 
-        return inspect_trial(open_trial(path), "C3D recording" if ending == ".c3d" else "TRC markers")
+        return inspect_trial(open_trial(path), RECORDINGS[ending])
     if ending in TABLES:
         from myomorph.io.sto import read_sto
         from myomorph.study.inspect_recording import inspect_table

@@ -11,9 +11,13 @@ from myomorph.contact.plates import episodes
 from myomorph.io.c3d import emg_channels
 from myomorph.model.series import Markers, Series, Table, Trial
 from myomorph.model.spatial import Array
+from myomorph.motion.crossings import crossings
 from myomorph.study.inspect import Inspection
 
 SHOWN = 12
+SELDOM = 0.2
+"""Share of positions that are missing above which the parts worth using are told."""
+
 POINT = re.compile(r"force.*p[xyz]$", re.IGNORECASE)
 ANGLE = re.compile(r"flexion|angle|adduction|rotation|tilt|list|bending|elev|pro_sup|/value$|abd|_rot_", re.IGNORECASE)
 NOT_ANGLE = re.compile(r"force|torque|moment|activation|fiber|_t[xyz]\b|/speed$|_u$|_acc", re.IGNORECASE)
@@ -52,6 +56,11 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], found: list
     never = [name for name, part in zip(markers.names, share, strict=True) if part == 1.0]
     if never:
         found.append(f"{len(never)} markers are never seen: {_names(never)}")
+    if SELDOM < hidden.mean() < 1.0:
+        spans = crossings(markers)
+        shown = ", ".join(f"{start:.2f} to {end:.2f}" for start, end in spans[:SHOWN])
+        more = f", ... ({len(spans)} in all)" if len(spans) > SHOWN else ""
+        facts.append(("most markers seen", f"{shown}{more} s" if spans else "nowhere for long"))
     order = np.argsort(-share, kind="stable")
     gappy = [int(one) for one in order if 0.0 < share[one] < 1.0]
     for index in gappy[:SHOWN]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from myomorph.io.osim_write import write_osim
@@ -16,14 +16,23 @@ from myomorph.study.results import whole_folder
 PROVENANCE = "provenance.json"
 
 
-def check_out_model(out: Path) -> None:
-    """Raise `BadFile` where a model cannot be written under this name."""
+def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
+    """Raise `BadFile` where a model cannot be written under this name.
+
+    Parameters
+    ----------
+    tables : the folder beside it
+    read : what the model is made from, which neither may replace
+    """
     if out.suffix.lower() != ".osim":
         raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
     if out.is_dir():
         raise BadFile(out, "is a folder, but the result is a file", "give a name that ends in .osim")
     if not out.parent.is_dir():
         raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
+    for one in read:
+        if one is not None and one.resolve() in (out.resolve(), (tables or out).resolve()):
+            raise BadFile(out, f"would be written over '{one}', which it is made from", "give --out another name")
 
 
 def write_made_model(

@@ -13,6 +13,8 @@ from pydantic import Field, create_model
 from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.contact_file import AUTO
+from myomorph.study.group_plan import GroupPlan, StridesTable, groups_of
+from myomorph.study.morph_files import BonesTable, bones_of
 from myomorph.study.settings import (
     Differentiation,
     EmgUse,
@@ -39,7 +41,7 @@ from myomorph.study.subjects import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.takes import FileTake
 from myomorph.study.together import Together, TogetherTable, together_of
 
-STEPS = ("calibrate", "ik", "identify", "id", "muscles", "tension", "report")
+STEPS = ("morph", "calibrate", "ik", "identify", "id", "muscles", "tension", "report")
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
 LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 EMG = ("emg", "EMG", "electromyography", "envelopes")
@@ -49,7 +51,11 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
     """Settings of every step, by its name."""
     from myomorph.identify.recordings import RecordingOptions
     from myomorph.identify.subject import IdentificationOptions
+    from myomorph.morph.fields import MapOptions
+    from myomorph.morph.morphed import MorphOptions
+    from myomorph.morph.nonrigid import MatchOptions
     from myomorph.motion.calibrate import CalibrationOptions
+    from myomorph.motion.crossings import CrossingOptions
     from myomorph.motion.envelope import EnvelopeOptions
     from myomorph.motion.ik import InverseKinematicsOptions
     from myomorph.tension.contacts import ContactOptions
@@ -58,12 +64,14 @@ def step_settings() -> dict[str, tuple[Setting, ...]]:
 
     identification = (RecordingOptions, IdentificationOptions, BodyOptions)
     tension = (TensionOptions, ContactOptions, EmgOptions, EnvelopeOptions, EmgUse, TensionTables)
+    morph = (MatchOptions, MapOptions, MorphOptions)
     kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
     filters = settings_of(Differentiation)
     return {
+        "morph": tuple(one for options in morph for one in settings_of(options)),
         "calibrate": tuple(one for one in settings_of(CalibrationOptions) if one.name != "mass"),
         "identify": tuple(one for options in identification for one in settings_of(options)),
-        "ik": kinematics,
+        "ik": (*kinematics, *settings_of(CrossingOptions)),
         "id": (*filters, *settings_of(TorqueTable)),
         "muscles": filters,
         "report": settings_of(ReportOptions),
@@ -107,6 +115,8 @@ class _Subject(Strict):
     contacts: str = ""
     measured: Measured | None = None
     time: tuple[float, float] | None = None
+    labels: dict[str, str] = Field(default_factory=dict)
+    bones: BonesTable | None = None
 
 
 @dataclass(frozen=True)
@@ -120,6 +130,7 @@ class Plan:
     subjects : by name, what the steps on subjects need
     together : trials of several subjects that are solved as one after their own steps
     remarks : which files were found by the rule of names
+    groups : two groups of subjects to compare when all is done
     """
 
     name: str
@@ -130,6 +141,7 @@ class Plan:
     remarks: tuple[str, ...] = ()
     subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
     together: tuple[Together, ...] = ()
+    groups: GroupPlan | None = None
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -149,6 +161,8 @@ def read_plan(path: str | Path) -> Plan:
         study=(StudyTable, ...),
         subject=(list[_Subject], Field(min_length=1)),
         together=(list[TogetherTable], Field(default_factory=list)),
+        groups=(dict[str, list[str]], Field(default_factory=dict)),
+        strides=(StridesTable, Field(default_factory=StridesTable)),
         options=(options, Field(default_factory=options)),
     )
     raw = read_toml(path)
@@ -160,6 +174,7 @@ def read_plan(path: str | Path) -> Plan:
     remarks: list[str] = []
     subjects: dict[str, SubjectFiles] = {}
     together: list[Together] = []
+    groups: GroupPlan | None = None
     if found is not None:
         for subject in found.subject:
             own = list(_takes(subject, path.parent, problems, remarks))
@@ -172,6 +187,8 @@ def read_plan(path: str | Path) -> Plan:
         for one in found.together:
             contacts = _contacts(one.contacts, path.parent, f"together '{one.name}'", problems)
             together.append(together_of(one, takes, path.parent, contacts, problems))
+        trials = {one: [take.name for take in takes if take.subject == one] for one in subjects}
+        groups = groups_of(found.groups, found.strides, trials, problems)
     refuse(path, problems)
     assert found is not None
     settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
@@ -184,6 +201,7 @@ def read_plan(path: str | Path) -> Plan:
         tuple(remarks),
         subjects,
         tuple(together),
+        groups,
     )
 
 
@@ -203,8 +221,15 @@ def _subject(subject: _Subject, takes: list[FileTake], folder: Path, problems: l
     if subject.skin is None and (subject.height is None) != (subject.chest is None):
         lacking = "chest" if subject.chest is None else "height"
         problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
+    if "morph" in subject.steps and subject.bones is None:
+        problems.append(f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's bones")
+    bones = (
+        None
+        if subject.bones is None
+        else bones_of(subject.bones, folder / subject.model, subject.mass, folder, where, problems)
+    )
     shape = BodyShape(files["skin"], files["landmarks"], subject.height, subject.chest, subject.sex, subject.age)
-    return SubjectFiles(subject.name, folder / subject.model, subject.mass, files["static"], shape, tuple(takes))
+    return SubjectFiles(subject.name, folder / subject.model, subject.mass, files["static"], shape, tuple(takes), bones)
 
 
 def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[str]) -> Iterator[FileTake]:
@@ -231,7 +256,7 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
             check_time(trial.time or subject.time, f"{where}: time", problems)
             for name, span in trial.phases.items():
                 check_time(span, f"{where}: phase '{name}'", problems)
-            if loads is not None and loads.suffix.lower() != ".xml" and not trial.bodies:
+            if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
                 if trial.loads is None:
                     del remarks[remarks_before:]
                     remarks.append(f"{loads.name} is not used: it does not say which bodies its forces act on")
@@ -258,6 +283,7 @@ def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[s
                 phases=MappingProxyType(dict(trial.phases)),
                 mass=subject.mass,
                 time=trial.time or subject.time,
+                labels=MappingProxyType(dict(subject.labels)),
             )
 
 

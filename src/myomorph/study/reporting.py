@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph import __version__
+from myomorph.io.text import written
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.join import join_models
 from myomorph.model.model import Model
@@ -21,7 +22,10 @@ from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.report.given import Note, Phase, ReportInput, SourceFile, Step, Truth
+from myomorph.report.length_analysis import curves_table, ranges_table
+from myomorph.report.length_section import analysed_lengths
 from myomorph.report.page import report_page
+from myomorph.report.prepared import prepare
 from myomorph.report.presets import preset_of
 from myomorph.study import contact_store
 from myomorph.study import stored as store
@@ -34,6 +38,7 @@ from myomorph.study.viscosity_store import STORE, remake_report
 from myomorph.tension.solve import Tension, TensionOptions
 
 REPORT = "report.html"
+LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
 STEP_NAMES = MappingProxyType(
     {
         "ik": "inverse kinematics",
@@ -101,7 +106,20 @@ def _write(home: Path, paths: Sequence[Path], preset: str, times: Sequence[float
     temporary = home / f".{REPORT}.part"
     temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, home / REPORT)
+    _write_length_tables(home, given)
     return home / REPORT
+
+
+def _write_length_tables(home: Path, given: ReportInput) -> None:
+    """Muscle lengths of every stride, and what each muscle does in one, where the motion is a walk."""
+    if given.lengths is None:
+        return
+    analysis = analysed_lengths(prepare(given))
+    if analysis is not None and analysis.ranges:
+        with written(home / LENGTH_CURVES) as stream:
+            stream.write(curves_table(analysis))
+        with written(home / LENGTH_RANGES) as stream:
+            stream.write(ranges_table(analysis))
 
 
 def joined(parts: Sequence[Stored]) -> Stored:
@@ -200,7 +218,8 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         uncarried=get_uncarried(found),
         situation=contact_store.get_situation(found),
         root_note=facts.get("root_note", ""),
-        lengths=_lengths(found),
+        lengths=_by_muscle(found, "muscle_length"),
+        length_rates=_by_muscle(found, "muscle_velocity"),
         driven=tuple(dict.fromkeys(arms)) or _driven(model),
         tension=None if tension is None else shown_tension(tension, found),
         overstretched=() if tension is None else tension.overstretched,
@@ -253,8 +272,8 @@ def surfaces_of(model: Model) -> Mapping[str, Surface]:
     return read_surfaces(model, [one for one in folders if one.is_dir()])[0]
 
 
-def _lengths(found: Stored) -> Series | None:
-    values = found.values.get("muscle_length")
+def _by_muscle(found: Stored, name: str) -> Series | None:
+    values = found.values.get(name)
     return None if values is None else Series(found.time, found.names["muscle"], values)
 
 

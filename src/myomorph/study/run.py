@@ -17,6 +17,7 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import Model
 from myomorph.motion.sync import cut
 from myomorph.study.ahead import compile_ahead
+from myomorph.study.group_plan import GroupPlan
 from myomorph.study.inputs import open_model
 from myomorph.study.plan import Plan
 from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
@@ -98,7 +99,24 @@ def run_study(
     for one in plan.together:
         started = time.monotonic()
         ended(_together(one, opened, plan, out, resume, models), started)
+    if plan.groups is not None:
+        started = time.monotonic()
+        ended(_groups(plan.groups, out, plan.name), started)
     return outcomes
+
+
+def _groups(plan: GroupPlan, out: Path, name: str) -> Outcome:
+    """Two groups compared, from the results of their subjects' trials."""
+    from myomorph.study.grouping import compare_stored
+
+    outcome = Outcome(f"{plan.first[0]} and {plan.second[0]}", "", out)
+    try:
+        compare_stored(plan, out, name)
+    except (MyomorphError, OSError) as error:
+        return replace(outcome, error=f"groups: {' '.join(str(error).split())}")
+    except Exception as error:
+        return replace(outcome, error=f"groups: {type(error).__name__}: {' '.join(str(error).split())}", fault=True)
+    return replace(outcome, done=("groups",))
 
 
 def _subject(plan: Plan, name: str, steps: Sequence[str], home: Path, resume: bool) -> Outcome | Prepared:

@@ -17,6 +17,7 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Array
+from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
@@ -46,7 +47,7 @@ class Take:
     loads : external forces of a motion, or None where there are none
     mass : of the subject [kg], None where only the model tells
     time : start and end of what is used [s], None for all
-    kinematics, derivatives, torque_table, tension, contact_options, emg_options, emg_use, tables : what the
+    kinematics, crossings, derivatives, torque_table, tension, contact_options, emg_options, emg_use, tables : what the
         steps are told
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
@@ -73,6 +74,7 @@ class Take:
     mass: float | None = None
     time: tuple[float, float] | None = None
     kinematics: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
+    crossings: CrossingOptions = field(default_factory=CrossingOptions)
     derivatives: Differentiation = field(default_factory=Differentiation)
     torque_table: TorqueTable = field(default_factory=TorqueTable)
     tension: TensionOptions | None = None
@@ -129,9 +131,29 @@ def solve_kinematics(take: Take) -> KinematicsFit:
     """Inverse kinematics of the part of a recording that is asked for."""
     if take.markers is None:
         raise BadData(f"{take.name}: holds no markers")
-    markers = take.markers if take.time is None else cut(take.markers, *take.time)
+    markers = used_markers(take, take.markers)
     with progress(f"{take.name}: inverse kinematics", len(markers)) as advance:
         return inverse_kinematics(take.model, markers, take.kinematics, advance)
+
+
+def used_markers(take: Take, markers: Markers) -> Markers:
+    """The part of a recording that is asked for; with crossings only, markers are hidden elsewhere.
+
+    Raises
+    ------
+    BadData
+        where crossings are asked for, but there is none
+    """
+    markers = markers if take.time is None else cut(markers, *take.time)
+    if not take.crossings.only:
+        return markers
+    spans = crossings(markers, take.model, take.crossings)
+    if not spans:
+        raise BadData(
+            f"{take.name}: no part of {take.crossings.shortest:g} s shows {100 * take.crossings.shown:g} % of what its "
+            "markers could tell: ask for less (crossings_shown, crossings_shortest)"
+        )
+    return within_crossings(markers, spans)
 
 
 def with_derivatives(take: Take, found: Found) -> Found:
@@ -161,7 +183,9 @@ def solve_dynamics(take: Take, found: Found) -> Found:
     found = with_derivatives(take, found)
     assert found.motion is not None
     wrenches = loads_at(take, _recorded(take, found), found.motion)
-    return replace(found, wrenches=wrenches, torques=inverse_dynamics(take.model, found.motion, wrenches))
+    notes = found.notes if wrenches is None else (*found.notes, *wrenches.notes)
+    torques = inverse_dynamics(take.model, found.motion, wrenches)
+    return replace(found, wrenches=wrenches, torques=torques, notes=notes)
 
 
 def told_torques(take: Take, motion: Motion, torques: Series) -> Series:
@@ -229,7 +253,8 @@ def step_provenance(step: str, take: Take) -> Provenance:
 
 def _options(step: str, take: Take) -> dict[str, object]:
     if step == "ik":
-        return plain_settings(take.kinematics)
+        crossed = plain_settings(take.crossings) if take.crossings.only else {}
+        return plain_settings(take.kinematics) | crossed
     if step == "tension":
         told = [one for one in (take.tension, take.contact_options, take.emg_options) if one is not None]
         return {

@@ -51,7 +51,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
     except UnicodeDecodeError:
         raise BadFile(path, "is not text", "give a study file in TOML") from None
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
 
 

@@ -12,15 +12,16 @@ from myomorph.model.provenance import Provenance
 from myomorph.study.body_shape import BodyShape
 from myomorph.study.inputs import open_model
 from myomorph.study.made_model import PROVENANCE
+from myomorph.study.morph_files import MorphFiles
 from myomorph.study.results import file_source, provenance_of
 from myomorph.study.steps import Take, solve_kinematics
 from myomorph.study.takes import FileTake, Settings, open_take
 
-SUBJECT_STEPS = ("calibrate", "identify")
+SUBJECT_STEPS = ("morph", "calibrate", "identify")
 """In the order in which they run."""
 
-MODELS = {"calibrate": "calibrated.osim", "identify": "identified.osim"}
-TABLES = {"calibrate": "calibration", "identify": "identification"}
+MODELS = {"morph": "morphed.osim", "calibrate": "calibrated.osim", "identify": "identified.osim"}
+TABLES = {"morph": "morph", "calibrate": "calibration", "identify": "identification"}
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class SubjectFiles:
     static : recording of standing still, for calibration
     shape : what is known of the body, for identification
     takes : the subject's recordings
+    bones : the subject's own, for a morph
     """
 
     name: str
@@ -41,6 +43,7 @@ class SubjectFiles:
     static: Path | None = None
     shape: BodyShape = field(default_factory=BodyShape)
     takes: tuple[FileTake, ...] = ()
+    bones: MorphFiles | None = None
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,8 @@ def prepare_subject(
             _RUNNERS[step](files, prepared, settings, made, out, tables)
         prepared = Prepared(
             out,
-            replace(open_model(out), source=prepared.model.source),
+            # A morph brings its own bones; the others are drawn by the meshes of the model they began with.
+            open_model(out) if step == "morph" else replace(open_model(out), source=prepared.model.source),
             (*prepared.done, step),
             (*prepared.kept, step) if known else prepared.kept,
         )
@@ -95,6 +99,8 @@ def _takes(files: SubjectFiles, prepared: Prepared, settings: Settings) -> list[
 
 def _provenance(step: str, files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
     """What the step's result is made from: the model so far, all recordings, and what the step is told."""
+    if step == "morph" and files.bones is not None:
+        return provenance_of(step, files.bones.sources(), files.bones.told() | dict(settings.get(step, {})))
     takes = _takes(files, prepared, settings)
     sources = list(dict.fromkeys(source for take in takes for source in take.sources))
     given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
@@ -144,7 +150,16 @@ def _calibrate(
     calibrate_subject(prepared.model, _takes(files, prepared, settings), files, settings, made, out, tables)
 
 
+def _morph(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> None:
+    from myomorph.study.morphing import morph_subject
+
+    morph_subject(prepared.model, files, settings, made, out, tables)
+
+
 _RUNNERS: dict[str, Callable[[SubjectFiles, Prepared, Settings, Provenance, Path, Path], None]] = {
+    "morph": _morph,
     "calibrate": _calibrate,
     "identify": _identify,
 }

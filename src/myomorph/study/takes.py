@@ -8,11 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
+from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial
 from myomorph.model.spatial import Array
+from myomorph.motion.crossings import CrossingOptions
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
@@ -58,6 +60,7 @@ class FileTake:
     phases : parts of the motion that the report tells apart, name to start and end [s]
     mass : of the subject [kg]
     time : start and end [s]
+    labels : what the model calls markers that the recording calls otherwise
     """
 
     model: Path
@@ -79,6 +82,7 @@ class FileTake:
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     mass: float | None = None
     time: tuple[float, float] | None = None
+    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def open_take(files: FileTake, settings: Settings, model: Model | None = None) -> Take:
@@ -98,7 +102,11 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
     take = _common(files, settings, model)
     if files.markers is None:
         return take
-    trial = inputs.fitted_to(model, inputs.open_trial(files.markers))
+    known = [marker.name for marker in model.markers]
+    for name in files.labels.values():
+        if name not in known:
+            raise UnknownName("marker", name, known, "labels: the model")
+    trial = inputs.fitted_to(model, inputs.with_labels(inputs.open_trial(files.markers), files.labels))
     assert trial.markers is not None
     take = replace(
         take,
@@ -114,7 +122,7 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
     )
     if files.loads is None and files.plates:
         take = replace(take, loads=_plate_loads(trial, files))
-    elif files.loads is None and trial.plates and inputs.feet_of(model):
+    elif files.loads is None and trial.plates and feet_of(model):
         told = "The force of each plate acts on the foot that is nearest to its center of pressure."
         take = replace(take, loads=_nearest_loads(trial, model), assumed=(*take.assumed, told))
     return replace(take, real=_real(files, take), plates=trial.plates, plate_time=trial.plate_time)
@@ -175,7 +183,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     )
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
-        sources += load_tables(files.loads)
+        sources += load_tables(files.loads, files.markers)
     if files.contacts:
         sources += contact_sources(files)
     if files.bodies or files.plates:
@@ -186,6 +194,8 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         envelope = with_settings(EnvelopeOptions(), settings.get("tension", {}))
         given = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
+    if files.labels:
+        sources.append(value_source("markers", "labels of markers", sorted(files.labels.items())))
     if files.emg_muscles or files.emg_side:
         sources.append(value_source("emg", "muscles of channels", sorted(files.emg_muscles.items()), files.emg_side))
     return Take(
@@ -197,6 +207,7 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
         emg_muscles={} if given is None else given.muscles,
         mass=files.mass,
         kinematics=kinematics_options(files, settings.get("ik", {}), model),
+        crossings=with_settings(CrossingOptions(), settings.get("ik", {})),
         derivatives=derivative_options(settings),
         torque_table=with_settings(TorqueTable(), settings.get("id", {})),
         tension=tension_options(settings),
@@ -224,8 +235,12 @@ def contact_sources(files: FileTake) -> list[Source]:
     return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
 
 
-def load_tables(path: Path) -> list[Source]:
-    """The tables that an external loads file takes its numbers from."""
+def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
+    """The tables that an external loads file, or a file of stairs, takes its numbers from."""
+    if path.suffix.lower() == ".toml":
+        from myomorph.study.stairs_file import recording_of
+
+        return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
         return []
     from myomorph.io.loads import read_load_entries
@@ -238,8 +253,8 @@ def load_tables(path: Path) -> list[Source]:
 def _file_loads(files: FileTake, model: Model) -> Any:
     if files.loads is None:
         return None
-    path, bodies = files.loads, files.bodies
-    return lambda motion: inputs.open_loads(path, model, motion, bodies)
+    path, bodies, markers = files.loads, files.bodies, files.markers
+    return lambda motion: inputs.open_loads(path, model, motion, bodies, markers)
 
 
 def _plate_loads(trial: Trial, files: FileTake) -> Any:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.model import GROUND, Actuator, Joint, Model
 from myomorph.model.spatial import Array
+from myomorph.motion.body_size import length_unit
 from myomorph.rigid.kinematics import body_poses
-from myomorph.rigid.tree import ROTATION, Tree
+from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
 TORQUE, POINT, POINT_TO_POINT = 0, 1, 2
 _KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
@@ -199,8 +200,15 @@ def free_coordinates(model: Model) -> tuple[str, ...]:
     )
 
 
-def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Actuator, ...]:
+RESERVE_FORCE, RESIDUAL_FORCE = 1.0, 10.0
+"""Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
+
+
+def default_reserves(model: Model, reserve: float | None = None, residual: float | None = None) -> tuple[Actuator, ...]:
     """A weak actuator for every free coordinate, and force and torque on a body that floats.
+
+    What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and torques with the
+    fourth power of the body's `length_unit`, as weights and their moments do.
 
     Parameters
     ----------
@@ -209,6 +217,7 @@ def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Act
         coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...
         "residual_MZ", along the ground's axes [N], [N m]
     """
+    unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
     found: list[Actuator] = []
     floating = floating_joints(model)
     held = {name for joint in floating for name in joint.coordinates}
@@ -221,7 +230,7 @@ def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Act
                     Actuator(
                         f"{RESIDUAL}{letter}{axis}{ending}",
                         "point" if kind == "point" else "torque",
-                        residual,
+                        RESIDUAL_FORCE * unit ** (3 if kind == "point" else 4) if residual is None else residual,
                         body=joint.child,
                         point=center,
                         direction=np.eye(3)[i],
@@ -229,7 +238,9 @@ def default_reserves(model: Model, reserve: float, residual: float) -> tuple[Act
                 )
     for name in free_coordinates(model):
         if name not in held:
-            found.append(Actuator(f"{RESERVE}{name}", "coordinate", reserve, coordinate=name))
+            power = 3 if model.coordinate(name).motion == "translational" else 4
+            own = RESERVE_FORCE * unit**power if reserve is None else reserve
+            found.append(Actuator(f"{RESERVE}{name}", "coordinate", own, coordinate=name))
     return tuple(found)
 
 

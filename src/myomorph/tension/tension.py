@@ -30,8 +30,9 @@ class TensionOptions:
     curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
         for the maximum isometric force at any length and velocity, or "auto": "rigid-tendon" with
         passive forces and "opensim" without
-    reserve : optimal force of the reserves that are added where no actuators are given [N m or N]
-    residual : optimal force of what then holds a floating body [N], [N m]
+    reserve : optimal force of the reserves that are added where no actuators are given [N m or N]; by default 1 on a
+        body of human size, less on a smaller one (`default_reserves`)
+    residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
     """
 
     exponent: float = 2.0
@@ -39,15 +40,16 @@ class TensionOptions:
     passive: bool = True
     viscous: bool = True
     curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
-    reserve: float = 1.0
-    residual: float = 10.0
+    reserve: float | None = None
+    residual: float | None = None
 
     def __post_init__(self) -> None:
         if not 1.2 <= self.exponent <= 5.0:
             raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 5")
         for name in ("reserve", "residual"):
-            if not getattr(self, name) > 0.0:
-                raise BadData(f"the optimal force of a {name} is {getattr(self, name):g}: expected above 0")
+            given = getattr(self, name)
+            if given is not None and not given > 0.0:
+                raise BadData(f"the optimal force of a {name} is {given:g}: expected above 0")
         if self.weights not in ("equal", "volume"):
             raise BadData(f"unknown weights '{self.weights}': there are 'equal', 'volume'")
         if self.curves not in ("auto", "rigid-tendon", "opensim", "constant"):

@@ -1,0 +1,160 @@
+"""The anatomist's mouse hindlimb as a model: `data/mouse-hindlimb-muscles`, a table of an OpenSim 4 model.
+
+The muscles are those of Charles, Cappellari, Spence, Wells and Hutchinson (2016, J Anat 229:514). The table names
+bone meshes but has none, so the bodies are drawn by their points.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from benchmarks.cases import data_folder
+from myomorph.model.functions import constant, linear
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.model.paths import Muscle, PathPoint, PathWrap, WrapObject
+from myomorph.model.paths import Path as MusclePath
+from myomorph.model.spatial import Transform
+
+FILE = "mouse-hindlimb-muscles/mouse_hindlimb.json"
+SPATIAL = ("translation1", "translation2", "translation3", "rotation1", "rotation2", "rotation3")
+"""Axes of a custom joint in the order in which they act."""
+CURVES = {
+    "active_force_length": "ActiveForceLengthCurve",
+    "force_velocity": "ForceVelocityCurve",
+    "fiber_force_length": "FiberForceLengthCurve",
+    "tendon_force_length": "TendonForceLengthCurve",
+}
+NOT_PARAMETERS = frozenset({"optimal_force"})
+KINDS = {
+    "WrapCylinder": ("cylinder", ("radius", "length")),
+    "WrapSphere": ("sphere", ("radius",)),
+}
+Table = Mapping[str, Any]
+
+
+def mouse_hindlimb_model(file: Path | None = None) -> Model:
+    """The right hindlimb of a mouse in its real size: six bodies, 42 muscles, 22 wrap objects.
+
+    Parameters
+    ----------
+    file : the table; that of the data collection by default
+
+    Raises
+    ------
+    FileNotFoundError : where the data set is absent
+    """
+    path = data_folder() / FILE if file is None else file
+    table = json.loads(path.read_text(), parse_int=float)
+    joints = _in_tree_order([_joint(one) for one in table["joints"]])
+    masses = {one["name"]: one for one in table["bodies"]}
+    groups = {
+        name: tuple(group for group, members in table["muscle_groups"].items() if name in members)
+        for name in (one["name"] for one in table["muscles"])
+    }
+    return Model(
+        table["model"]["name"],
+        tuple(_body(masses[joint.child]) for joint in joints),
+        joints,
+        tuple(
+            _coordinate(row, table) for joint in joints for row in table["coordinates"] if row["joint"] == joint.name
+        ),
+        np.array(table["model"]["gravity"], dtype=np.float64),
+        tuple(Marker(one["name"], one["body"], one["location"], one.get("fixed", False)) for one in table["markers"]),
+        tuple(_muscle(one, table["muscle_curve_sets"], groups[one["name"]]) for one in table["muscles"]),
+        tuple(_wrap_object(one) for one in table["wrap_objects"]),
+        source=str(path),
+        warnings=_odd(table),
+    )
+
+
+def _in_tree_order(joints: list[Joint]) -> tuple[Joint, ...]:
+    placed, ordered = {"ground"}, []
+    while len(ordered) < len(joints):
+        joint = next(one for one in joints if one.child not in placed and one.parent in placed)
+        placed.add(joint.child)
+        ordered.append(joint)
+    return tuple(ordered)
+
+
+def _body(row: Table) -> Body:
+    xx, yy, zz, xy, xz, yz = row["inertia"]
+    return Body(row["name"], row["mass"], row["mass_center"], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+
+
+def _joint(row: Table) -> Joint:
+    axes = []
+    for name in SPATIAL:
+        axis = row["axes"][name]
+        given = axis["function"]
+        function = constant(given["value"]) if given["type"] == "Constant" else linear(*given["coefficients"])
+        kind = "rotation" if name.startswith("rotation") else "translation"
+        axes.append(Axis(kind, axis["axis"], function, tuple(axis["coordinates"])))
+    return Joint(
+        row["name"],
+        row["type"],
+        row["parent"],
+        row["child"],
+        Transform.from_euler_xyz(row["orientation_in_parent"], row["location_in_parent"]),
+        Transform.from_euler_xyz(row["orientation"], row["location"]),
+        tuple(axes),
+        tuple(dict.fromkeys(name for axis in axes[3:] + axes[:3] for name in axis.coordinates)),
+    )
+
+
+def _coordinate(row: Table, table: Table) -> Coordinate:
+    joint = next(one for one in table["joints"] if one["name"] == row["joint"])
+    turns = any(row["name"] in axis["coordinates"] for name, axis in joint["axes"].items() if name.startswith("rot"))
+    return Coordinate(
+        row["name"],
+        "rotational" if turns else "translational",
+        row["default_value"],
+        (row["range"][0], row["range"][1]),
+        row["clamped"],
+        row["locked"],
+    )
+
+
+def _wrap_object(row: Table) -> WrapObject:
+    pose = Transform.from_euler_xyz(row["xyz_body_rotation"], row["translation"])
+    if row["type"] == "WrapEllipsoid":
+        kind, size = "ellipsoid", tuple(row["dimensions"])
+    else:
+        kind, fields = KINDS[row["type"]]
+        size = tuple(row[field] for field in fields)
+    quadrant = {"all": "", "x": "+x", "y": "+y", "z": "+z"}.get(row["quadrant"], row["quadrant"])
+    return WrapObject(row["name"], row["body"], kind, pose, size, quadrant, row["active"])  # type: ignore[arg-type]
+
+
+def _muscle(row: Table, curve_sets: Table, groups: tuple[str, ...]) -> Muscle:
+    points = tuple(PathPoint(f"{row['name']}-P{i + 1}", one[1], one[2:]) for i, one in enumerate(row["points"]))
+    wraps = tuple(PathWrap(one["wrap"], one["method"], *map(int, one["range"])) for one in row["wraps"])
+    parameters = {name: float(value) for name, value in row["other"].items() if name not in NOT_PARAMETERS}
+    for curve, values in curve_sets[row["curve_set"]].items():
+        parameters |= {f"{CURVES[curve]}/{name}": float(value) for name, value in values.items()}
+    return Muscle(
+        row["name"],
+        row["type"],
+        MusclePath(points, wraps),
+        row["max_isometric_force"],
+        row["optimal_fiber_length"],
+        row["tendon_slack_length"],
+        row["pennation_angle"],
+        parameters=MappingProxyType(parameters),
+        groups=groups,
+    )
+
+
+def _odd(table: Table) -> tuple[str, ...]:
+    """What a user of the masses should know, found in the numbers themselves."""
+    found = []
+    for row in table["bodies"]:
+        least = float(np.linalg.eigvalsh(_body(row).inertia)[0])
+        if least <= 0.0:
+            found.append(f"inertia of body '{row['name']}' is not positive definite (least {least:.2g} kg m^2)")
+    return tuple(found)

@@ -1,0 +1,370 @@
+"""What the recordings of mice give: a model of each animal, its motion, strides and muscle lengths, and its paw alone.
+
+Everything is computed once a process; sections of the validation and the figure share it.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.mouse_recordings import (
+    GAIT_LABELS,
+    LOOSE,
+    SKELETON,
+    TREADMILL,
+    TREADMILL_LABELS,
+    both_hindlimbs,
+    clips,
+    gait_files,
+    recording,
+    whole_skeleton,
+)
+from myomorph.contact.plates import wrenches_from_plates
+from myomorph.io.mjcf import read_mjcf
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.morph.procrustes import procrustes
+from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.crossings import crossings, within_crossings
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.measurements import default_markers
+from myomorph.motion.place import place_markers
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.report.length_analysis import LengthAnalysis, length_analysis
+from myomorph.report.strides import Limb, Strides, find_strides
+from myomorph.report.walking import walking_strides
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.morph_masses import with_envelope_masses
+from myomorph.study.reporting import surfaces_of
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+
+CUTOFF = 20.0
+"""Low-pass of motion and forces, about five times the frequency of strides [Hz]."""
+
+BELT = 0.25
+"""15 m/min [m/s]."""
+
+PAW = 0.015
+"""A center of pressure so near to the toes' joint of the table's mouse is under the paw [m]."""
+
+SHOULDERS = ((0.045, 0.0, 0.01), (0.045, 0.0, -0.01))
+"""From the middle between the hips to about the shoulders, under which the forepaws are, on the table's mouse [m]."""
+
+TRACKING = InverseKinematicsOptions(marker_weights=LOOSE)
+UNDERDETERMINED = InverseKinematicsOptions(posture_weight=1e-3)
+"""34 points cannot show 229 coordinates: a pull towards the default pose, a thousandth of theirs, spreads what they
+leave open evenly over the vertebrae."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mouse:
+    """One recording of one animal.
+
+    Attributes
+    ----------
+    trial : with the model's names, in its ground
+    used : its markers, hidden outside of the crossings
+    spans : the crossings [s]
+    calibration : of the generic model to all crossings
+    generic, fit : inverse kinematics of the generic and of the calibrated model
+    seconds : that inverse kinematics of the calibrated model took [s]
+    """
+
+    name: str
+    trial: Trial
+    used: Markers
+    spans: tuple[tuple[float, float], ...]
+    calibration: Calibration
+    generic: KinematicsFit
+    fit: KinematicsFit
+    seconds: float
+
+    @property
+    def model(self) -> Model:
+        """Of this animal."""
+        return self.calibration.model
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """(frames,) in which any marker is used."""
+        return np.asarray(np.isfinite(self.fit.errors).any(axis=1))
+
+
+def names(folder: Path) -> tuple[str, ...]:
+    """Recordings of markers that are there."""
+    found = [path.stem.split("_trial")[0].removeprefix("Cage6_") for path in gait_files(folder)]
+    return (*found, *(("treadmill",) if (folder / TREADMILL).is_file() else ()))
+
+
+@lru_cache(maxsize=8)
+def mouse(folder: Path, name: str) -> Mouse:
+    """A recording through calibration and inverse kinematics."""
+    belt = name == "treadmill"
+    generic = both_hindlimbs(folder, back=belt)
+    path = folder / TREADMILL if belt else next(one for one in gait_files(folder) if f"_{name}_" in one.stem)
+    trial = recording(path, generic, TREADMILL_LABELS if belt else GAIT_LABELS)
+    assert trial.markers is not None
+    spans = crossings(trial.markers, generic)
+    used = within_crossings(trial.markers, spans)
+    calibration = calibrate(
+        generic, [used], CalibrationOptions(marker_weights=LOOSE), path_lengths=default_path_lengths
+    )
+    inverse_kinematics(calibration.model, used, TRACKING)
+    began = time.perf_counter()
+    fit = inverse_kinematics(calibration.model, used, TRACKING)
+    seconds = time.perf_counter() - began
+    return Mouse(name, trial, used, spans, calibration, inverse_kinematics(generic, used, TRACKING), fit, seconds)
+
+
+def held_out(folder: Path, name: str) -> float:
+    """Root mean square marker error of the later half of the frames on a model that the earlier half made [m]."""
+    one = mouse(folder, name)
+    frames = np.flatnonzero(one.shown)
+    middle = frames[len(frames) // 2]
+    earlier, later = one.used.values.copy(), one.used.values.copy()
+    earlier[middle:], later[:middle] = np.nan, np.nan
+    made = calibrate(
+        both_hindlimbs(folder, back=name == "treadmill"),
+        [replace(one.used, values=earlier)],
+        CalibrationOptions(marker_weights=LOOSE),
+    )
+    return rms(inverse_kinematics(made.model, replace(one.used, values=later), TRACKING))
+
+
+def rms(fit: KinematicsFit, leave_out: tuple[str, ...] = ()) -> float:
+    """Root mean square of all marker errors [m]."""
+    kept = [k for k, name in enumerate(fit.marker_names) if name not in leave_out]
+    return float(np.sqrt(np.nanmean(fit.errors[:, kept] ** 2)))
+
+
+@lru_cache(maxsize=8)
+def motion_of(folder: Path, name: str) -> Motion:
+    """Filtered coordinates with derivatives."""
+    return differentiate(mouse(folder, name).fit.motion, CUTOFF)
+
+
+def strides_of(folder: Path, name: str) -> Strides | None:
+    """Strides of the hindlimbs; on the treadmill, whose feet carry no marker, told by the knees."""
+    one = mouse(folder, name)
+    if name != "treadmill":
+        return walking_strides(one.model, motion_of(folder, name), one.fit)
+    markers = one.trial.markers
+    assert markers is not None
+    limbs = (Limb("Foot_r", ("Right_Knee",)), Limb("Foot_l", ("Left_Knee",)))
+    forward = np.array([1.0, 0.0, 0.0])
+    hips = ("Right_Hip", "Left_Hip")
+    return find_strides(markers, limbs, hips, one.model.up, direction=forward, ground_speed=BELT)
+
+
+@lru_cache(maxsize=8)
+def lengths_of(folder: Path, name: str) -> LengthAnalysis:
+    """Muscle lengths over the strides."""
+    one, motion = mouse(folder, name), motion_of(folder, name)
+    strides = strides_of(folder, name)
+    assert strides is not None
+    known = np.isfinite(motion.values).all(axis=1)
+    part = Motion(motion.time[known], motion.names, motion.values[known], velocities=_rows(motion.velocities, known))
+    found = muscle_kinematics(one.model, part, moment_arms=False)
+    lengths, rates = (np.full((len(motion), len(one.model.muscles)), np.nan) for _ in range(2))
+    lengths[known], rates[known] = found.lengths, found.velocities
+    muscles = one.model.muscle_names
+    return length_analysis(
+        one.model, Series(motion.time, muscles, lengths), strides, Series(motion.time, muscles, rates)
+    )
+
+
+def _rows(values: Array | None, known: NDArray[np.bool_]) -> Array | None:
+    return None if values is None else values[known]
+
+
+@dataclass(frozen=True, eq=False)
+class Alone:
+    """A hind paw that is all that stands on the plate.
+
+    Attributes
+    ----------
+    side : "r" or "l"
+    frames : of the motion
+    wrenches : of the plate on the foot, at the motion's times
+    beside : (frames,) horizontal distance of the center of pressure from the toes' joint [m]
+    torques : of inverse dynamics (frames, coordinates)
+    active, passive : muscle forces without and with the muscles' passive forces
+    """
+
+    side: str
+    frames: Array
+    wrenches: Wrenches
+    beside: Array
+    torques: Series
+    active: Tension
+    passive: Tension
+
+
+def alone(folder: Path, name: str) -> Alone | None:
+    """Frames in which by geometry one hind paw is alone on the plate.
+
+    It is over the plate, the other and the shoulders are beyond its edges, and the center of pressure is under it.
+    The longest run of loaded frames; the root's residuals are what the forelimbs and the rest of the body would
+    explain, and are not looked at.
+    """
+    one, motion = mouse(folder, name), motion_of(folder, name)
+    if not one.trial.plates:
+        return None
+    plate = one.trial.plates[0]
+    wrenches = wrenches_from_plates(one.trial.plates, one.trial.plate_time, motion.time)
+    known = np.isfinite(motion.values).all(axis=1)
+    toes = {side: _place(one.model, motion, f"Toes_{side}") for side in "rl"}
+    forepaws = np.zeros(len(motion), np.bool_)
+    for offset in SHOULDERS:
+        forepaws |= _over(plate.corners, _place(one.model, motion, "Pelvis", one.calibration.size * np.array(offset)))
+    loaded = known & (wrenches.forces[:, 0, 1] > 0.1 * np.nanmax(wrenches.forces[known, 0, 1]))
+    best: tuple[str, Array] | None = None
+    for side, other in (("r", "l"), ("l", "r")):
+        mine = loaded & _over(plate.corners, toes[side]) & ~_over(plate.corners, toes[other])
+        beside = np.linalg.norm((wrenches.points[:, 0] - toes[side])[:, [0, 2]], axis=1)
+        under = np.nan_to_num(beside, nan=np.inf) < PAW * one.calibration.size
+        run = _longest(mine & under & ~forepaws)
+        if len(run) and (best is None or len(run) > len(best[1])):
+            best = side, run
+    if best is None:
+        return None
+    side, frames = best
+    on_foot = replace(wrenches, bodies=(f"Foot_{side}",))
+    part = Motion(
+        motion.time[frames],
+        motion.names,
+        motion.values[frames],
+        _rows(motion.velocities, frames),
+        _rows(motion.accelerations, frames),
+    )
+    loads = Wrenches(
+        part.time, on_foot.names, on_foot.bodies, wrenches.forces[frames], wrenches.points[frames],
+        wrenches.torques[frames],
+    )  # fmt: skip
+    torques = inverse_dynamics(one.model, part, loads)
+    apart = (wrenches.points[frames, 0] - toes[side][frames])[:, [0, 2]]
+    active = solve_tension(one.model, part, torques, TensionOptions(passive=False))
+    passive = solve_tension(one.model, part, torques)
+    return Alone(side, frames, loads, np.linalg.norm(apart, axis=1), torques, active, passive)
+
+
+def _place(model: Model, motion: Motion, body: str, offset: Array | None = None) -> Array:
+    """(frames, 3) a point of a body in ground, its joint's center by default; NaN where the pose is not known [m]."""
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    values = np.where(known[:, None], motion.values, tree.defaults)
+    poses = forward_kinematics(tree, values)
+    b = tree.body_index[body]
+    joint = next(one for one in model.joints if one.child == body)
+    own = joint.child_frame.translation if offset is None else offset
+    places = poses.origins[:, b] + poses.rotations[:, b] @ own
+    places[~known] = np.nan
+    return np.asarray(places, np.float64)
+
+
+def _over(corners: Array, places: Array) -> NDArray[np.bool_]:
+    """(frames,) whether a place is over a plate."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    inside = (places[:, [0, 2]] >= low[[0, 2]]) & (places[:, [0, 2]] <= high[[0, 2]])
+    return np.asarray(inside.all(axis=1))
+
+
+def _longest(state: NDArray[np.bool_]) -> Array:
+    """Frames of the longest run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], state, [False]]).astype(np.int8))).reshape(-1, 2)
+    if not len(edges):
+        return np.zeros(0, np.int64)
+    start, stop = edges[int(np.argmax(edges[:, 1] - edges[:, 0]))]
+    return np.arange(start, stop)
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A clip of keypoints on the whole skeleton: errors before and after its points were put where they lie [m]."""
+
+    size: float
+    first: float
+    placed: float
+    other: float
+    seconds: float
+    frames: int
+
+
+def clip_fits(folder: Path, count: int = 3) -> list[Clip]:
+    """Clips through size, inverse kinematics and the places of their points, three rounds in turn.
+
+    `other` is the error of the next clip (the first for the last) on the model that this one made.
+    """
+    generic = whole_skeleton(folder)
+    every = clips(folder, generic, count)
+    own = default_markers(generic, every[0].names)
+    size = float(np.median([procrustes(own, frame, scale=True).scale for clip in every for frame in clip.values]))
+    made, found = [], []
+    for clip in every:
+        model = scale(generic, {body: np.full(3, size) for body in generic.body_names})
+        fit = inverse_kinematics(model, clip, UNDERDETERMINED)
+        first = rms(fit)
+        for _ in range(3):
+            bodies = {one.name: one.body for one in model.markers}
+            model = model.with_markers(place_markers(model, fit.motion, clip, bodies))
+            began = time.perf_counter()
+            fit = inverse_kinematics(model, clip, UNDERDETERMINED)
+            seconds = time.perf_counter() - began
+        made.append(model)
+        found.append(Clip(size, first, rms(fit), float("nan"), seconds, len(clip)))
+    return [
+        replace(one, other=rms(inverse_kinematics(model, every[(k + 1) % len(every)], UNDERDETERMINED)))
+        for k, (one, model) in enumerate(zip(found, made, strict=True))
+    ]
+
+
+PARTS = MappingProxyType(
+    {
+        "head and neck": r"Head|Cervical",
+        "trunk": r"Thoracic|Lumbar|^mouse$",
+        "forelimbs": r"Scapula|Clavicle|Humerus|Ulna|Radius|Carp|FPhalange",
+        "hindlimbs": r"Femur|Tibia|Tarsus|Metatarsus|BPhalange",
+        "tail": r"Tail",
+    }
+)
+"""Bodies of the skeleton by what part of the mouse they are."""
+
+
+def part_masses(folder: Path) -> dict[str, dict[str, float]]:
+    """Masses of the skeleton's parts [kg]: as its file has them, and of envelopes grown around its bones."""
+    model = read_mjcf(folder / SKELETON / "mouse_with_meshes.xml")
+    surfaces = surfaces_of(model)
+    bones = {}
+    for body in model.bodies:
+        mesh = next((one for one in body.meshes if one.file in surfaces), None)
+        if mesh is not None:
+            own = surfaces[mesh.file]
+            placed = own.vertices * mesh.scale @ mesh.pose.rotation.T + mesh.pose.translation
+            bones[body.name] = replace(own, vertices=placed)
+    trunk = tuple(name for name in bones if re.search(PARTS["trunk"], name))
+    made = {
+        "in the file": model,
+        "envelope": with_envelope_masses(model, bones, model.mass)[0],
+        "envelope with a belly": with_envelope_masses(model, bones, model.mass, together=(trunk,))[0],
+    }
+    return {
+        name: {
+            part: sum(body.mass for body in one.bodies if re.search(pattern, body.name.removesuffix("_interim_0")))
+            for part, pattern in PARTS.items()
+        }
+        for name, one in made.items()
+    }

@@ -1,0 +1,177 @@
+"""Real mice and the models that their recordings are fitted to: both hindlimbs by an anatomist, a whole skeleton."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
+from myomorph.io.mjcf import read_mjcf
+from myomorph.model.model import GROUND, Coordinate, Joint, Marker, Model
+from myomorph.model.series import Markers, Trial
+from myomorph.morph.mirror import with_other_side
+from myomorph.morph.procrustes import procrustes
+from myomorph.motion.measurements import default_markers
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.inputs import fitted_to, open_trial
+
+GAIT = "mouse-gait-c3d-force"
+TREADMILL = "mouse-markers-treadmill/treadmill_15m_per_min.mat"
+SKELETON = "mouse-skeleton-keypoints"
+KEYPOINTS = f"{SKELETON}/mouse_mocap_3600_frames.h5"
+
+GAIT_LABELS = MappingProxyType(
+    {
+        "RASI": "Right_Illiac", "LASI": "Left_Illiac", "RightHIP": "Right_Hip", "LeftHIP": "Left_Hip",
+        "LEFT_HIP": "Left_Hip", "RightKNEE": "Right_Knee", "LeftKNEE": "Left_Knee", "RightANKLE": "Right_Ankle",
+        "LeftANKLE": "Left_Ankle", "RightMET": "Right_Met", "LeftMET": "Left_Met", "TAIL": "Tail", "Spine": "Spine",
+    }
+)  # fmt: skip
+"""Labels of mouse-gait-c3d-force, which differ from file to file, and what the model calls these markers."""
+
+TREADMILL_LABELS = MappingProxyType(
+    {
+        f"{side}_{label}": f"{side.capitalize()}_{name}"
+        for side in ("right", "left")
+        for label, name in (("hip", "Hip"), ("coord", "Illiac"), ("back", "Back"), ("knee", "Knee"), ("ankle", "Ankle"))
+    }
+)
+
+MIDLINE = MappingProxyType({"Tail": (-0.014, 0.002, 0.0), "Spine": (0.004, 0.006, 0.0)})
+"""Where two markers of the pelvis that the table lacks are about, from their distances to the others [m]."""
+
+BACK = (0.031, 0.005, 0.006)
+"""Where the treadmill mouse's right marker on the back is about, by its distances to others, on the pelvis [m]."""
+
+CROUCHED = MappingProxyType({"Hip_flexion": 0.2, "Knee_extension": -2.0, "Ankle_flexion": 0.3})
+"""Where searches for a pose begin: a mouse that stands, for the table's straight hanging legs lie at bounds [rad]."""
+
+LOOSE = MappingProxyType({"Right_Knee": 0.1, "Left_Knee": 0.1})
+"""Weights of markers on loose skin: over the knee it slides by a third of the thigh's length (seen here: the markers of
+knee and ankle are 10 to 19 mm apart, on bones 19 mm long)."""
+
+_SIDE = {
+    "Shoulder": ("Scapula", 7, -61, -5), "Elbow": ("Humerus", 7, -61, -18), "Wrist": ("Radius", 7, -62, -34),
+    "Forepaw": ("MetaCarpus3", 7, -62, -39), "Hip": ("", 6, -6, 0), "Knee": ("Femur", 6, -6, -21),
+    "Heel": ("Tibia", 6, -7, -45), "Lisfranc": ("Tarsus", 6, -10, -45), "MTP": ("Metatarsus3", 6, -17, -45),
+    "Ear": ("Head", 14, -68, 9), "Eye": ("Head", 5, -79, 4),
+}  # fmt: skip
+_MIDDLE = {
+    "Nose": ("Head", 0, -88, 0), "Head": ("Head", 0, -70, 8), "Neck": ("Cervical8", 0, -61, 6),
+    "Spine": ("Thoracic6", 0, -48, 8), "Trunk": ("Lumbar3", 0, -22, 8), "TTI": ("", 0, 0, 3),
+    "Tail_0": ("Tail8", 0, 16, 0), "Tail_1": ("Tail11", 0, 31, 0), "Tail_2": ("Tail14", 0, 44, 0),
+    "Tail_3": ("Tail17", 0, 56, 0), "Tail_4": ("Tail20", 0, 67, 0), "TailTip": ("Tail23", 0, 78, 0),
+}  # fmt: skip
+PLACES = MappingProxyType(
+    _MIDDLE
+    | {
+        f"{name}_{side}": ((side if body and body != "Head" else "") + body, sign * x, y, z)
+        for name, (body, x, y, z) in _SIDE.items()
+        for side, sign in (("L", 1), ("R", -1))
+    }
+)
+"""Keypoints of the skeleton: a body, and a place in the ground of its default pose, facing along -y [mm]."""
+
+ADDUCTION = (-0.7, 0.35)
+"""Range of the hip's adduction, which the table leaves without bounds [rad]."""
+
+
+def gait_files(folder: Path) -> tuple[Path, ...]:
+    """Recordings of mice that trot over a plate; () where the data set is absent."""
+    return tuple(sorted((folder / GAIT).glob("*.c3d")))
+
+
+def both_hindlimbs(folder: Path, back: bool = False) -> Model:
+    """The anatomist's right hindlimb and its mirror image on a pelvis that moves freely, with the recordings' markers.
+
+    Freed: the pelvis' turns and the hip's rotation, which the table locks; the pelvis turns about y, z, x in this
+    order, for about x, y, z a mouse that runs along z would stand where these angles are not unique. Locked: the
+    toes, which no marker shows. The left iliac marker, which the table has on the right, is put on the left. By
+    default it stands on bent legs.
+
+    Parameters
+    ----------
+    back : with two markers on the back, as on the treadmill; else with those of spine and tail
+    """
+    right = mouse_hindlimb_model(folder / FILE)
+    right = replace(
+        right,
+        coordinates=tuple(_freed(one) for one in right.coordinates),
+        joints=tuple(_heading_first(one) for one in right.joints),
+    )
+    model = with_other_side(right)
+    mirror = np.array([1.0, 1.0, -1.0])
+    own = [replace(one, location=one.location * mirror) if one.name == "Left_Illiac" else one for one in model.markers]
+    added = {"Right_Back": np.array(BACK), "Left_Back": np.array(BACK) * mirror} if back else MIDLINE
+    own += [Marker(name, "Pelvis", np.array(place)) for name, place in added.items()]
+    return model.with_markers(tuple(own))
+
+
+def _freed(one: Coordinate) -> Coordinate:
+    one = next((replace(one, default=angle) for name, angle in CROUCHED.items() if one.name.startswith(name)), one)
+    if one.name.startswith("PelvisToGround_R"):
+        return replace(one, locked=False)
+    if one.name.startswith("Hip_rotation"):
+        return replace(one, locked=False, clamped=True)
+    if one.name.startswith("Hip_adduction"):
+        return replace(one, range=ADDUCTION, clamped=True)
+    return replace(one, locked=True) if one.name.startswith("MTP") else one
+
+
+def _heading_first(one: Joint) -> Joint:
+    """The joint to the ground with its turns in the order y, z, x; others as they are."""
+    if one.parent != GROUND:
+        return one
+    slides = tuple(axis for axis in one.axes if axis.kind == "translation")
+    turns = {int(np.argmax(np.abs(axis.vector))): axis for axis in one.axes if axis.kind == "rotation"}
+    return replace(one, axes=(*slides, turns[1], turns[2], turns[0]))
+
+
+def recording(path: Path, model: Model, labels: Mapping[str, str]) -> Trial:
+    """A recording with the model's names of markers, in the model's ground."""
+    trial = open_trial(path)
+    assert trial.markers is not None
+    named = replace(trial.markers, names=tuple(labels.get(name, name) for name in trial.markers.names))
+    return fitted_to(model, replace(trial, markers=named))
+
+
+def whole_skeleton(folder: Path) -> Model:
+    """The skeleton of 100 bones with the 34 keypoints as markers, where they are about (`PLACES`).
+
+    The file beside it gives other bodies for some: its Trunk is on the first thoracic vertebra and its Spine on the
+    last, but in the recording the Trunk lies a quarter of the way from the base of the tail to the nose, the Spine
+    half way; and its offsets are all zero.
+    """
+    model = read_mjcf(folder / SKELETON / "mouse_with_meshes.xml")
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.defaults[None])
+    markers = []
+    for name, (body, x, y, z) in PLACES.items():
+        full = f"mouse__{body}" if body else "mouse"
+        b = tree.body_index[full]
+        place = poses.rotations[0, b].T @ (1e-3 * np.array([x, y, z]) - poses.origins[0, b])
+        markers.append(Marker(name, full, place))
+    return model.with_markers(tuple(markers))
+
+
+def clips(folder: Path, model: Model, count: int = 3, frames: int = 360, step: int = 18) -> tuple[Markers, ...]:
+    """Some of the ten clips of keypoints, evenly spaced, every 18th frame, turned to lie along the model.
+
+    The axes are those of the cameras: each clip is turned as its first frame's points lie best on the model's.
+    """
+    markers = open_trial(folder / KEYPOINTS).markers
+    assert markers is not None
+    every = len(markers) // frames
+    chosen = np.unique(np.linspace(0, every - 1, count).round().astype(int))
+    own = default_markers(model, markers.names)
+    found = []
+    for k in chosen:
+        span = slice(k * frames, (k + 1) * frames, step)
+        turn = procrustes(markers.values[k * frames], own, scale=True).rotation
+        found.append(replace(markers, time=markers.time[span], values=markers.values[span] @ turn.T))
+    return tuple(found)

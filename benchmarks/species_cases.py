@@ -1,0 +1,253 @@
+"""A man's leg, a mouse's skeleton, and the anatomist's muscles of the mouse laid on that skeleton.
+
+The anatomist's table has no bones, so its frames are aligned with the skeleton's by joints alone: each segment's
+joints lie on the skeleton's, its flexion axis points as the skeleton's. Toes and pelvis have one joint in common; they
+take the directions of the frames, which both files give by the anatomy, and the size of the whole leg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.mouse_hindlimb import mouse_hindlimb_model
+from myomorph.model.model import Model
+from myomorph.model.surface import Surface
+from myomorph.morph.affine import AffineMap
+from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.fields import MapKind, MapOptions, fit_map
+from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.nonrigid import MatchOptions
+from myomorph.morph.procrustes import Similarity, procrustes
+from myomorph.morph.species import LandmarkRule, SpeciesTable
+from myomorph.morph.species_maps import SpeciesBones, species_bones
+from myomorph.morph.species_parts import Posed
+from myomorph.morph.species_transfer import coordinate_table
+from myomorph.morph.transfer import graft_muscles
+from myomorph.study.inputs import open_model
+from myomorph.study.morph_files import source_bones
+from myomorph.study.species_table import read_species
+
+MAN = "rajagopal-walk-emg/subject_walk_scaled.osim"
+BONES = "bones-opensim-rajagopal/Geometry"
+MOUSE = "mouse-skeleton-keypoints/mouse_with_meshes.xml"
+SEGMENTS = {
+    "Pelvis": ("mouse", "Thigh_r", ""),
+    "Torso": ("mouse", "Thigh_r", ""),
+    "Thigh_r": ("mouse__RFemur", "Thigh_r", "Leg_r"),
+    "Leg_r": ("mouse__RTibia", "Leg_r", "Foot_r"),
+    "Foot_r": ("mouse__RTarsus", "Foot_r", "Toes_r"),
+    "Toes_r": ("mouse__RBPhalange3", "Toes_r", ""),
+}
+"""By the anatomist's body: the skeleton's, and the bodies that hang on its proximal and distal joints. The lumbar
+bodies' muscles, of which two begin in front of the pelvis, are laid on it."""
+CHAIN = ("Thigh_r", "Leg_r", "Foot_r", "Toes_r")
+HANGING = {one: SEGMENTS[one][0] for one in CHAIN}
+COORDINATES = {
+    "Hip_flexion_r": ("mouse__RHip_flexion", 1.0, 0.0),
+    "Hip_adduction_r": ("mouse__RHip_adduction", 1.0, 0.0),
+    "Hip_rotation_r": ("mouse__RHip_rotation", 1.0, 0.0),
+    "Knee_extension_r": ("mouse__RKnee_flexion", 1.0, 0.0),
+    "Ankle_flexion_r": ("mouse__RAnkle_flexion", 1.0, 0.0),
+    "MTP_flexion_r": ("mouse__RBPhalange3_flexion", 1.0, 0.0),
+}
+MOUSE_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""The anatomist's axes (forward, up, right) in the skeleton's (right, forward, up)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """A model and the surfaces of its bones by body."""
+
+    model: Model
+    surfaces: Mapping[str, Surface]
+
+
+def man(data: Path) -> Bodies:
+    """The leg model of the data collection, with OpenSim's bones scaled as it says."""
+    model = open_model(data / MAN)
+    return Bodies(model, source_bones(model, data / BONES, []))
+
+
+def mouse(data: Path) -> Bodies:
+    """The skeleton of stac-mjx."""
+    model = open_model(data / MOUSE)
+    return Bodies(model, source_bones(model, None, []))
+
+
+def scaling_table(table: SpeciesTable) -> SpeciesTable:
+    """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
+    box = (LandmarkRule("extent", "box"),)
+    return replace(table, bones=tuple(replace(one, landmarks=box, match="landmarks") for one in table.bones))
+
+
+METHODS: Mapping[str, tuple[MapKind, str]] = {
+    "scaling": ("affine", "box"),
+    "SSD": ("ssd", "dense"),
+    "RBF": ("rbf", "dense"),
+    "SSD, landmarks": ("ssd", "landmarks"),
+}
+"""Map, and what it is made from: extents, landmarks, landmarks with dense correspondence."""
+
+
+@cache
+def bones_of_man(data: Path, features: str) -> SpeciesBones:
+    """The mouse's bones and the man's, with what corresponds on them."""
+    source, target, table = man(data), mouse(data), read_species("human-mouse")
+    return species_bones(
+        source.model,
+        source.surfaces,
+        target.model,
+        target.surfaces,
+        scaling_table(table) if features == "box" else table,
+        MapOptions("affine") if features == "box" else None,
+        MatchOptions(features="landmarks" if features == "landmarks" else "dense"),
+    )
+
+
+@cache
+def from_man(data: Path, method: str) -> Morph:
+    """The man's leg muscles on the mouse's skeleton; maps of one kind of features are made from the same ones."""
+    kind, features = METHODS[method]
+    found, table, target = bones_of_man(data, features), read_species("human-mouse"), mouse(data).model
+    alike = {body for one in table.bones if one.match != "similarity" for body in (*one.sources, *one.carried)}
+    bones = {
+        name: replace(one, map=fit_map(one.features, MapOptions(kind))) if name in alike else one
+        for name, one in found.bones.items()
+    }
+    return graft_muscles(
+        found.source,
+        target,
+        found.bones if kind == "ssd" else bones,
+        coordinates=coordinate_table(table, found.source, target),
+        postures=(table.posture, table.target_posture),
+    )
+
+
+class Alignment:
+    """The anatomist's bodies laid on the skeleton's bones, both hanging straight down.
+
+    Parameters
+    ----------
+    rule : "joints" as above; "frames" takes the frames' directions for all segments, and for the size of each its own
+        joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral joint
+    """
+
+    def __init__(self, anatomist: Model, skeleton: Model, rule: str = "joints"):
+        self._here, self._there = Posed(anatomist, {}), Posed(skeleton, {})
+        joints = self._here.joints("Pelvis"), self._there.joints("mouse")
+        self.ours = {one: joints[0][one] for one in CHAIN}
+        self.theirs = {one: joints[1][HANGING[one]] for one in CHAIN}
+        self.size = _reach(self.theirs) / _reach(self.ours)
+        self._rule = rule
+        left = self.ours["Thigh_r"] * [1.0, 1.0, -1.0]
+        trunk = (joints[0]["Torso"], joints[1]["mouse__Lumbar6"])
+        self._pelvis = (
+            np.array([self.ours["Thigh_r"], left, trunk[0]]),
+            np.array([self.theirs["Thigh_r"], joints[1]["mouse__LFemur"], trunk[1]]),
+        )
+
+    def similarity(self, body: str) -> Similarity:
+        """From the anatomist's body to the skeleton's."""
+        target, near, far = SEGMENTS[body]
+        size, turn = self.size, MOUSE_AXES
+        if far:
+            ours, theirs = self.ours[far] - self.ours[near], self.theirs[far] - self.theirs[near]
+            size = float(np.linalg.norm(theirs) / np.linalg.norm(ours))
+            if self._rule != "frames":
+                turn = segment_frame(theirs, MOUSE_AXES[:, 2]).T @ segment_frame(ours, np.array([0.0, 0.0, 1.0]))
+        laid = Similarity(turn, self.theirs[near] - size * turn @ self.ours[near], size)
+        if target == "mouse" and self._rule == "pelvis by joints":
+            laid = procrustes(*self._pelvis, scale=True)
+        seat = self._there.within("mouse", target)
+        return Similarity(seat.rotation @ laid.rotation, seat.apply(laid.translation), laid.scale)
+
+    def residual(self) -> float:
+        """How far three joints of the pelvis stay apart when they are laid on each other, root mean square [m]."""
+        laid = procrustes(*self._pelvis, scale=True)
+        apart = np.linalg.norm(laid.apply(self._pelvis[0]) - self._pelvis[1], axis=1)
+        return float(np.sqrt(np.mean(apart**2)))
+
+
+def _reach(joints: Mapping[str, np.ndarray]) -> float:
+    return sum(float(np.linalg.norm(joints[a] - joints[b])) for a, b in pairwise(CHAIN))
+
+
+def segment_frame(along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Rows along a segment, across it, and at right angles to both."""
+    first = along / np.linalg.norm(along)
+    second = across - first * (across @ first)
+    second /= np.linalg.norm(second)
+    return np.stack([first, second, np.cross(first, second)])
+
+
+def given_map(body: str, target: str, whole: Similarity) -> BoneMap:
+    """A bone that is laid on another by one similarity."""
+    return BoneMap(body, target, AffineMap.from_similarity(whole), whole, "given")
+
+
+@cache
+def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
+    """The anatomist's muscles on the mouse's skeleton: what a transfer is held against."""
+    anatomist, skeleton = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json"), mouse(data).model
+    laid = Alignment(anatomist, skeleton, rule)
+    bones = {body: given_map(body, SEGMENTS[body][0], laid.similarity(body)) for body in SEGMENTS}
+    options = MorphOptions(surface_within=0.0, clear=False, fibers="path", force="area")
+    return graft_muscles(anatomist, skeleton, bones, options, coordinates=COORDINATES)
+
+
+@cache
+def from_man_by_joints(data: Path) -> Morph:
+    """The man's leg muscles on the anatomist's own model, by nothing but the joints of both.
+
+    The pelvis is laid by both hips and the lumbosacral joint, a segment between two joints by these and the flexion
+    axis, the toes by their joint in the size of the foot.
+    """
+    table = read_species("human-mouse")
+    source, target = man(data).model, mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
+    here, there = Posed(source, table.posture), Posed(target, {})
+    right = np.array([0.0, 0.0, 1.0])
+    ends = {
+        "femur_r": ("Thigh_r", ("femur_r", "Thigh_r"), ("tibia_r", "Leg_r")),
+        "tibia_r": ("Leg_r", ("tibia_r", "Leg_r"), ("talus_r", "Foot_r")),
+        "calcn_r": ("Foot_r", ("talus_r", "Foot_r"), ("toes_r", "Toes_r")),
+    }
+    found = {"pelvis": _pelvis_by_joints(here, there)}
+    for body, (segment, near, far) in ends.items():
+        ours, theirs = here.joints(body), there.joints(segment)
+        along = ours[far[0]] - ours[near[0]], theirs[far[1]] - theirs[near[1]]
+        size = float(np.linalg.norm(along[1]) / np.linalg.norm(along[0]))
+        turn = segment_frame(along[1], right).T @ segment_frame(along[0], right)
+        whole = Similarity(turn, theirs[near[1]] - size * turn @ ours[near[0]], size)
+        found[body] = given_map(body, segment, whole)
+    foot = found["calcn_r"].whole
+    start = foot.scale * foot.rotation @ here.joints("toes_r")["toes_r"]
+    toes = Similarity(foot.rotation, there.joints("Toes_r")["Toes_r"] - start, foot.scale)
+    found["toes_r"] = given_map("toes_r", "Toes_r", toes)
+    for rider, bone in (("patella_r", "tibia_r"), ("talus_r", "calcn_r")):
+        pose, whole = here.within(rider, bone), found[bone].whole
+        moved = Similarity(whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale)
+        found[rider] = given_map(rider, found[bone].target_body, moved)
+    coordinates = {
+        "hip_flexion_r": ("Hip_flexion_r", 1.0, -0.5 * np.pi),
+        "hip_adduction_r": ("Hip_adduction_r", 1.0, 0.0),
+        "hip_rotation_r": ("Hip_rotation_r", 1.0, 0.0),
+        "knee_angle_r": ("Knee_extension_r", -1.0, 0.0),
+        "ankle_angle_r": ("Ankle_flexion_r", 1.0, 0.0),
+    }
+    options = MorphOptions(surface_within=0.0, clear=False)
+    postures = (table.posture, {"Knee_extension_r": -0.5 * np.pi})
+    return graft_muscles(source, target, found, options, coordinates=coordinates, postures=postures)
+
+
+def _pelvis_by_joints(here: Posed, there: Posed) -> BoneMap:
+    ours, theirs = here.joints("pelvis"), there.joints("Pelvis")
+    hip = theirs["Thigh_r"]
+    source = np.array([ours["femur_r"], ours["femur_l"], ours["torso"]])
+    target = np.array([hip, hip * [1.0, 1.0, -1.0], theirs["Torso"]])
+    return given_map("pelvis", "Pelvis", procrustes(source, target, scale=True))

@@ -1,0 +1,100 @@
+"""`morph`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import Threads, given, options_class, use_threads
+from myomorph.cli.output import said, warn
+from myomorph.model.errors import BadData
+from myomorph.morph.fields import MapOptions
+from myomorph.morph.morphed import MorphOptions
+from myomorph.morph.nonrigid import MatchOptions
+from myomorph.study.morph_files import Unit
+
+MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)
+
+
+def morph_command(
+    *,
+    source: Annotated[Path, Parameter(help="Model whose muscles are carried over (.osim or .xml).")],
+    out: Annotated[Path, Parameter(help="Model to write (.osim); bones, tables and report stand beside it.")],
+    bones: Annotated[
+        Path | None, Parameter(help="Folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp.")
+    ] = None,
+    landmarks: Annotated[
+        Path | None,
+        Parameter(help="Pairs of points (.csv): body, name, source_x, source_y, source_z, target_x, ... [m]."),
+    ] = None,
+    geometry: Annotated[
+        Path | None, Parameter(help="Folder of the source model's own meshes, where they do not lie beside it.")
+    ] = None,
+    skin: Annotated[
+        Path | None, Parameter(help="Closed surface of the target's skin, which masses are taken from.")
+    ] = None,
+    mass: Annotated[float | None, Parameter(help="Mass of the target [kg].")] = None,
+    unit: Annotated[Unit, Parameter(help="Unit of the target's bones and skin.")] = "m",
+    together: Annotated[
+        bool, Parameter(negative=(), help="The bones share one frame, as a scan shows them: joints must meet.")
+    ] = False,
+    mirror: Annotated[
+        bool, Parameter(negative=(), help="A body without a bone takes the mirrored one of its other side.")
+    ] = False,
+    across: Annotated[
+        Literal["x", "y", "z"], Parameter(help="Axis of ground across the source's plane of symmetry, for --mirror.")
+    ] = "z",
+    species: Annotated[
+        str,
+        Parameter(help="Instead of bones: which bones correspond to those of another species, a name or .toml file."),
+    ] = "",
+    target: Annotated[
+        Path | None, Parameter(help="Model of the other species' skeleton, whose joints and masses stay.")
+    ] = None,
+    target_geometry: Annotated[
+        Path | None, Parameter(help="Folder of the skeleton's meshes, where they do not lie beside it.")
+    ] = None,
+    beside: Annotated[bool, Parameter(negative=(), help="Keep the muscles that the skeleton has.")] = False,
+    options: MorphSettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """A model's muscles in other bones: those of a subject, from a scan or a shape model."""
+    from myomorph.study import morphing
+    from myomorph.study.made_model import check_out_model
+    from myomorph.study.morph_files import MorphFiles
+    from myomorph.study.reporting import REPORT
+
+    use_threads(threads)
+    tables = morphing.tables_folder(out)
+    check_out_model(out, tables, (source, target, bones, geometry, target_geometry))
+    settings = morphing.MorphSettings.of(given(options))
+    if species or target is not None:
+        if bones is not None or target is None:
+            raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")
+        mine = (("landmarks", landmarks), ("skin", skin), ("mass", mass), ("mirror", mirror), ("together", together))
+        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints and masses")
+        from myomorph.study.species_morphing import SpeciesFiles, species_files
+
+        files = SpeciesFiles(source, target, species or "human-mouse", geometry, target_geometry, beside)
+        morphed, drawn = species_files(files, settings)
+    elif bones is None:
+        raise BadData("expected --bones FOLDER of the target's bones, or --target with the skeleton of another species")
+    else:
+        _not_given((("target-geometry", target_geometry), ("beside", beside)), "goes with --target")
+        told = (landmarks, geometry, skin, unit, mass, together, mirror, across)
+        morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *told), settings), None
+    lost = morphing.write_morphed(morphed, out, bones=drawn)
+    notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
+    warn(tuple(notes), f"{tables / REPORT} lists them")
+    for line in morphing.summary(morphed):
+        said(line)
+    said(f"wrote {out} and {tables}")
+    return 0
+
+
+def _not_given(options: tuple[tuple[str, object], ...], why: str) -> None:
+    given_too = [f"--{name}" for name, value in options if value is not None and value is not False]
+    if given_too:
+        raise BadData(f"{given_too[0]} {why}")

@@ -1,0 +1,267 @@
+"""Stairs and ladders that measure force ([D] chapter 7): a load cell under each tread or rung.
+
+In the axes of a tread (z out of its surface) a cell measures some of force and moment about a point of its own,
+
+    w = C (s - s_0),   F = R f,   M = R m + (R o) x F   about the middle of the tread,
+
+with C from channels s to components, R and o the cell's orientation and origin. What a cell does not measure is
+unknown, not zero. Thresholds count in body weights and in the cell's own noise: a mouse weighs a quarter of a newton.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.contact.plates import episodes
+from myomorph.contact.states import hysteresis, steady
+from myomorph.model.errors import BadData
+from myomorph.model.series import Series
+from myomorph.model.spatial import Array, Transform, frozen_array
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+SQUARE = 1e-6
+"""An axis of ground that a cell's axis leans to by less than this has no part of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A tread or a rung and its load cell.
+
+    Attributes
+    ----------
+    pose : of the tread in ground: origin in the middle of its surface, z out of it, x and y along its edges
+    size : extents of the surface along x and y [m]
+    measures : which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of `matrix`)
+    channels : names of its channels
+    matrix : (components, channels) from channels to [N] and [N m], with cross-talk; None for one to one
+    origin : (3,) point of the tread's frame about which the cell's moments are [m]
+    sense : 1 where the cell gives the force on the animal, -1 where that on the step
+    """
+
+    name: str
+    pose: Transform
+    size: tuple[float, float]
+    measures: tuple[str, ...]
+    channels: tuple[str, ...]
+    matrix: Array | None = None
+    origin: Array = field(default_factory=lambda: np.zeros(3))
+    sense: Literal[1, -1] = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
+        unknown = [one for one in self.measures if one not in COMPONENTS]
+        if unknown or len(set(self.measures)) != len(self.measures) or not self.measures:
+            raise BadData(
+                f"step '{self.name}' measures {self.measures}: expected some of {', '.join(COMPONENTS)}, once each"
+            )
+        if not all(np.isfinite(one) and one > 0.0 for one in self.size):
+            raise BadData(f"step '{self.name}' has the size {self.size}: expected two lengths above 0 m")
+        if self.matrix is None and len(self.channels) != len(self.measures):
+            raise BadData(
+                f"step '{self.name}' measures {len(self.measures)} components by {len(self.channels)} channels: "
+                "give its matrix"
+            )
+        if self.matrix is not None:
+            shape = (len(self.measures), len(self.channels))
+            matrix = np.asarray(self.matrix, dtype=np.float64)
+            if matrix.shape != shape:
+                raise BadData(f"the matrix of step '{self.name}' has shape {matrix.shape}: expected {shape}")
+            object.__setattr__(self, "matrix", frozen_array(matrix))
+
+    def rotated(self, rotation: Array) -> Step:
+        """The same step in a ground whose axes are the rows of `rotation` (3, 3)."""
+        turn = Transform(rotation, np.zeros(3))
+        return replace(self, pose=turn @ self.pose)
+
+
+@dataclass(frozen=True)
+class StairOptions:
+    """When a step is loaded, and how near a paw must be.
+
+    Attributes
+    ----------
+    loaded, unloaded : shares of body weight between which a step begins and ceases to be loaded
+    noise : and as many standard deviations of the cell's noise
+    shortest : loadings and gaps that last less are taken for noise [s]
+    reach : distance from a paw to the tread it stands on, at most, over the height of the center of mass
+    still : a paw that stands moves slower than this, over the speed sqrt(g height)
+    tare : "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
+    """
+
+    loaded: float = 0.04
+    unloaded: float = 0.02
+    noise: float = 5.0
+    shortest: float = 0.02
+    reach: float = 0.25
+    still: float = 0.3
+    tare: Literal["quiet", "none"] = "quiet"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.unloaded <= self.loaded:
+            raise BadData(
+                f"steps are loaded from {self.loaded:g} of body weight and unloaded below {self.unloaded:g}: expected "
+                "shares above 0, the second not the larger one"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class StepLoads:
+    """What the cells tell, in ground.
+
+    Attributes
+    ----------
+    time : (samples,) [s]
+    forces, moments : (samples, steps, 3) on the animal, moments about the tread's middle [N], [N m]; NaN where the
+        cell does not measure them
+    pressing : (samples, steps) along the tread's normal, the part of it that is measured [N]
+    loaded : (samples, steps)
+    noise : (steps,) standard deviation of `pressing` while nothing is on the step [N]
+    notes : what looks wrong, one line each
+    """
+
+    time: Array
+    steps: tuple[Step, ...]
+    forces: Array
+    moments: Array
+    pressing: Array
+    loaded: np.ndarray
+    noise: Array
+    notes: tuple[str, ...] = ()
+
+
+def step_loads(
+    steps: Sequence[Step], channels: Series, weight: float, options: StairOptions | None = None
+) -> StepLoads:
+    """Forces and moments on each step, and when it is loaded.
+
+    Parameters
+    ----------
+    channels : (samples, channels) as recorded; those of all steps among them
+    weight : of the body [N]
+
+    Raises
+    ------
+    BadData : there is no step, two have one name, a channel is missing, or a step measures no force along its normal
+    """
+    options = options or StairOptions()
+    _check(steps, channels, weight)
+    notes: list[str] = []
+    count, frames = len(steps), len(channels)
+    forces, moments = np.full((frames, count, 3), np.nan), np.full((frames, count, 3), np.nan)
+    pressing, loaded, noise = np.zeros((frames, count)), np.zeros((frames, count), np.bool_), np.zeros(count)
+    for k, step in enumerate(steps):
+        raw = channels.values[:, [channels.names.index(one) for one in step.channels]]
+        own = _components(step, raw)
+        if options.tare == "quiet":
+            own -= _idle(own, step, weight, options)
+        pressing[:, k] = np.nan_to_num(own[:, step.measures.index("fz")])
+        noise[k] = _noise(pressing[:, k])
+        level = max(options.loaded * weight, options.noise * noise[k])
+        if options.noise * noise[k] > options.loaded * weight:
+            notes.append(
+                f"step '{step.name}': its noise of {1e3 * noise[k]:.3g} mN hides loads below "
+                f"{100 * level / weight:.0f} % of body weight"
+            )
+        lower = level * options.unloaded / options.loaded
+        smooth = _averaged(pressing[:, k], channels.time, options.shortest)
+        state = hysteresis(smooth > level, smooth < lower)
+        loaded[:, k] = steady(state, channels.time, options.shortest)
+        forces[:, k], moments[:, k] = _in_ground(step, own)
+    return StepLoads(channels.time, tuple(steps), forces, moments, pressing, loaded, noise, tuple(notes))
+
+
+def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
+    if not steps:
+        raise BadData("no step is given: stairs need at least one")
+    if not (np.isfinite(weight) and weight > 0.0):
+        raise BadData(f"the body weighs {weight:g} N: thresholds of steps need its weight")
+    names = [one.name for one in steps]
+    if len(set(names)) != len(names):
+        raise BadData(f"two steps are named '{next(one for one in names if names.count(one) > 1)}'")
+    for step in steps:
+        if "fz" not in step.measures:
+            raise BadData(
+                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it is not told"
+            )
+        for one in step.channels:
+            if one not in channels.names:
+                raise BadData(
+                    f"step '{step.name}' has no channel '{one}' in the recording: it has {', '.join(channels.names)}"
+                )
+
+
+def _components(step: Step, raw: Array) -> Array:
+    """(samples, components) of force on the animal, in the cell's axes."""
+    own = raw if step.matrix is None else raw @ step.matrix.T
+    return float(step.sense) * np.array(own, dtype=np.float64)
+
+
+def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array:
+    """What the components read with nobody on the step: the mode of what presses least, all medians of it."""
+    press = own[:, step.measures.index("fz")]
+    known = np.isfinite(press)
+    if known.sum() < 10:
+        return np.zeros(own.shape[1])
+    # The half of the samples that lies closest together is the unloaded one, for a step that is mostly free.
+    order = np.sort(press[known])
+    half = max(1, len(order) // 2)
+    start = int(np.argmin(order[half:] - order[: len(order) - half]))
+    middle = float(np.median(order[start : start + half + 1]))
+    near = known & (np.abs(press - middle) < max(options.unloaded * weight, 3.0 * _noise(press)))
+    return np.asarray(np.nanmedian(own[near], axis=0), dtype=np.float64)
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of the noise, from the differences of neighboring samples (median: steps do not count)."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    return float(np.median(steps) / (0.6744897501960817 * np.sqrt(2.0))) if len(steps) else 0.0
+
+
+def _averaged(values: Array, time: Array, over: float) -> Array:
+    width = max(1, round(0.5 * over / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+    kernel = np.ones(width) / width
+    smooth: Array = np.convolve(np.pad(values, width, mode="edge"), kernel, mode="same")[width:-width]
+    return smooth
+
+
+def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
+    """Force and moment about the tread's middle (samples, 3) in ground, NaN where an axis is not measured."""
+    known = np.array([one in step.measures for one in COMPONENTS])
+    full = np.zeros((len(own), 6))
+    for column, name in enumerate(step.measures):
+        full[:, COMPONENTS.index(name)] = own[:, column]
+    rotation = step.pose.rotation
+    shift = np.array(
+        [
+            [0.0, -step.origin[2], step.origin[1]],
+            [step.origin[2], 0.0, -step.origin[0]],
+            [-step.origin[1], step.origin[0], 0.0],
+        ]
+    )
+    moment = full[:, 3:] + full[:, :3] @ shift.T
+    moment_known = known[3:] & _reached(np.abs(shift) > 0.0, known[:3])
+    force_in, moment_in = (
+        np.where(_reached(np.abs(rotation) > SQUARE, one), values @ rotation.T, np.nan)
+        for one, values in ((known[:3], full[:, :3]), (moment_known, moment))
+    )
+    return force_in, moment_in
+
+
+def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(3,) whether all that a component is made of is known."""
+    found: np.ndarray = np.all(~uses | known[None, :], axis=1)
+    return found
+
+
+def loadings(loads: StepLoads) -> list[tuple[str, float, float, float]]:
+    """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of time."""
+    found = [
+        (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, k].max()))
+        for k, step in enumerate(loads.steps)
+        for a, b in episodes(loads.loaded[:, k])
+    ]
+    return sorted(found, key=lambda one: one[1])

@@ -1,0 +1,52 @@
+"""Recorded channels as named columns over time: C3D analog, MOT and STO tables, and comma-separated text."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from myomorph.io.text import file_text, line_from, parse_cells, quick_numbers, rising, split_cells
+from myomorph.model.errors import BadFile
+from myomorph.model.series import Series
+
+TIMES = ("time", "t", "time_s", "time (s)", "time [s]")
+HINT = "expected a first line of names, one of them 'time' in seconds, and numbers below"
+
+
+def read_channels(path: str | os.PathLike[str]) -> Series:
+    """All channels of a recording (samples, channels), in the file's units.
+
+    Raises
+    ------
+    BadFile : a file of another kind, or one without channels or time
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending == ".c3d":
+        from myomorph.io.c3d import read_c3d
+
+        analog = read_c3d(path).analog
+        if analog is None:
+            raise BadFile(path, "holds no analog channels", "export the load cells' channels with it")
+        return analog
+    if ending in (".mot", ".sto"):
+        from myomorph.io.sto import read_sto
+
+        return read_sto(path)
+    if ending not in (".csv", ".tsv", ".txt"):
+        raise BadFile(path, f"holds no channels: its name ends in '{ending}'", "expected .c3d, .csv, .mot or .sto")
+    text = file_text(path, HINT)
+    first, start = line_from(text, 0)
+    delimiter = max(",;\t", key=first.count)
+    names = [one.strip().strip('"') for one in split_cells(first, delimiter)]
+    column = next((k for k, name in enumerate(names) if name.lower() in TIMES), -1)
+    if column < 0 or len(names) < 2:
+        raise BadFile(path, f"begins with the columns {', '.join(names[:6])}", HINT)
+    values = quick_numbers(text[start:], delimiter, len(names))
+    found: list[str] = []
+    if values is None:
+        values = parse_cells(text[start:], len(names), delimiter, found, path, HINT)
+    if found or not len(values) or not rising(values[:, column]).all():
+        raise BadFile(path, found[0] if found else "has times that do not rise", HINT)
+    others = [k for k in range(len(names)) if k != column]
+    return Series(values[:, column], tuple(names[k] for k in others), values[:, others])

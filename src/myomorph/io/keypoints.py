@@ -1,0 +1,258 @@
+"""Three-dimensional keypoints of markerless cameras: HDF5 files with a dataset `tracks`, names beside it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.text import unique_names, without_far_away
+from myomorph.model.errors import BadFile
+from myomorph.model.series import Markers, Trial
+from myomorph.model.spatial import Array
+
+UNITS = MappingProxyType({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
+NAME_KEYS = ("names", "KP_NAMES", "node_names", "keypoints")
+BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
+OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
+RATE_KEYS = ("rate", "fps", "frame_rate", "FrameRate")
+ENDINGS = (".yaml", ".yml", ".json", ".txt")
+MOST_VALUES = 1 << 28
+"""Numbers that are read at most."""
+
+MOST_NAMES = 10_000
+LONGEST_TEXT = 1 << 20
+HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, points, 3)"
+
+
+@dataclass(frozen=True)
+class KeypointNames:
+    """What a file of names tells of the points of a recording.
+
+    Attributes
+    ----------
+    names : of the points, in the order of the recording; () where not told
+    bodies : point to the body of a model it belongs to
+    offsets : point to where it lies on that body (3,) [m]
+    unit : of the positions [m], None where not told
+    rate : frames per second [Hz], None where not told
+    """
+
+    names: tuple[str, ...] = ()
+    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    unit: float | None = None
+    rate: float | None = None
+
+
+def read_keypoints(
+    path: str | os.PathLike[str],
+    names: Sequence[str] = (),
+    units: str = "",
+    rate: float | None = None,
+    animal: int = 0,
+) -> Trial:
+    """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
+
+    What is not told here is taken from the file itself (`node_names`, attributes `units` and `rate`), then
+    from the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of
+    its folder with so many names, which is told in the warnings.
+
+    Parameters
+    ----------
+    names : of the points, in order
+    units : "m", "cm", "mm" or "in"
+    rate : frames per second [Hz]; where nothing tells it, times are frame numbers, with a warning
+    animal : which one, where the file holds several
+
+    Raises
+    ------
+    BadFile : it is no such file; names or unit are told nowhere; or they do not fit the points
+    """
+    path = Path(path)
+    if units and units not in UNITS:
+        raise BadFile(path, f"unknown unit '{units}'", f"expected one of {', '.join(UNITS)}")
+    found: list[str] = []
+    tracks, own = _tracks(path, animal, found)
+    told = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
+    sources = [told, own]
+    if not told.names or told.unit is None or told.rate is None:
+        sources.append(_beside(path, tracks.shape[1], found))
+    told = _first_told(sources)
+    if not told.names:
+        raise BadFile(
+            path, f"does not name its {tracks.shape[1]} points", f"put their names into {path.stem}.txt, one a line"
+        )
+    if len(told.names) != tracks.shape[1]:
+        raise BadFile(path, f"has {tracks.shape[1]} points, but {len(told.names)} names were given", HINT)
+    if told.unit is None:
+        raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
+    if told.rate is None:
+        found.append(f"no frame rate is told: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
+    elif not 0.0 < told.rate < 1e6:
+        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was told", "expected frames per second")
+    values = without_far_away(told.unit * tracks, found)
+    facts = {
+        "unit of length": f"{told.unit:g} m",
+        "point rate": "not told" if told.rate is None else f"{told.rate:g} Hz",
+    }
+    markers = Markers(np.arange(len(values)) / (told.rate or 1.0), unique_names(told.names, "point", found), values)
+    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+
+
+def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
+    """Each fact from the first source that tells it."""
+    told = sources[0]
+    for other in sources[1:]:
+        unit = other.unit if told.unit is None else told.unit
+        rate = other.rate if told.rate is None else told.rate
+        told = replace(told, names=told.names or other.names, unit=unit, rate=rate)
+    return told
+
+
+def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointNames]:
+    """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of them."""
+    import h5py
+
+    if not path.is_file():
+        raise BadFile(path, "does not exist")
+    try:
+        with h5py.File(path, "r") as file:
+            tracks = file.get("tracks")
+            if not isinstance(tracks, h5py.Dataset):
+                held = ", ".join(f"'{name}'" for name in list(file)[:6]) or "nothing"
+                raise BadFile(path, f"holds {held}, but no 'tracks'", HINT)
+            shape = tracks.shape
+            if len(shape) == 3 and shape[-1] == 3:
+                shape = (shape[0], 1, *shape[1:])
+            if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
+                flat = " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
+                raise BadFile(path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT)
+            if math.prod(shape) > MOST_VALUES or 0 in shape:
+                raise BadFile(path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT)
+            if not 0 <= animal < shape[1]:
+                raise BadFile(path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0")
+            if shape[1] > 1:
+                found.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
+            values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
+            own = _own_facts(file, tracks)
+    except (OSError, RuntimeError, TypeError, ValueError, KeyError) as error:
+        raise BadFile(path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT) from None
+    return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), own
+
+
+def _own_facts(file: Any, tracks: Any) -> KeypointNames:
+    facts = {**dict(file.attrs), **dict(tracks.attrs)}
+    names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
+    if len(names) > MOST_NAMES:
+        raise ValueError(f"it holds {len(names)} node_names")
+    texts = tuple(one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in names)
+    unit = facts.get("units", "")
+    unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+    rate = next((float(facts[key]) for key in RATE_KEYS if key in facts), None)
+    return KeypointNames(texts, unit=UNITS.get(unit), rate=rate)
+
+
+def _beside(path: Path, points: int, found: list[str]) -> KeypointNames:
+    """What the file of names beside a recording tells."""
+    own = next((one for one in (path.with_suffix(ending) for ending in ENDINGS) if one.is_file()), None)
+    if own is not None:
+        return read_keypoint_names(own)
+    fitting = []
+    for one in sorted(path.parent.iterdir()):
+        if one.suffix.lower() in ENDINGS and one.is_file() and one.stat().st_size <= LONGEST_TEXT:
+            try:
+                told = read_keypoint_names(one)
+            except BadFile:
+                continue
+            if len(told.names) == points:
+                fitting.append((one, told))
+    if len(fitting) != 1:
+        return KeypointNames()
+    file, told = fitting[0]
+    unit = "" if told.unit is None else f", in units of {told.unit:g} m"
+    found.append(f"names of the points are those of {file.name}{unit}")
+    return told
+
+
+def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
+    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a name a line.
+
+    Of YAML and JSON the keys are names, bodies, offsets [m], units and rate; those of stac-mjx are
+    understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS, MOCAP_SCALE_FACTOR).
+
+    Raises
+    ------
+    BadFile : it cannot be read, or holds no names
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > LONGEST_TEXT:
+            raise BadFile(path, "is too long to be a file of names")
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise BadFile(path, "is not text") from None
+    if path.suffix.lower() == ".txt":
+        return KeypointNames(tuple(line.strip() for line in text.splitlines() if line.strip()))
+    content = _parsed(text, path)
+    if isinstance(content, list):
+        content = {"names": content}
+    if not isinstance(content, dict):
+        raise BadFile(path, "holds no names of points", "expected a list, or a table with 'names'")
+    names = _first(content, NAME_KEYS) or ()
+    bodies, offsets = _first(content, BODY_KEYS) or {}, _first(content, OFFSET_KEYS) or {}
+    if not isinstance(names, (list, tuple)) or not isinstance(bodies, dict) or not isinstance(offsets, dict):
+        raise BadFile(path, "its 'names' are no list, or its 'bodies' or 'offsets' no table")
+    try:
+        scale, rate = content.get("MOCAP_SCALE_FACTOR"), _first(content, RATE_KEYS)
+        unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
+        places = {_text(name): _three(given) for name, given in offsets.items()}
+        return KeypointNames(
+            tuple(_text(one) for one in names),
+            MappingProxyType({_text(name): _text(body) for name, body in bodies.items()}),
+            MappingProxyType(places),
+            unit,
+            None if rate is None else float(rate),
+        )
+    except (TypeError, ValueError) as error:
+        raise BadFile(path, f"holds what is no name or number where one belongs ({error})") from None
+
+
+def _parsed(text: str, path: Path) -> Any:
+    if path.suffix.lower() == ".json":
+        try:
+            return json.loads(text)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise BadFile(path, f"is not JSON ({error})") from None
+    import yaml
+
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise BadFile(path, f"is not YAML ({' '.join(str(error).split())[:120]})") from None
+
+
+def _first(table: Mapping[str, Any], keys: Sequence[str]) -> Any:
+    return next((table[key] for key in keys if key in table), None)
+
+
+def _text(given: Any) -> str:
+    """A name. A list or table, which may hold itself many times over, is none."""
+    if not isinstance(given, (str, int, float)):
+        raise TypeError(f"a name cannot be a {type(given).__name__}")
+    return str(given)
+
+
+def _three(given: Any) -> tuple[float, float, float]:
+    """Three numbers, as a list or as a text."""
+    x, y, z = (float(one) for one in (given.split() if isinstance(given, str) else given))
+    return x, y, z

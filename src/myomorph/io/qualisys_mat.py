@@ -1,0 +1,176 @@
+"""MATLAB exports of Qualisys Track Manager (version 5 files, one structure a recording): marker trajectories."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.text import unique_names, without_far_away
+from myomorph.model.errors import BadFile
+from myomorph.model.series import Markers, Trial
+from myomorph.model.spatial import Array
+
+HINT = "export the recording from QTM as MAT, or as C3D"
+HEADER = 128
+COMPRESSED = 15
+LARGEST = 2 << 30
+"""Bytes that a file may hold once it is unpacked."""
+
+STEP = 1 << 24
+MILLIMETERS = 1e-3
+FRAGMENT = "unidentified_"
+
+
+def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
+    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at frame 1.
+
+    QTM writes millimetres and, unless it was told otherwise, z upwards.
+
+    Parameters
+    ----------
+    unidentified : trajectories without a label become markers named `unidentified_1`, ...; else only their
+        number and duration are told
+
+    Raises
+    ------
+    BadFile : it is no MATLAB file of version 5 (or of 7.3, which is HDF5), holds no trajectories, or is damaged
+    """
+    path = Path(path)
+    _check(path)
+    name, recording = _recording(path)
+    found: list[str] = []
+    trajectories = _field(recording, "Trajectories")
+    labelled = _field(trajectories, "Labeled")
+    if labelled is None:
+        raise BadFile(path, f"'{name}' has no labelled trajectories", HINT)
+    rate = _number(recording, "FrameRate")
+    if not 0.0 < rate < 1e6:
+        raise BadFile(path, f"states a frame rate of {rate:g} Hz", HINT)
+    values = _positions(labelled, path, "labelled")
+    labels = _texts(_field(labelled, "Labels"))
+    if len(labels) != len(values):
+        raise BadFile(path, f"has {len(labels)} labels for {len(values)} labelled trajectories", HINT)
+    fragments = _positions(_field(trajectories, "Unidentified"), path, "unidentified")
+    frames = values.shape[1] if len(values) else fragments.shape[1]
+    if len(fragments) and fragments.shape[1] != frames:
+        raise BadFile(path, f"has {frames} frames with a label and {fragments.shape[1]} without", HINT)
+    announced = _number(recording, "Frames")
+    if np.isfinite(announced) and announced != frames:
+        found.append(f"the file announces {announced:.0f} frames, but holds {frames}")
+    facts = {"maker": "Qualisys Track Manager", "recording": name, "unit of length": "mm", "point rate": f"{rate:g} Hz"}
+    facts |= _fragment_facts(fragments, rate)
+    unread = [one for one in ("Analog", "Force", "EMG", "RigidBodies") if _field(recording, one) is not None]
+    if unread:
+        found.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
+    if unidentified:
+        labels = [*labels, *(f"{FRAGMENT}{k + 1}" for k in range(len(fragments)))]
+        values = np.concatenate([values, fragments]) if len(values) else fragments
+    start = _number(recording, "StartFrame")
+    first = max(start, 1.0) - 1.0 if np.isfinite(start) else 0.0
+    places = without_far_away(MILLIMETERS * values.transpose(1, 0, 2), found)
+    time = np.asarray((first + np.arange(frames)) / rate, np.float64)
+    markers = Markers(time, unique_names(labels, "marker", found), places)
+    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+
+
+def _check(path: Path) -> None:
+    """Refuse what is no version 5 file, was cut off, or would not fit into memory."""
+    try:
+        data = np.memmap(path, dtype=np.uint8, mode="r") if path.stat().st_size else np.zeros(0, np.uint8)
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    head = bytes(data[:HEADER])
+    if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
+        raise BadFile(path, "is a MATLAB file of version 7.3", "save it with save(..., '-v7')")
+    if len(head) < HEADER or head[126:128] not in (b"IM", b"MI"):
+        raise BadFile(path, "is not a MATLAB file of version 5", HINT)
+    order = "<" if head[126:128] == b"IM" else ">"
+    at, unpacked = HEADER, 0
+    while at < len(data):
+        tag = np.frombuffer(bytes(data[at : at + 8]), dtype=f"{order}u4")
+        if len(tag) < 2 or at + 8 + int(tag[1]) > len(data):
+            raise BadFile(path, "ends early: it was cut off or is damaged", HINT)
+        kind, size = int(tag[0]), int(tag[1])
+        unpacked += _unpacked(data[at + 8 : at + 8 + size], path) if kind == COMPRESSED else size
+        if unpacked > LARGEST:
+            raise BadFile(path, f"holds more than {LARGEST >> 30} GB once unpacked", HINT)
+        at += 8 + size
+
+
+def _unpacked(data: np.ndarray, path: Path) -> int:
+    """How many bytes a compressed element holds; counting ends beyond `LARGEST`."""
+    stream, size, rest = zlib.decompressobj(), 0, bytes(data)
+    try:
+        while rest and size <= LARGEST and not stream.eof:
+            size += len(stream.decompress(rest, STEP))
+            rest = stream.unconsumed_tail
+    except zlib.error:
+        raise BadFile(path, "is damaged: a part of it cannot be unpacked", HINT) from None
+    return size
+
+
+def _recording(path: Path) -> tuple[str, Any]:
+    """The first structure with trajectories, and its name."""
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
+    except Exception as error:  # a damaged file makes the reader fail in many ways
+        raise BadFile(path, f"is damaged ({' '.join(str(error).split())[:120]})", HINT) from None
+    names = [name for name in content if not name.startswith("__")]
+    for name in names:
+        if _field(content[name], "Trajectories") is not None:
+            return name, content[name]
+    held = ", ".join(f"'{name}'" for name in names[:6]) or "nothing"
+    raise BadFile(path, f"holds {held}, but no Qualisys recording (a structure with Trajectories)", HINT)
+
+
+def _field(structure: Any, name: str) -> Any:
+    """A field of a structure, None where it has none or it is empty."""
+    value = getattr(structure, name, None)
+    return None if isinstance(value, np.ndarray) and value.size == 0 else value
+
+
+def _number(structure: Any, name: str) -> float:
+    value = _field(structure, name)
+    try:
+        return float(np.asarray(value, dtype=np.float64).reshape(-1)[0])
+    except (TypeError, ValueError, IndexError):
+        return float("nan")
+
+
+def _texts(value: Any) -> list[str]:
+    """Labels; a single one is no array."""
+    return [] if value is None else [str(one).strip() for one in np.atleast_1d(np.asarray(value, dtype=object))]
+
+
+def _positions(group: Any, path: Path, kind: str) -> Array:
+    """(trajectories, frames, 3) of a group as the file has them, (0, 0, 3) where there is none."""
+    data = _field(group, "Data")
+    if data is None:
+        return np.zeros((0, 0, 3))
+    try:
+        data = np.asarray(data, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadFile(path, f"its {kind} trajectories are no numbers", HINT) from None
+    data = data[None] if data.ndim == 2 else data
+    if data.ndim != 3 or data.shape[1] not in (3, 4):
+        raise BadFile(
+            path, f"its {kind} trajectories have the shape {data.shape}", "expected (trajectories, 3 or 4, frames)"
+        )
+    places = data[:, :3].transpose(0, 2, 1)
+    return np.where(np.isfinite(places).all(axis=2, keepdims=True), places, np.nan)
+
+
+def _fragment_facts(fragments: Array, rate: float) -> dict[str, str]:
+    if not len(fragments):
+        return {}
+    seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
+    return {
+        "unidentified fragments": f"{len(fragments)}, together {seen.sum():.1f} s, the longest {seen.max():.2f} s",
+    }

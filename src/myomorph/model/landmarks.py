@@ -1,0 +1,44 @@
+"""Named points of a bone, and the same points of another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkPairs:
+    """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes maps of them.
+
+    Attributes
+    ----------
+    names : of the landmarks, none twice
+    source : (n, 3) in the source body's frame [m]
+    target : (n, 3) in the frame of the target's bone [m]
+
+    Raises
+    ------
+    BadData : shapes that do not fit, a name twice, or places that are not finite
+    """
+
+    names: tuple[str, ...]
+    source: Array
+    target: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        if len(set(self.names)) < count:
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise BadData(f"landmark '{twice}' is given twice")
+        for field in ("source", "target"):
+            array = frozen_array(getattr(self, field), (-1, 3))
+            if len(array) != count or not np.isfinite(array).all():
+                raise BadData(f"{count} landmarks are named: expected as many finite points as {field}")
+            object.__setattr__(self, field, array)
+
+    def __len__(self) -> int:
+        return len(self.names)

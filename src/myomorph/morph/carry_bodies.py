@@ -1,0 +1,95 @@
+"""Bodies in other bones, and what is fixed to them beside muscles: masses, meshes, markers, points of forces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
+from myomorph.model.passive_parts import Bushing
+from myomorph.model.spatial import Array, Transform
+from myomorph.morph.carrier import Carrier, Carriers, nearest_rotation
+
+Tie = TypeVar("Tie", Loop, Bushing)
+
+
+def carried_body(body: Body, carrier: Carrier) -> Body:
+    """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone spreads it.
+
+    The second moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
+    """
+    A, mass = carrier.linear, body.mass * carrier.volume
+    second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
+    second = carrier.volume * A @ second @ A.T
+    return replace(
+        body,
+        mass=mass,
+        mass_center=carrier.points(body.mass_center),
+        inertia=np.trace(second) * np.eye(3) - second,
+        meshes=tuple(carried_mesh(one, carrier) for one in body.meshes),
+    )
+
+
+def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
+    """The bodies with their masses in proportion, of a total mass [kg].
+
+    Raises
+    ------
+    BadData : a mass that is not positive, or bodies without mass
+    """
+    if mass is None:
+        return bodies
+    total = sum(body.mass for body in bodies)
+    if not (np.isfinite(mass) and mass > 0.0 and total > 0.0):
+        raise BadData(f"expected a positive mass and bodies that have some, but got {mass} for {total:g} kg")
+    share = mass / total
+    return tuple(replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies)
+
+
+def carried_mesh(mesh: Mesh, carrier: Carrier) -> Mesh:
+    """A mesh stretched along its own axes as its bone is: what can be shown where the target's bone has no file."""
+    matrix = carrier.linear @ mesh.pose.rotation
+    pose = Transform(nearest_rotation(matrix), carrier.points(mesh.pose.translation))
+    return replace(mesh, pose=pose, scale=np.asarray(mesh.scale) * np.linalg.norm(matrix, axis=0))
+
+
+def carried_marker(marker: Marker, carriers: Carriers) -> Marker:
+    """A marker, by its body's map."""
+    carrier = carriers[marker.body]
+    return replace(marker, body=carrier.body, location=carrier.points(marker.location))
+
+
+def carried_tie(tie: Tie, carriers: Carriers) -> Tie:
+    """A closed loop or a bushing: both of its frames."""
+    one, other = carriers[tie.body_1], carriers[tie.body_2]
+    return replace(tie, body_1=one.body, body_2=other.body, pose_1=one.pose(tie.pose_1), pose_2=other.pose(tie.pose_2))
+
+
+def carried_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
+    """Points and directions of an ideal actuator that are fixed to bodies."""
+
+    def there(body: str, point: Array) -> Array:
+        return carriers[body].points(point) if body and not actuator.point_is_global else point
+
+    direction = actuator.direction
+    if actuator.body and actuator.body != GROUND and not actuator.direction_is_global:
+        direction = carriers[actuator.body].rotation @ direction
+    return replace(
+        actuator,
+        point=there(actuator.body, actuator.point),
+        other_point=there(actuator.other_body, actuator.other_point),
+        direction=direction,
+    )
+
+
+def not_carried(model: Model) -> list[str]:
+    """One line on each kind of thing that a file keeps with geometry of its own, and that stays as it is."""
+    placed = ("Contact", "Path", "Force")
+    kinds: dict[str, int] = {}
+    for part in model.kept:
+        if any(word in part.kind for word in placed) and not part.kind.startswith(("Coordinate", "Path", "SpringG")):
+            kinds[part.kind] = kinds.get(part.kind, 0) + 1
+    return [f"{kind} ({count} of them) is kept as the file has it: it is not moved" for kind, count in kinds.items()]

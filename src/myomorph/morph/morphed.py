@@ -1,0 +1,137 @@
+"""What a transfer is told and what it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.spatial import Array
+from myomorph.morph.bone_map import BoneMap
+
+
+@dataclass(frozen=True)
+class MorphOptions:
+    """What is made of a model once the maps of its bones are known.
+
+    Attributes
+    ----------
+    surface_within : a muscle point this near its bone's surface, as a share of the bone's length, is put back on the
+        target's surface (at the same depth or height, in the target's size); 0 leaves points where the map puts them
+    clear : via points and wrap objects are moved out of bones that the source's paths do not run through
+    joints : "fitted" takes centers from spheres and cylinders fitted to the target's articular surfaces where they fit
+        as in the source, "mapped" takes them as the map gives them
+    fibers : "range" keeps the range of normalized fiber lengths over the joints' ranges of motion, "path" keeps the
+        ratio of fiber and tendon to the path in the default pose, "keep" leaves lengths as they are
+    force : maximum isometric force grows with "volume" (of the bones, over optimal fiber length), "area" (square of the
+        bones' length), "mass" (of the body, over fiber length) or stays ("keep")
+    pennation : "keep" leaves the angle at optimal fiber length, "thickness" keeps the muscle's thickness in proportion
+        to the bones
+    """
+
+    surface_within: float = 0.02
+    clear: bool = True
+    joints: Literal["fitted", "mapped"] = "fitted"
+    fibers: Literal["range", "path", "keep"] = "range"
+    force: Literal["volume", "area", "mass", "keep"] = "volume"
+    pennation: Literal["keep", "thickness"] = "keep"
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.surface_within <= 0.2:
+            raise BadData(f"surface_within is {self.surface_within:g}: expected a share of bone length from 0 to 0.2")
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedPoint:
+    """One path point on its way.
+
+    Attributes
+    ----------
+    owner : muscle or ligament
+    name : of the point
+    body, target_body : that it is fixed to
+    source, target : (3,) in their frames, in the middle of its way for a moving point [m]
+    lifted : how far it was moved onto the surface [m]; 0 where it was not
+    depth_source, depth_target : signed distance from the bones' surfaces, positive outside [m]; NaN without surfaces
+    """
+
+    owner: str
+    name: str
+    body: str
+    target_body: str
+    source: Array
+    target: Array
+    lifted: float = 0.0
+    depth_source: float = float("nan")
+    depth_target: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class RebuiltJoint:
+    """A joint in the new bones.
+
+    Attributes
+    ----------
+    method : "mapped", "sphere", "cylinder" or "given"
+    in_parent, in_child : (3,) its center in the target bodies' frames [m]
+    moved : between the fitted and the mapped center [m]; 0 where it is mapped
+    gap : in the target's bones as they lie in one frame, between the centers found by parent and child [m]; NaN where
+        the bones do not share a frame
+    """
+
+    name: str
+    method: str
+    in_parent: Array
+    in_child: Array
+    moved: float = 0.0
+    gap: float = float("nan")
+
+
+@dataclass(frozen=True)
+class MuscleChange:
+    """What became of a muscle's parameters, target over source.
+
+    Attributes
+    ----------
+    path : length in the default pose
+    fiber, tendon, force : optimal fiber length, tendon slack length, maximum isometric force
+    pennation : difference [rad]
+    range_source, range_target : least and greatest normalized fiber length over the joints' ranges
+    """
+
+    name: str
+    path: float
+    fiber: float
+    tendon: float
+    force: float
+    pennation: float
+    range_source: tuple[float, float]
+    range_target: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Morph:
+    """A model in other bones, and how it came about.
+
+    Attributes
+    ----------
+    source, model : before and after
+    bones : by body of the source
+    points : of all muscles and ligaments, in order
+    joints : that were rebuilt
+    muscles : what became of their parameters
+    notes : what looks wrong or was assumed, one line each
+    """
+
+    source: Model
+    model: Model
+    bones: Mapping[str, BoneMap]
+    points: tuple[CarriedPoint, ...]
+    joints: tuple[RebuiltJoint, ...]
+    muscles: tuple[MuscleChange, ...]
+    options: MorphOptions = field(default_factory=MorphOptions)
+    notes: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

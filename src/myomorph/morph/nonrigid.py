@@ -1,0 +1,179 @@
+"""Dense correspondence of two bones: which point of the target each point of the source becomes.
+
+A similarity first (landmarks, or iterative closest points from many starts, of which a deformation by coherent point
+drift chooses), then a smooth displacement, then the nearest point of the target's surface that faces the same way.
+All sizes are shares of the bones' lengths, so a mouse and a man are matched alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.surface import Surface
+from myomorph.morph.alignment import align_bones, mirrored_share
+from myomorph.morph.fields import FeaturePoints
+from myomorph.morph.match_quality import MatchQuality, match_quality, vertex_normals
+from myomorph.morph.procrustes import Similarity
+from myomorph.morph.smooth_fit import SmoothFit, fit_smoothly
+from myomorph.morph.surface_points import Shape
+from myomorph.morph.warp import FACING, Drift, MatchOptions, onto, spread_points
+
+__all__ = ["MatchOptions", "PlacedBone", "SurfaceMatch", "match_surfaces", "place_bone"]
+
+UNLIKE = 0.01
+"""Share of the bone's length that a smooth displacement leaves between shapes that differ much."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedBone:
+    """A bone laid on another before it deforms.
+
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's [m]
+    mirrored : share of the distance that the mirrored source leaves; NaN where landmarks said how the bones lie
+    notes : what looks wrong, one line each
+    """
+
+    similarity: Similarity
+    mirrored: float = float("nan")
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMatch:
+    """Points of a surface and where they are on another.
+
+    Attributes
+    ----------
+    points : (vertices, 3) on the target, one for every vertex of the source [m]
+    pairs : points spread evenly over the source, and where they are on the target, the matched ones alone [m]
+    placed : how the source lay before it was deformed
+    length : of the target along its longest axis [m]
+    quality : residuals, coverage, folds
+    notes : what looks wrong, one line each
+    """
+
+    points: Array
+    pairs: FeaturePoints
+    placed: PlacedBone
+    length: float
+    quality: MatchQuality
+    notes: tuple[str, ...] = ()
+
+
+def place_bone(
+    source: Surface,
+    target: Surface,
+    landmarks: FeaturePoints | None = None,
+    start: Similarity | None = None,
+    options: MatchOptions | None = None,
+) -> PlacedBone:
+    """Lay a bone on another: by landmarks, or as its shape and its mirrored shape fit best.
+
+    Parameters
+    ----------
+    source : in the source body's frame; a whole bone
+    target : in the target body's frame; it may be cut off
+    landmarks : three or more that are not on a line say how the bones lie
+    start : where the source roughly lies on the target, for want of such landmarks
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    ours, goal = _Unit(source), _Unit(target)
+    pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
+    near = None if start is None else _between_units(start, 1.0 / ours.length, 1.0 / goal.length)
+    found = align_bones(ours.surface, goal.surface, pulls, near, options)
+    mirrored = float("nan")
+    if np.isfinite(found.distance):
+        mirrored = mirrored_share(ours.surface, goal.surface, found.distance, options)
+    return PlacedBone(_between_units(found.similarity, ours.length, goal.length), mirrored, found.doubts())
+
+
+def match_surfaces(
+    source: Surface,
+    target: Surface,
+    landmarks: FeaturePoints | None = None,
+    options: MatchOptions | None = None,
+    placed: PlacedBone | None = None,
+) -> SurfaceMatch:
+    """For every point of a bone the same point of another's.
+
+    Parameters
+    ----------
+    source : in the source body's frame; a whole bone
+    target : in the target body's frame; it may be cut off
+    landmarks : three or more that are not on a line say how the bones lie; fewer only pull
+    placed : what `place_bone` finds, where it is known already
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    options = options or MatchOptions()
+    placed = placed or place_bone(source, target, landmarks, None, options)
+    ours, goal = _Unit(source), _Unit(target)
+    pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
+    begun = _between_units(placed.similarity, 1.0 / ours.length, 1.0 / goal.length)
+    smooth = _smooth(ours.shape, goal.shape, begun, pulls, options)
+    deformed = Shape(Surface(smooth.apply(ours.shape.vertices), source.faces))
+    found = onto(goal.shape, deformed.vertices, vertex_normals(deformed))
+    quality = match_quality(ours.shape, deformed, goal.shape, found, options.match_tolerance)
+    return SurfaceMatch(
+        points=frozen_array(found.points * goal.length),
+        pairs=_pairs(ours, goal, smooth, deformed, options),
+        placed=placed,
+        length=goal.length,
+        quality=quality,
+        notes=(*placed.notes, *quality.doubts(options.match_tolerance)),
+    )
+
+
+class _Unit:
+    """A surface in units of its length, the extent along its longest principal axis."""
+
+    def __init__(self, surface: Surface):
+        samples = Shape(surface).samples(2000).points
+        longest = np.linalg.svd(samples - samples.mean(axis=0), full_matrices=False)[2][0]
+        self.length = float(np.ptp(surface.vertices @ longest))
+        self.surface = Surface(surface.vertices / self.length, surface.faces)
+        self.shape = Shape(self.surface)
+
+
+def _in_units(landmarks: FeaturePoints, ours: _Unit, goal: _Unit) -> FeaturePoints:
+    return FeaturePoints(landmarks.names, landmarks.source / ours.length, landmarks.target / goal.length)
+
+
+def _between_units(similarity: Similarity, ours: float, theirs: float) -> Similarity:
+    """The same between bones grown by factors."""
+    return Similarity(similarity.rotation, similarity.translation * theirs, similarity.scale * theirs / ours)
+
+
+def _smooth(
+    ours: Shape, goal: Shape, start: Similarity, pulls: FeaturePoints | None, options: MatchOptions
+) -> SmoothFit:
+    """The smooth displacement from the start; of shapes that differ much also from where points drift, the nearer."""
+    fit = fit_smoothly(ours, goal, start.apply, pulls, options)
+    if fit.rms < UNLIKE:
+        return fit
+    drifted = fit_smoothly(ours, goal, Drift(ours, goal, start, pulls, options).apply, pulls, options)
+    return drifted if drifted.rms < fit.rms else fit
+
+
+def _pairs(ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, options: MatchOptions) -> FeaturePoints:
+    """The evenly spread points of the source that have a place on the target."""
+    samples = spread_points(ours.shape, options.match_points)
+    smooth = fit.apply(samples)
+    normals = deformed.nearest(smooth, fine=True).normals
+    found = onto(goal.shape, smooth, normals)
+    near = np.linalg.norm(found.points - smooth, axis=1) <= options.match_tolerance
+    kept = near & (np.einsum("ij,ij->i", found.normals, normals) > FACING)
+    if goal.shape.is_open:
+        kept &= ~found.rim
+    names = tuple(f"surface {k + 1}" for k in np.flatnonzero(kept))
+    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length)

@@ -1,0 +1,161 @@
+"""The tables of a morphed model: points, muscles, joints, bones, moment arms, paths through bones, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+
+from myomorph.morph.bone_map import muscle_sizes
+from myomorph.morph.checks import MorphChecks
+from myomorph.morph.morphed import Morph
+
+Cell: TypeAlias = str | float | int
+Rows: TypeAlias = tuple[tuple[str, ...], list[tuple[Cell, ...]]]
+"""Column names with their units, and rows; NaN where nothing is known."""
+
+
+def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
+    """Every table that has rows, by the name of the file to write it to: header and rows, in SI and radians."""
+    found: dict[str, Rows] = {
+        "bones.csv": bone_rows(morph),
+        "points.csv": point_rows(morph),
+        "muscles.csv": muscle_rows(morph),
+        "joints.csv": joint_rows(morph),
+        "masses.csv": mass_rows(morph),
+        "moment_arms.csv": arm_rows(checks),
+        "moment_arm_summary.csv": arm_summary_rows(morph, checks),
+        "penetration.csv": penetration_rows(checks),
+        "warnings.csv": (("kind", "name", "warning"), [(one.kind, one.name, one.text) for one in checks.warnings]),
+        "left_out.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
+    }
+    return {name: rows for name, rows in found.items() if rows[1]}
+
+
+def bone_rows(morph: Morph) -> Rows:
+    """What each bone was mapped by and how well."""
+    named = dict.fromkeys(name for bone in morph.bones.values() for name in bone.measures)
+    measures = [name for name in named if name != "features"]
+    header = ("body", "target body", "basis", "size", "features", *measures, "notes")
+    rows: list[tuple[Cell, ...]] = []
+    for bone in morph.bones.values():
+        known = [float(bone.measures.get(name, np.nan)) for name in measures]
+        count = 0 if bone.features is None else len(bone.features)
+        rows.append((bone.body, bone.target_body, bone.basis, bone.whole.scale, count, *known, "; ".join(bone.notes)))
+    return header, rows
+
+
+def point_rows(morph: Morph) -> Rows:
+    """Every path point before and after."""
+    axes = "xyz"
+    header = (
+        "owner", "point", "body", "target body", *(f"source {a} [m]" for a in axes), *(f"target {a} [m]" for a in axes),
+        "lifted [m]", "source height over surface [m]", "target height over surface [m]",
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (one.owner, one.name, one.body, one.target_body, *_xyz(one.source), *_xyz(one.target), one.lifted,
+         one.depth_source, one.depth_target)
+        for one in morph.points
+    ]  # fmt: skip
+    return header, rows
+
+
+def mass_rows(morph: Morph) -> Rows:
+    """Masses, and mass centers in the bodies' frames."""
+    axes = "xyz"
+    header = (
+        "body", "source mass [kg]", "target mass [kg]", *(f"source center {a} [m]" for a in axes),
+        *(f"target center {a} [m]" for a in axes), *(f"target moment {k} [kg m^2]" for k in (1, 2, 3)),
+    )  # fmt: skip
+    before = {body.name: body for body in morph.source.bodies}
+    rows: list[tuple[Cell, ...]] = []
+    for body in morph.model.bodies:
+        source = before.get(body.name)
+        center = (float("nan"),) * 3 if source is None else _xyz(source.mass_center)
+        moments = _xyz(np.linalg.eigvalsh(body.inertia))
+        mass = float("nan") if source is None else source.mass
+        rows.append((body.name, mass, body.mass, *center, *_xyz(body.mass_center), *moments))
+    return header, rows
+
+
+def _xyz(point: Iterable[float]) -> tuple[float, ...]:
+    return tuple(float(one) for one in point)
+
+
+def muscle_rows(morph: Morph) -> Rows:
+    """What became of each muscle's parameters, target over source."""
+    header = (
+        "muscle", "path", "optimal fiber length", "tendon slack length", "maximum isometric force",
+        "pennation [rad]", "source least fiber length", "source greatest fiber length", "target least fiber length",
+        "target greatest fiber length",
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (one.name, one.path, one.fiber, one.tendon, one.force, one.pennation, *one.range_source, *one.range_target)
+        for one in morph.muscles
+    ]
+    return header, rows
+
+
+def joint_rows(morph: Morph) -> Rows:
+    """Where each joint's center is in the target's bones, and how it was found."""
+    axes = "xyz"
+    header = (
+        "joint", "method", *(f"in parent {a} [m]" for a in axes), *(f"in child {a} [m]" for a in axes),
+        "moved from mapped [m]", "gap between parent's and child's [m]",
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (one.name, one.method, *_xyz(one.in_parent), *_xyz(one.in_child), one.moved, one.gap) for one in morph.joints
+    ]
+    return header, rows
+
+
+def arm_rows(checks: MorphChecks) -> Rows:
+    """Moment arms of every muscle over every coordinate's range, in source and target."""
+    header = (
+        "coordinate", "target coordinate", "muscle", "source value [rad or m]", "target value [rad or m]",
+        "source moment arm [m or 1]", "target moment arm [m or 1]",
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for one in checks.arms:
+        for k, muscle in enumerate(one.muscles):
+            values = zip(one.source_values, one.target_values, one.source[:, k], one.target[:, k], strict=True)
+            rows += [(one.pair.source, one.pair.target, muscle, *map(float, row)) for row in values]
+    return header, rows
+
+
+def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Rows:
+    """Mean, least and greatest moment arm of every muscle about every coordinate, and what becomes of its sign."""
+    header = (
+        "coordinate", "muscle", "source mean [m or 1]", "source least", "source greatest", "target mean [m or 1]",
+        "target least", "target greatest", "target over grown source, root mean square", "same sign [share of range]",
+        "source jump", "target jump",
+    )  # fmt: skip
+    sizes = muscle_sizes(morph.source, morph.bones)
+    rows: list[tuple[Cell, ...]] = []
+    for one in checks.arms:
+        for k, muscle in enumerate(one.muscles):
+            r, t = one.source[:, k], one.target[:, k]
+            grown = float(np.sqrt(np.mean(r**2))) * sizes.get(muscle, 1.0)
+            ratio = float(np.sqrt(np.mean(t**2))) / grown if grown > 0.0 else float("nan")
+            same = float(np.mean(r * t >= 0.0))
+            jumps = float(one.source_jumps[k]), float(one.target_jumps[k])
+            rows.append((one.pair.target, muscle, *_spread(r), *_spread(t), ratio, same, *jumps))
+    return header, rows
+
+
+def _spread(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values.mean()), float(values.min()), float(values.max())
+
+
+def penetration_rows(checks: MorphChecks) -> Rows:
+    """Muscles that run under the surface of a bone, and where they are deepest."""
+    header = (
+        "muscle", "bone", "source depth [m]", "target depth [m]", "increase over grown source [m]",
+        "coordinate", "value [rad or m]",
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (one.muscle, one.body, one.source, one.target, one.increase, one.coordinate, one.value)
+        for one in checks.penetrations
+    ]
+    return header, rows

@@ -1,0 +1,91 @@
+"""A leg of two boxes with a hinge, and what a morph of it looks like: every depth and moment arm is known by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import trimesh
+
+from myomorph.model.functions import linear
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, Path, PathPoint
+from myomorph.model.scale import scale
+from myomorph.model.spatial import Transform
+from myomorph.model.surface import Surface
+from myomorph.morph.affine import AffineMap
+from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.morphed import CarriedPoint, Morph, MuscleChange, RebuiltJoint
+from myomorph.morph.procrustes import Similarity
+
+HALF, LENGTH = 0.02, 0.4
+"""Half the width of the boxes, and how long they are [m]."""
+
+STILL = Transform.identity()
+
+
+def box(center_y: float, half: float = HALF, length: float = LENGTH) -> Surface:
+    """An upright box around (0, center_y, 0)."""
+    made = trimesh.creation.box((2 * half, length, 2 * half)).subdivide().subdivide()
+    return Surface(np.array(made.vertices) + [0.0, center_y, 0.0], np.array(made.faces))
+
+
+FRONT = [("thigh", (0.03, -0.1, 0.0)), ("thigh", (0.03, -0.38, 0.0)), ("shank", (0.03, -0.1, 0.0))]
+BONES = {"thigh": box(-0.2), "shank": box(-0.22)}
+
+
+def muscle(name: str, points: list[tuple[str, tuple[float, float, float]]], **more: object) -> Muscle:
+    """A muscle through points of bodies."""
+    path = Path(tuple(PathPoint(f"{name}-P{i + 1}", body, np.array(at)) for i, (body, at) in enumerate(points)))
+    return Muscle(name, "Millard2012EquilibriumMuscle", path, 1000.0, 0.1, 0.2, **more)  # type: ignore[arg-type]
+
+
+def leg(**muscles: Muscle) -> Model:
+    """Thigh and shank, hinged at the end of the thigh about z, with an extensor in front and a flexor behind."""
+    front = muscle("extensor", FRONT)
+    behind = muscle("flexor", [(body, (-x, y, z)) for body, (x, y, z) in FRONT])
+    own = {"extensor": front, "flexor": behind} | muscles
+    bodies = [
+        Body("thigh", 8.0, np.array([0.0, -0.17, 0.0]), np.diag([0.1, 0.03, 0.1])),
+        Body("shank", 4.0, np.array([0.0, -0.19, 0.0]), np.diag([0.05, 0.01, 0.05])),
+    ]
+    hinge = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("knee",))
+    knee = Transform(np.eye(3), np.array([0.0, -LENGTH, 0.0]))
+    joints = (
+        Joint("root", "WeldJoint", GROUND, "thigh", STILL, STILL),
+        Joint("knee", "PinJoint", "thigh", "shank", knee, STILL, (hinge,), ("knee",)),
+    )
+    bend = Coordinate("knee", range=(-0.1, 0.6))
+    return Model("boxes", tuple(bodies), joints, (bend,), np.array([0.0, -9.81, 0.0]), muscles=tuple(own.values()))
+
+
+def morph_of(source: Model, target: Model, size: float = 1.0) -> Morph:
+    """The morph that made the target: bones grown by a size, nothing else said of it."""
+    grown = AffineMap(size * np.eye(3), np.zeros(3))
+    whole = Similarity(np.eye(3), np.zeros(3), size)
+    bones = {
+        name: BoneMap(
+            name, name, grown, whole, "bone", one, Surface(one.vertices * size, one.faces), None,
+            MappingProxyType({"residual [m]": 0.0012, "coverage": 0.97}),
+        )
+        for name, one in BONES.items()
+    }  # fmt: skip
+    points = tuple(
+        CarriedPoint(one.name, p.name, p.body, p.body, p.location, q.location, 0.001, 0.01, 0.01 * size)
+        for one, other in zip(source.muscles, target.muscles, strict=True)
+        for p, q in zip(one.path.points, other.path.points, strict=False)
+    )
+    changes = tuple(MuscleChange(one.name, 1.0, 1.0, 1.1, 1.2, 0.0, (0.5, 1.2), (0.5, 1.2)) for one in source.muscles)
+    joints = (RebuiltJoint("knee", "sphere", np.array([0.0, -LENGTH * size, 0.0]), np.zeros(3), 0.0005, 0.001 * size),)
+    return Morph(source, target, bones, points, joints, changes)
+
+
+def grown(model: Model, size: float) -> Model:
+    """The model, uniformly larger."""
+    return scale(model, {name: np.full(3, size) for name in model.body_names})
+
+
+def with_muscle(model: Model, one: Muscle) -> Model:
+    """The model with a muscle in the place of its namesake."""
+    return replace(model, muscles=tuple(one if old.name == one.name else old for old in model.muscles))

@@ -1,0 +1,65 @@
+"""Maps of whole models with known effect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.model import Model
+from myomorph.model.scale import slides_freely
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, rotation_from_euler_xyz
+from myomorph.morph.affine import AffineMap
+from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.carrier import nearest_rotation
+from myomorph.morph.procrustes import Similarity
+from myomorph.morph.virtual_links import standing_poses
+
+
+def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:
+    """The affine map of a body."""
+    size = float(np.cbrt(abs(np.linalg.det(matrix))))
+    sign = np.sign(np.linalg.det(matrix))
+    whole = Similarity(sign * nearest_rotation(sign * matrix), offset, size)
+    return BoneMap(body, body, AffineMap(matrix, offset), whole, "given", **surfaces)  # type: ignore[arg-type]
+
+
+def similar(model: Model, size: float, seed: int | None = None) -> dict[str, BoneMap]:
+    """Every body larger by a factor, in a frame of its own if there is a seed."""
+    found = {}
+    rng = np.random.default_rng(seed)
+    for body in model.body_names:
+        turn = np.eye(3) if seed is None else rotation_from_euler_xyz(rng.uniform(-3.0, 3.0, 3))
+        found[body] = given(body, size * turn, np.zeros(3) if seed is None else rng.uniform(-0.5, 0.5, 3))
+    return found
+
+
+def sheared(model: Model, matrix: Array) -> dict[str, BoneMap]:
+    """The whole body stretched by one matrix as it stands in its default pose, in frames that turn with it."""
+    found = {}
+    for body, pose in standing_poses(model).items():
+        turn = nearest_rotation(matrix) @ pose.rotation
+        found[body] = given(body, turn.T @ matrix @ pose.rotation, np.zeros(3))
+    return found
+
+
+def poses_of(model: Model, count: int, seed: int = 0, sliding: bool = False) -> Motion:
+    """Coordinates somewhere in their ranges, sliding ones at their defaults unless wanted."""
+    rng = np.random.default_rng(seed)
+    values = np.empty((count, len(model.coordinates)))
+    for j, one in enumerate(model.coordinates):
+        low, high = np.clip(one.range, one.default - 1.5, one.default + 1.5)
+        moves = (one.motion == "rotational" or sliding) and not one.locked
+        values[:, j] = rng.uniform(low, high, count) if moves else one.default
+    return Motion(np.arange(float(count)), model.coordinate_names, values)
+
+
+def grown(model: Model, motion: Motion, size: float) -> Motion:
+    """A motion of a model in that of its twin, larger by a factor: what slides goes further."""
+    sliding = {
+        axis.coordinates[0]
+        for joint in model.joints
+        for axis in joint.axes
+        if axis.kind == "translation" and axis.coordinates and slides_freely(axis.function)
+    }
+    factors = [size if name in sliding else 1.0 for name in motion.names]
+    return Motion(motion.time, motion.names, motion.values * factors)

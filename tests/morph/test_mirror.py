@@ -1,0 +1,237 @@
+"""The other side of a model: nothing about its muscles changes but the side."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from myomorph.io.models import read_model
+from myomorph.io.osim import read_osim
+from myomorph.io.osim_write import write_osim
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.functions import SineProduct, piecewise_linear, simm_spline
+from myomorph.model.series import Motion
+from myomorph.model.sides import other_side
+from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.morph.mirror import mirrored, mirrored_motion, with_other_side
+from myomorph.morph.other_side import other_side_of
+from myomorph.morph.reflection import Reflection, backwards, flip
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+OSIM = (
+    "ceinms-emg-walk/model/gait2392.osim",
+    "rajagopal-walk-emg/raw/Rajagopal2016.osim",
+    "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim",
+    "c3d-functional-joints/models/Wu_Shoulder_Model_via_points.osim",
+    "opensim-reference-small/arm26_bounds.osim",
+    "lenhart-knee-contact-walk/lenhart2015.osim",
+)
+
+
+def moved(model, frames=12, seed=0):
+    rng = np.random.default_rng(seed)
+    low = np.array([max(one.range[0], -1.0) for one in model.coordinates])
+    high = np.maximum(low, [min(one.range[1], 1.0) for one in model.coordinates])
+    return Motion(np.arange(frames) * 0.01, model.coordinate_names, low + (high - low) * rng.random((frames, len(low))))
+
+
+def centers(model, motion):
+    """(frames, bodies, 3) mass centers of the bodies in ground."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    numbers = np.array([tree.body_index[one.name] for one in model.bodies])
+    return poses.points(numbers, np.array([one.mass_center for one in model.bodies]))
+
+
+def differences(model, axis):
+    """Largest differences of lengths [m] and of moment arms [m] of a model and of its other side."""
+    other, motion, side = mirrored(model, axis), moved(model), other_side_of(model, axis)
+    one = muscle_kinematics(model, motion, velocities=False)
+    two = muscle_kinematics(other, mirrored_motion(model, motion, axis), velocities=False)
+    rows = [two.muscles.index(side.named("muscles", name)) for name in one.muscles]
+    columns = [two.coordinates.index(side.named("coordinates", name)) for name in one.coordinates]
+    arms = two.moment_arms[:, rows][:, :, columns] * np.array(side.of(one.coordinates))
+    return abs(two.lengths[:, rows] - one.lengths).max(), abs(arms - one.moment_arms).max()
+
+
+@pytest.mark.parametrize("name", OSIM)
+def test_lengths_and_moment_arms_are_those_of_the_given_side(name, data):
+    lengths, arms = differences(read_model(data(name)), "z")
+    assert lengths < 1e-12
+    assert arms < 1e-12
+
+
+def test_a_mouse_has_two_legs(data):
+    data("mouse-hindlimb-muscles")
+    sys.path.insert(0, str(Path(__file__).parents[2]))
+    from benchmarks.mouse_hindlimb import mouse_hindlimb_model
+
+    model = mouse_hindlimb_model()
+    assert max(differences(model, "z")) < 1e-12
+    whole = with_other_side(model)
+    assert whole.body_names[: len(model.bodies)] == model.body_names
+    assert whole.coordinate_names[: len(model.coordinates)] == model.coordinate_names
+    assert len(whole.muscles) == 2 * len(model.muscles)
+    assert whole.body("Pelvis").mass == model.body("Pelvis").mass
+    both = mirrored(whole)
+    assert both.body_names == whole.body_names
+    assert both.muscle_names == whole.muscle_names
+    motion = moved(whole)
+    there = centers(whole, motion) * (1.0, 1.0, -1.0)
+    here = centers(both, mirrored_motion(whole, motion))
+    order = [whole.body_names.index(other_side_of(whole).named("bodies", name)) for name in whole.body_names]
+    np.testing.assert_allclose(here[:, order], there, atol=1e-12)
+
+
+def test_in_mujoco_with_a_tilted_frame(data):
+    pytest.importorskip("mujoco")
+    sim = pytest.importorskip("myo_sim")
+    from myomorph.io.mjcf import model_from_mujoco
+
+    model = model_from_mujoco(sim.load_model("myolegs26"))
+    lengths, arms = differences(model, "x")
+    assert lengths < 1e-12
+    assert arms < 1e-12
+    with pytest.raises(BadModel, match="face each other along x, not along"):
+        mirrored(model, "z")
+
+
+@pytest.mark.parametrize("name", OSIM)
+def test_twice_mirrored_is_the_model(name, data):
+    model = read_model(data(name))
+    twice = mirrored(mirrored(model))
+    assert [one.name for one in twice.joints] == [one.name for one in model.joints]
+    for one, two in zip(model.bodies, twice.bodies, strict=True):
+        np.testing.assert_allclose(two.mass_center, one.mass_center, atol=1e-15)
+        np.testing.assert_allclose(two.inertia, one.inertia, atol=1e-15)
+    for one, two in zip(model.joints, twice.joints, strict=True):
+        assert (two.kind, two.parent, two.child, two.coordinates) == (one.kind, one.parent, one.child, one.coordinates)
+        for end in ("parent_frame", "child_frame"):
+            np.testing.assert_allclose(getattr(two, end).rotation, getattr(one, end).rotation, atol=1e-15)
+            np.testing.assert_allclose(getattr(two, end).translation, getattr(one, end).translation, atol=1e-15)
+        for here, there in zip(one.axes, two.axes, strict=True):
+            np.testing.assert_allclose(there.vector, here.vector, atol=1e-15)
+    for one, two in zip(model.coordinates, twice.coordinates, strict=True):
+        assert (two.name, two.default, two.range) == (one.name, one.default, one.range)
+    for one, two in zip(model.wrap_objects, twice.wrap_objects, strict=True):
+        assert (two.name, two.quadrant, two.size) == (one.name, one.quadrant, one.size)
+        np.testing.assert_allclose(two.pose.rotation, one.pose.rotation, atol=1e-15)
+
+
+def test_the_other_leg_of_a_real_model(data):
+    model = read_model(data("ceinms-emg-walk/model/gait2392.osim"))
+    rest = Motion(np.zeros(1), model.coordinate_names, np.array([[one.default for one in model.coordinates]]))
+    kept = dict(zip(model.muscle_names, muscle_kinematics(model, rest, False, False).lengths[0], strict=True))
+    other = mirrored(model)
+    made = dict(zip(other.muscle_names, muscle_kinematics(other, rest, False, False).lengths[0], strict=True))
+    assert max(abs(made[name] - kept[name]) for name in kept) < 1e-3
+    for name in ("hip_l", "knee_l"):
+        (one,), (two,) = ([joint for joint in m.joints if joint.name == name] for m in (model, other))
+        for here, there in zip(one.axes, two.axes, strict=True):
+            if here.kind == "rotation" and here.coordinates:
+                np.testing.assert_allclose(there.vector, here.vector, atol=1e-12)
+
+
+def test_a_leg_taken_away_comes_back(data):
+    whole = read_model(data("ceinms-emg-walk/model/gait2392.osim"))
+    left = {body for body in whole.body_names if body.endswith("_l")}
+    right = replace(
+        whole,
+        bodies=tuple(one for one in whole.bodies if one.name not in left),
+        joints=tuple(one for one in whole.joints if one.child not in left),
+        coordinates=tuple(one for one in whole.coordinates if not one.name.endswith("_l")),
+        markers=tuple(one for one in whole.markers if one.body not in left and not one.name.startswith("L.")),
+        muscles=tuple(one for one in whole.muscles if not one.name.endswith("_l")),
+        wrap_objects=tuple(one for one in whole.wrap_objects if not one.name.endswith("_l")),
+        actuators=tuple(one for one in whole.actuators if not one.coordinate.endswith("_l")),
+        couplers=tuple(one for one in whole.couplers if not one.dependent.endswith("_l")),
+        passive_torques=tuple(one for one in whole.passive_torques if not one.coordinate.endswith("_l")),
+        frames=tuple(one for one in whole.frames if one.body not in left),
+        kept=(),
+    )
+    again = with_other_side(right)
+    assert set(again.body_names) == set(whole.body_names)
+    assert set(again.coordinate_names) == set(whole.coordinate_names)
+    assert set(again.muscle_names) == set(whole.muscle_names)
+    assert set(again.marker_names) == set(whole.marker_names)
+    with pytest.raises(BadModel, match="nothing to add"):
+        with_other_side(again)
+
+
+def test_opensim_reads_the_other_side(data, tmp_path):
+    model = read_model(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
+    other = mirrored(model)
+    write_osim(other, tmp_path / "other.osim")
+    again = read_osim(tmp_path / "other.osim")
+    motion = mirrored_motion(model, moved(model, 4))
+    one, two = (muscle_kinematics(m, motion, velocities=False) for m in (other, again))
+    order = [two.muscles.index(name) for name in one.muscles]
+    np.testing.assert_allclose(two.lengths[:, order], one.lengths, atol=1e-9)
+
+
+def test_a_joint_on_an_ellipsoid_is_not_written_as_the_wrong_side(data, tmp_path):
+    model = mirrored(read_model(data(OSIM[2])))
+    warnings = write_osim(model, tmp_path / "left.osim")
+    assert any("scapulothoracic" in one for one in warnings)
+    assert "<ScapulothoracicJoint" not in (tmp_path / "left.osim").read_text()
+
+
+@pytest.mark.parametrize(
+    "function", [simm_spline([-1, 0, 0.3, 2], [0, 1, 0.5, 2]), piecewise_linear([-1, 0.5, 2], [0, 1, -1])]
+)
+def test_functions_run_backwards(function):
+    x = np.linspace(-4.0, 4.0, 201)
+    np.testing.assert_allclose(backwards(function, (-1.0,), 2.0)(x), 2.0 * function(-x), atol=1e-12)
+    np.testing.assert_allclose(backwards(backwards(function, (-1.0,)), (-1.0,))(x), function(x), atol=1e-12)
+    wave = SineProduct(2.0, np.array([1.0, 3.0]), np.array([0.2, 0.1]), 0.5)
+    np.testing.assert_allclose(backwards(wave, (-1.0, 1.0))(x, x), wave(-x, x), atol=1e-14)
+
+
+def test_a_reflection_is_its_own_inverse_and_goes_along_with_frames():
+    rng = np.random.default_rng(1)
+    plane = Reflection(rng.standard_normal(3), 0.3)
+    pose = Transform(axis_rotation((0.6, 0.0, 0.8), 0.7), rng.standard_normal(3))
+    points = rng.standard_normal((5, 3))
+    np.testing.assert_allclose(plane.points(plane.points(points)), points, atol=1e-15)
+    np.testing.assert_allclose(
+        pose.apply(plane.seen_from(pose).points(points)), plane.points(pose.apply(points)), atol=1e-14
+    )
+    turned = plane.pose(pose, flip(1))
+    assert np.linalg.det(turned.rotation) == pytest.approx(1.0)
+    np.testing.assert_allclose(turned.apply(points * (1, -1, 1)), plane.points(pose.apply(points)), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("Thigh_r", "Thigh_l"), ("RightHIP", "LeftHIP"), ("Abd_R_L1", "Abd_L_L1"),
+        ("med_gas_r_m_r-P2", "med_gas_l_m_l-P2"),
+        ("r_humerus", "l_humerus"), ("glut_med1_r-P1", "glut_med1_l-P1"), ("RKnee", "LKnee"), ("rectus", ""),
+        ("Lumbar", ""), ("RASI", ""),
+    ],
+)  # fmt: skip
+def test_names_of_the_other_side(name, other):
+    assert other_side(name) == other
+    assert other == "" or other_side(other) == name
+    assert other_side("RASI", capitals=True) == "LASI"
+
+
+def test_an_axis_that_there_is_not_is_named(data):
+    model = read_model(data("opensim-reference-small/arm26_bounds.osim"))
+    for axis in ("w", (0.0, 0.0, 0.0), (1.0, 0.0)):
+        with pytest.raises(BadModel, match="expected 'x', 'y', 'z' or a vector"):
+            mirrored(model, axis)
+
+
+def test_what_cannot_be_mirrored_is_named(data):
+    model = read_model(data("opensim-reference-small/arm26_bounds.osim"))
+    with pytest.raises(BadModel, match="expected 'x', 'y', 'z' or a vector"):
+        mirrored(model, (0.0, 0.0, 0.0))
+    with pytest.raises(UnknownName, match="trunk"):
+        mirrored(model, middle=("trunk",))

@@ -1,0 +1,48 @@
+"""Which side of a surface points lie on, beside sharp edges and corners too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from myomorph.model.surface import Surface
+from myomorph.morph.surface_points import Shape
+
+SLOPE = np.tan(np.radians(8.0))
+
+
+def wedge() -> Surface:
+    """A wedge with an edge of 16 degrees along z, in small triangles."""
+    ends = [(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (-1.0, SLOPE), (-1.0, -SLOPE))]
+    mesh = trimesh.convex.convex_hull(np.array(ends)).subdivide().subdivide()
+    return Surface(np.array(mesh.vertices), np.array(mesh.faces))
+
+
+def test_two_faces_back_to_back_have_no_side():
+    """A box with a fin without thickness, and a membrane in it."""
+    box = trimesh.creation.box((1.0, 1.0, 1.0)).subdivide()
+    more = np.array([[0.5, 0.2, 0.2], [0.5, -0.2, 0.2], [0.9, 0.0, 0.2], [0.1, 0.0, 0.2]])
+    n = len(box.vertices)
+    fins = np.array([(0, 1, 2), (0, 2, 1), (0, 1, 3), (0, 3, 1)]) + n
+    surface = Surface(np.vstack([box.vertices, more]), np.vstack([box.faces, fins]))
+    points = np.random.default_rng(0).uniform((0.0, -0.3, 0.1), (1.0, 0.3, 0.3), (2000, 3))
+    inside = points[:, 0] < 0.5
+    np.testing.assert_array_equal(Shape(surface).signed(points) < 0.0, inside)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize("inward", [False, True])
+def test_points_beside_a_sharp_edge_are_outside(apart, inward):
+    surface = wedge()
+    if apart:  # as an STL file has them
+        surface = Surface(surface.vertices[surface.faces].reshape(-1, 3), np.arange(surface.faces.size).reshape(-1, 3))
+    if inward:
+        surface = Surface(surface.vertices, surface.faces[:, ::-1])
+    x, y, z = np.random.default_rng(0).uniform((-0.2, -0.2, -0.2), (0.3, 0.2, 1.2), (4000, 3)).T
+    inside = (x < 0.0) & (np.abs(y) < -x * SLOPE) & (z > 0.0) & (z < 1.0)
+    assert inside.sum() > 50
+    distances = Shape(surface).signed(np.column_stack([x, y, z]))
+    np.testing.assert_array_equal(distances < 0.0, inside)
+    beyond = (x > np.abs(y) * SLOPE) & (z > 0.0) & (z < 1.0)
+    np.testing.assert_allclose(distances[beyond], np.hypot(x, y)[beyond], rtol=1e-9)

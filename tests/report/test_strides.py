@@ -1,0 +1,182 @@
+"""Strides: those of made gaits come back, plates agree with markers on a real walk, a mouse's with gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.io.loads import read_external_loads
+from myomorph.io.trc import read_trc
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.series import Z_UP_TO_Y_UP, Series, Wrenches
+from myomorph.report.cycles import band, over_cycles
+from myomorph.report.strides import Limb, find_strides
+
+Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+LIMBS = (Limb("foot_r", ("paw_r",), bodies=("foot_r",)), Limb("foot_l", ("paw_l",), bodies=("foot_l",)))
+
+
+def gait(rate=200.0, period=0.25, duty=0.6, length=0.06, width=0.02, phase=0.5, belt=False, cycles=12, turn=0.0):
+    """Two paws that stand still on the ground (or go with it) and swing evenly; strikes are at whole cycles."""
+    time = np.arange(0.0, cycles * period, 1.0 / rate)
+    speed = length / period
+    columns = []
+    for side, shift in ((-0.5, 0.0), (0.5, phase)):
+        cycle = time / period - shift
+        k, share = np.floor(cycle), cycle % 1.0
+        u = np.clip((share - duty) / (1.0 - duty), 0.0, 1.0)
+        forward = (k + shift + u) * length
+        height = 0.1 * length * np.sin(np.pi * u)
+        columns.append(np.stack([forward, np.full_like(time, side * width), height], axis=1))
+    body = np.stack([speed * time + 0.3 * length, np.zeros_like(time), np.full_like(time, length)], axis=1)
+    points = np.stack([*columns, body], axis=1)
+    if belt:
+        points[:, :, 0] -= (speed * time)[:, None]
+    turned = points @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    return Series(time, ("paw_r", "paw_l", "trunk"), turned)
+
+
+@pytest.mark.parametrize("belt", [False, True])
+@pytest.mark.parametrize(("rate", "period", "length"), [(200.0, 0.25, 0.06), (100.0, 1.1, 1.4)])
+def test_a_made_gait_comes_back(belt, rate, period, length):
+    made = gait(rate, period, 0.6, length, 0.3 * length, 0.4, belt, turn=0.5)
+    found = find_strides(made, LIMBS, ("trunk",), Z)
+    np.testing.assert_allclose(found.direction, (np.cos(0.5), np.sin(0.5), 0.0), atol=2e-3)
+    assert found.ground_speed == pytest.approx(-length / period if belt else 0.0, rel=0.01)
+    assert len(found.of("foot_r")) == 10
+    truth = period * np.arange(1, 12)
+    np.testing.assert_allclose(found.strikes["foot_r"], truth, atol=1.5 / rate)
+    np.testing.assert_allclose(found.lifts["foot_r"], period * (np.arange(12) + 0.6), atol=1.5 / rate)
+    for one in found.strides:
+        assert one.duration == pytest.approx(period, abs=1.0 / rate)
+        assert one.length == pytest.approx(length, rel=0.03)
+        assert one.duty == pytest.approx(0.6, abs=2.5 / rate / period)
+        assert one.speed == pytest.approx(length / period, rel=0.03)
+        assert np.isnan(one.width) or one.width == pytest.approx(0.3 * length, rel=0.03)
+    np.testing.assert_allclose(found.phases["foot_l"], 0.4, atol=1.5 / rate / period)
+
+
+def test_strides_do_not_depend_on_how_the_room_lies():
+    made = gait(turn=0.0)
+    turned = Series(made.time, made.names, made.values @ Z_UP_TO_Y_UP.T)
+    here, there = find_strides(made, LIMBS, ("trunk",), Z), find_strides(turned, LIMBS, ("trunk",), Y)
+    assert [one.start for one in here.strides] == pytest.approx([one.start for one in there.strides])
+    assert [one.length for one in here.strides] == pytest.approx([one.length for one in there.strides])
+
+
+def test_what_was_not_seen_is_not_told():
+    made = gait(cycles=20)
+    rng = np.random.default_rng(0)
+    values = np.array(made.values)
+    for start in rng.uniform(0.0, made.time[-1], 12):
+        values[(made.time > start) & (made.time < start + 0.05), 0] = np.nan
+    found = find_strides(Series(made.time, made.names, values), LIMBS, ("trunk",), Z)
+    whole = find_strides(made, LIMBS, ("trunk",), Z)
+    assert 3 < len(found.strikes["foot_r"]) < len(whole.strikes["foot_r"])
+    assert len(found.of("foot_l")) == len(whole.of("foot_l"))
+    for one in found.strikes["foot_r"]:
+        assert np.abs(whole.strikes["foot_r"] - one).min() < 0.005
+    for one in found.of("foot_r"):
+        assert one.duration == pytest.approx(0.25, abs=0.006)
+        assert one.seen >= 0.5
+
+
+def test_noise_of_the_markers_moves_events_little():
+    made = gait()
+    noisy = Series(made.time, made.names, made.values + np.random.default_rng(1).normal(0.0, 3e-4, made.values.shape))
+    found, truth = find_strides(noisy, LIMBS, ("trunk",), Z), find_strides(made, LIMBS, ("trunk",), Z)
+    for limb in ("foot_r", "foot_l"):
+        errors = [np.abs(truth.strikes[limb] - one).min() for one in found.strikes[limb]]
+        assert len(errors) == len(truth.strikes[limb])
+        assert np.median(errors) < 0.01
+
+
+def test_plates_go_before_markers():
+    made = gait(belt=False)
+    strikes = 0.25 * np.arange(1, 12)
+    time = np.arange(0.0, made.time[-1], 0.001)
+    share = (time - 0.004) / 0.25 % 1.0
+    forces = np.zeros((len(time), 1, 3))
+    forces[:, 0, 2] = np.where(share < 0.6, 0.25, 0.0)
+    loads = Wrenches(time, ("plate",), ("foot_r",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    found = find_strides(made, LIMBS, ("trunk",), Z, wrenches=loads, weight=0.25)
+    assert {one.source for one in found.of("foot_r")} == {"plates"}
+    assert {one.source for one in found.of("foot_l")} == {"markers"}
+    np.testing.assert_allclose(found.strikes["foot_r"][:11], strikes + 0.004, atol=0.006)
+    with pytest.raises(BadData, match="weight is missing"):
+        find_strides(made, LIMBS, ("trunk",), Z, wrenches=loads)
+
+
+def test_a_real_walk_against_its_plates(data):
+    folder = "rajagopal-walk-emg"
+    markers = read_trc(data(f"{folder}/markers_walk.trc")).markers
+    loads = read_external_loads(data(f"{folder}/grf_walk.xml"))
+    limbs = [
+        Limb(f"calcn_{s}", (f"{s.upper()}.Heel",), (f"{s.upper()}.Toe",), bodies=(f"calcn_{s}",)) for s in ("r", "l")
+    ]
+    seen = find_strides(markers, limbs, ("R.ASIS", "L.ASIS"), Y)
+    told = find_strides(markers, limbs, ("R.ASIS", "L.ASIS"), Y, wrenches=loads, weight=735.0)
+    assert [one.limb for one in seen.strides] == ["calcn_r", "calcn_l"]
+    for which in ("strikes", "lifts"):
+        for limb, times in getattr(told, which).items():
+            assert np.abs(getattr(seen, which)[limb] - times).max() < 0.04
+    assert 0.55 < told.strides[0].duty < 0.7
+    assert 1.0 < told.strides[0].speed < 1.6
+
+
+def test_what_is_wrong_is_named():
+    made = gait()
+    with pytest.raises(UnknownName, match="hoof"):
+        find_strides(made, (Limb("a", ("hoof",)),), ("trunk",), Z)
+    with pytest.raises(BadData, match="no limb"):
+        find_strides(made, (), ("trunk",), Z)
+    with pytest.raises(BadData, match="vertical"):
+        find_strides(made, LIMBS, ("trunk",), Z, direction=Z)
+    hidden = np.array(made.values)
+    hidden[:, 2] = np.nan
+    with pytest.raises(BadData, match="trunk"):
+        find_strides(Series(made.time, made.names, hidden), LIMBS, ("trunk",), Z)
+    still = np.array(made.values)
+    still[:, 1] = still[:, 2]
+    assert (
+        "foot_l: the foot is not seen to go forward and back"
+        in find_strides(Series(made.time, made.names, still), LIMBS, ("trunk",), Z).notes
+    )
+
+
+def test_phases_are_against_the_first_limb_or_none():
+    made = gait()
+    still = np.array(made.values)
+    still[:, 0] = still[:, 2]
+    third = Limb("foot_x", ("paw_l",))
+    found = find_strides(Series(made.time, made.names, still), (*LIMBS, third), ("trunk",), Z)
+    assert set(found.phases) == {"foot_l", "foot_x"}
+    assert all(len(one) == 0 for one in found.phases.values())
+
+
+def test_curves_over_the_cycle():
+    time = np.linspace(0.0, 3.0, 301)
+    values = np.stack([np.sin(2 * np.pi * time), time], axis=1)
+    values[(time > 1.3) & (time < 1.6), 0] = np.nan
+    cycles = over_cycles(Series(time, ("wave", "line"), values), [(0.0, 1.0), (1.0, 2.0), (2.5, 3.5)])
+    assert cycles.values.shape == (3, 101, 2)
+    np.testing.assert_allclose(cycles.values[0, :, 0], np.sin(2 * np.pi * np.linspace(0, 1, 101)), atol=1e-3)
+    np.testing.assert_allclose(cycles.values[1, :, 1], np.linspace(1, 2, 101), atol=1e-12)
+    assert np.isnan(cycles.values[1, 35:55, 0]).all()
+    assert np.isfinite(cycles.values[1, 65:, 0]).all()
+    assert np.isnan(cycles.values[2, 55:, 1]).all()
+    with pytest.raises(BadData, match="does not go forward"):
+        over_cycles(Series(time, ("a",), values[:, :1]), [(1.0, 1.0)])
+
+
+def test_intervals_hold_the_mean_as_often_as_they_say():
+    rng = np.random.default_rng(2)
+    held = []
+    for _ in range(1000):
+        one = band(rng.normal(3.0, 2.0, (5, 1)))
+        held.append(one.low[0] < 3.0 < one.high[0])
+    assert abs(np.mean(held) - 0.95) < 0.021
+    few = band(np.array([[1.0], [np.nan]]))
+    assert few.mean[0] == 1.0
+    assert np.isnan(few.low[0])
+    assert few.count[0] == 1

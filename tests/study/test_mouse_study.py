@@ -1,0 +1,78 @@
+"""A study of a mouse: labels of its own, parts worth using, muscle lengths of every stride in page and tables."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from benchmarks.mouse_recordings import GAIT_LABELS, both_hindlimbs
+
+from myomorph.io.osim_write import write_osim
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.series import Markers, Trial
+from myomorph.study.inputs import with_labels
+from myomorph.study.plan import read_plan
+from myomorph.study.run import run_study
+
+RECORDING = "mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d"
+
+
+def study(folder, data, steps, more=""):
+    data("mouse-hindlimb-muscles/mouse_hindlimb.json")
+    recording = data(RECORDING)
+    write_osim(both_hindlimbs(recording.parents[1]), folder / "mouse.osim")
+    labels = ", ".join(f'"{old}" = "{new}"' for old, new in GAIT_LABELS.items())
+    text = f"""
+        [study]
+        name = "mouse"
+        [[subject]]
+        name = "1R"
+        model = "mouse.osim"
+        trials = ["{recording}"]
+        steps = {steps}
+        labels = {{ {labels} }}
+        {more}
+        """
+    (folder / "study.toml").write_text("\n".join(line.strip() for line in text.splitlines()))
+    return read_plan(folder / "study.toml")
+
+
+def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
+    plan = study(tmp_path, data, ["ik", "muscles", "report"], "[options.ik]\ncrossings_only = true")
+    outcome = run_study(plan, tmp_path / "out")[0]
+    assert outcome.error == ""
+    assert outcome.done == ("ik", "muscles", "report")
+    # Generic bones under skin: millimetres, not centimetres.
+    assert outcome.rms < 5e-3
+    page = (outcome.folder / "report.html").read_text()
+    assert "Muscle lengths over the stride" in page
+    rows = list(csv.DictReader((outcome.folder / "length_ranges.csv").open()))
+    assert len(rows) == 84
+    assert {row["limb"] for row in rows} == {"Foot_r", "Foot_l"}
+    strides = list(csv.reader((outcome.folder / "length_strides.csv").open()))
+    lasting = {(row[0], row[1]): float(row[2]) - float(row[1]) for row in strides[1:]}
+    assert len(lasting) >= 12
+    assert np.median(list(lasting.values())) == pytest.approx(0.28, abs=0.05)
+
+
+def test_parts_that_show_enough_nowhere_are_named(tmp_path, data):
+    plan = study(tmp_path, data, ["ik"], "[options.ik]\ncrossings_only = true\ncrossings_shortest = 30.0")
+    assert "no part of 30 s shows 75 %" in run_study(plan, tmp_path / "out")[0].error
+    with pytest.raises(BadFile, match="crossings_onl"):
+        study(tmp_path, data, ["ik"], "[options.ik]\ncrossings_onl = true")
+
+
+def test_labels_that_the_model_does_not_know_are_named(tmp_path, data):
+    study(tmp_path, data, ["ik"])
+    file = tmp_path / "study.toml"
+    file.write_text(file.read_text().replace('"Left_Illiac"', '"Left_Iliac"'))
+    error = run_study(read_plan(file), tmp_path / "out")[0].error
+    assert "unknown marker 'Left_Iliac': labels: the model has" in error
+
+
+def test_two_markers_cannot_have_one_name():
+    trial = Trial(markers=Markers(np.zeros(1), ("LEFT_HIP", "LeftHIP"), np.zeros((1, 2, 3))), source="mouse.c3d")
+    with pytest.raises(BadData, match="'LEFT_HIP' and 'LeftHIP' would both be called 'Left_Hip'"):
+        with_labels(trial, GAIT_LABELS)
+    assert with_labels(trial, {"Nose": "Head", "LeftHIP": "hip"}).markers.names == ("LEFT_HIP", "hip")

@@ -1,0 +1,131 @@
+"""Species tables out of files, and a man's leg muscles on a mouse's skeleton as files of both have them."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from myomorph.io.osim import read_osim
+from myomorph.model.errors import BadData, BadFile
+from myomorph.morph.nonrigid import MatchOptions
+from myomorph.study.inputs import open_model
+from myomorph.study.morphing import MorphSettings, write_morphed
+from myomorph.study.species_morphing import SpeciesFiles, species_files
+from myomorph.study.species_table import read_species, species_tables
+from myomorph.study.virtual_shoulder import arm_model
+from opensim_oracle import ask
+
+OWN = """
+[frames]
+source = { proximal = "+y", anterior = "+x", right = "+z" }
+target = { proximal = "+z", anterior = "+y", right = "+x" }
+[[bone]]
+sources = ["femur"]
+targets = ["thigh"]
+landmarks = [{ name = "top", rule = "farthest", toward = { proximal = 1 } }]
+"""
+
+
+def test_the_table_of_man_and_mouse_is_whole():
+    assert set(species_tables()) >= {"human-mouse", "human-mouse-arm"}
+    table = read_species("human-mouse")
+    assert {one.targets[0] for one in table.bones} >= {"mouse", "mouse__RFemur", "mouse__RTibia", "mouse__RTarsus"}
+    assert table.homologous("semimem_r") == ("SM",)
+    assert table.homologous("sart_r") == ()
+    named = [name for one in table.muscles for name in one.sources]
+    assert len(named) == len(set(named))
+    for bone in table.bones:
+        names = [rule.name for rule in bone.landmarks]
+        assert len(names) == len(set(names)), bone.sources
+
+
+@pytest.mark.parametrize("name", ["human-mouse", "human-mouse-arm"])
+def test_tables_name_what_the_models_have(data, name):
+    pytest.importorskip("myo_sim")
+    leg = data("rajagopal-walk-emg/subject_walk_scaled.osim")
+    source = arm_model() if name.endswith("arm") else open_model(leg)
+    target = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
+    table = read_species(name)
+    joints = [rule for bone in table.bones for rule in bone.landmarks if rule.rule == "joint"]
+    ours = [n for bone in table.bones for n in (*bone.sources, *bone.carried)] + [one.source_joint for one in joints]
+    theirs = [n for bone in table.bones for n in bone.targets] + [one.target_joint for one in joints]
+    assert set(ours) | set(table.missing) <= set(source.body_names)
+    assert set(theirs) | set(table.extra) <= set(target.body_names)
+    for pair in table.coordinates:
+        low, high = target.coordinate(pair.target).range
+        ends = [pair.factor * one + pair.offset for one in source.coordinate(pair.source).range]
+        assert max(low, min(ends)) < min(high, max(ends)), pair.source
+    assert {one for pair in table.muscles for one in pair.sources} <= set(source.muscle_names)
+
+
+def test_a_table_of_ones_own(tmp_path):
+    (tmp_path / "cat.toml").write_text(OWN)
+    table = read_species(tmp_path / "cat.toml")
+    assert table.name == "cat"
+    assert table.source_frame.axes[0] == pytest.approx([0.0, 1.0, 0.0])
+    assert table.bones[0].landmarks[0].toward == {"proximal": 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("farthest", "nearest"), "no rule 'nearest'"),
+        (('right = "+x"', 'right = "-x"'), "mirrored"),
+        (('proximal = "+z"', 'proximal = "up"'), "expected an axis"),
+        (("sources =", "bones ="), "'bones'"),
+        (("proximal = 1 }", "upward = 1 }"), "no direction 'upward'"),
+        (("[frames]", "[frame]"), "'frame'"),
+    ],
+)
+def test_a_bad_table_is_named(tmp_path, change, told):
+    (tmp_path / "cat.toml").write_text(OWN.replace(*change))
+    with pytest.raises(BadData, match=told) as error:
+        read_species(tmp_path / "cat.toml")
+    assert "cat.toml" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_unknown_table_tells_which_there_are(tmp_path):
+    with pytest.raises(BadFile, match="human-mouse"):
+        read_species("human-cat")
+    for raw in (b"name = '\xff'", b"a = " + 100_000 * b"["):
+        (tmp_path / "cat.toml").write_bytes(raw)
+        with pytest.raises(BadFile, match="not TOML"):
+            read_species(tmp_path / "cat.toml")
+    (tmp_path / "cat.toml").write_text("[frames")
+    with pytest.raises(BadFile, match="not TOML"):
+        read_species(tmp_path / "cat.toml")
+
+
+def test_the_tables_come_with_the_package():
+    assert (files("myomorph.morph") / "data" / "human_mouse.toml").is_file()
+
+
+@pytest.mark.long
+def test_a_mouse_gets_a_mans_muscles(data, tmp_path):
+    given = SpeciesFiles(
+        data("rajagopal-walk-emg/subject_walk_scaled.osim"),
+        data("mouse-skeleton-keypoints/mouse_with_meshes.xml"),
+        geometry=data("bones-opensim-rajagopal/Geometry"),
+    )
+    morphed, bones = species_files(given, MorphSettings(match=MatchOptions(features="landmarks")))
+    model = morphed.morph.model
+    assert len(model.muscles) == 40
+    assert all(name.endswith("_l") for name in morphed.morph.left_out)
+    assert model.mass == pytest.approx(0.033, abs=0.001)
+    for muscle, change in zip(model.muscles, morphed.morph.muscles, strict=True):
+        assert 0.03 < change.path < 0.1, muscle.name
+        assert {point.body for point in muscle.path.points} <= set(model.body_names)
+    for name in ("ehl_r", "fhl_r"):
+        # The skeleton counts toes from the outer side: the inner ones are its fourth and fifth.
+        assert model.muscle(name).path.points[-1].body in ("mouse__RBPhalange4", "mouse__RBPhalange5")
+    write_morphed(morphed, tmp_path / "mouse.osim", bones=bones)
+    back = read_osim(tmp_path / "mouse.osim")
+    assert (tmp_path / back.body("mouse__RFemur").meshes[0].file).is_file()
+    pytest.importorskip("opensim")
+    found = ask({"mouse": tmp_path / "mouse.osim"}, tmp_path)["mouse"]
+    assert isinstance(found, dict), found
+    assert len(found["muscles"]) == 40
+    assert all(np.isfinite(length) and length > 0.0 for length in found["poses"][0]["lengths"].values())
