@@ -72,8 +72,9 @@ def run_command(
     threads: Threads = None,
 ) -> int:
     """Run a study file: subjects, models, trials and steps."""
+    from myomorph.study.jobs import Outcome
     from myomorph.study.plan import read_plan
-    from myomorph.study.run import Outcome, run_study
+    from myomorph.study.run import run_study
 
     use_threads(threads)
     plan = read_plan(study)

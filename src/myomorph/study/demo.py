@@ -12,8 +12,9 @@ from myomorph.model.errors import UnknownName
 from myomorph.model.model import Model
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.study.ahead import compile_ahead, compile_motion
+from myomorph.study.jobs import Outcome
 from myomorph.study.results import file_source, value_source
-from myomorph.study.run import Outcome, run_take
+from myomorph.study.run import run_take
 from myomorph.study.settings import Differentiation
 from myomorph.study.steps import CHAIN, Take
 

@@ -15,8 +15,9 @@ from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.contact_file import ContactPlan
 from myomorph.study.contact_store import get_contact_forces
+from myomorph.study.jobs import Outcome
 from myomorph.study.results import STORED, file_name, read_result, value_source
-from myomorph.study.run import Outcome, run_take
+from myomorph.study.run import run_take
 from myomorph.study.settings import Differentiation, ReportOptions
 from myomorph.study.steps import CHAIN, Take
 from myomorph.study.virtual_bout import FEET, GRIPS

@@ -14,6 +14,7 @@ from myomorph.model.errors import BadFile, listing
 from myomorph.study.body_shape import BodyOptions, BodyShape
 from myomorph.study.contact_file import AUTO
 from myomorph.study.group_plan import GroupPlan, StridesTable, groups_of
+from myomorph.study.jobs import Conditions, Excluded
 from myomorph.study.morph_files import BonesTable, bones_of
 from myomorph.study.settings import (
     Differentiation,
@@ -131,6 +132,8 @@ class Plan:
     together : trials of several subjects that are solved as one after their own steps
     remarks : which files were found by the rule of names
     groups : two groups of subjects to compare when all is done
+    conditions : of the trials
+    excluded : what the study file leaves out, and why
     """
 
     name: str
@@ -142,6 +145,8 @@ class Plan:
     subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
     together: tuple[Together, ...] = ()
     groups: GroupPlan | None = None
+    conditions: Conditions = field(default_factory=Conditions)
+    excluded: tuple[Excluded, ...] = ()
 
 
 def read_plan(path: str | Path) -> Plan:

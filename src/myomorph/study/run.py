@@ -8,7 +8,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from myomorph.motion.sync import cut
 from myomorph.study.ahead import compile_ahead
 from myomorph.study.group_plan import GroupPlan
 from myomorph.study.inputs import open_model
+from myomorph.study.jobs import Outcome
 from myomorph.study.plan import Plan
 from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
 from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
@@ -28,34 +29,6 @@ from myomorph.study.together import TOGETHER_STEPS, Part, Together, join_takes, 
 
 PARTS = ".steps"
 PART = f"step{STORED}"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one trial, or of a subject's own steps (`trial` "").
-
-    Attributes
-    ----------
-    done : steps that ended well, those taken over from an earlier run included
-    kept : steps taken over from an earlier run
-    frames : of the motion
-    rms, largest : mean over frames of the markers' root mean square error, and the largest error [m]
-    seconds : it took [s]
-    error : why it stopped, "" where all went well
-    fault : whether that is a fault of Myomorph rather than of the input
-    """
-
-    subject: str
-    trial: str
-    folder: Path
-    done: tuple[str, ...] = ()
-    kept: tuple[str, ...] = ()
-    frames: int = 0
-    rms: float = float("nan")
-    largest: float = float("nan")
-    seconds: float = 0.0
-    error: str = ""
-    fault: bool = False
 
 
 def run_study(

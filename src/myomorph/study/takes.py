@@ -61,6 +61,7 @@ class FileTake:
     mass : of the subject [kg]
     time : start and end [s]
     labels : what the model calls markers that the recording calls otherwise
+    condition : that it was recorded in, as the study file names it
     """
 
     model: Path
@@ -83,6 +84,7 @@ class FileTake:
     mass: float | None = None
     time: tuple[float, float] | None = None
     labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    condition: str = ""
 
 
 def open_take(files: FileTake, settings: Settings, model: Model | None = None) -> Take:

@@ -1,0 +1,134 @@
+"""What a study is made of: jobs that a process does alone, and the processes that do them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from myomorph.model.model import Model
+
+Key = tuple[str, str]
+"""Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for the study."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one trial, or of a subject's own steps (`trial` "").
+
+    Attributes
+    ----------
+    done : steps that ended well, those taken over from an earlier run included
+    kept : steps taken over from an earlier run
+    changed : what made other steps be computed again that an earlier run had done, one line each
+    frames : of the motion
+    rms, largest : mean over frames of the markers' root mean square error, and the largest error [m]
+    seconds : it took [s]
+    error : why it stopped, "" where all went well
+    fault : whether that is a fault of Myomorph rather than of the input
+    condition : that the trial was recorded in
+    """
+
+    subject: str
+    trial: str
+    folder: Path
+    done: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+    frames: int = 0
+    rms: float = float("nan")
+    largest: float = float("nan")
+    seconds: float = 0.0
+    error: str = ""
+    fault: bool = False
+    changed: tuple[str, ...] = ()
+    condition: str = ""
+
+    @property
+    def key(self) -> Key:
+        """Subject and trial."""
+        return self.subject, self.trial
+
+
+@dataclass(frozen=True)
+class Job:
+    """One piece of work that a process does alone.
+
+    Attributes
+    ----------
+    key : subject and trial
+    work : from the model to the outcome; a function of a module or a `partial` of one, so that it can be sent to
+        another process or machine; its own errors are in the outcome
+    needs : jobs that end well before this one may begin
+    model : file of the model that `work` is given, None where it needs none
+    """
+
+    key: Key
+    work: Callable[[Model | None], Outcome]
+    needs: tuple[Key, ...] = ()
+    model: Path | None = None
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A job that no longer runs.
+
+    Attributes
+    ----------
+    outcome : None where its process was lost
+    lost : why it was lost: killed, out of memory, out of reach
+    """
+
+    job: Job
+    outcome: Outcome | None
+    lost: str = ""
+
+
+class Workers(Protocol):
+    """Processes that do jobs: in this process, in others of this machine, or on a cluster.
+
+    Attributes
+    ----------
+    count : jobs that run at the same time
+    memory : that one worker may take [bytes], None where nothing bounds it
+    """
+
+    count: int
+    memory: int | None
+
+    def start(self, job: Job, model: Model | None) -> None:
+        """Take a job, with its model as a value; a process gets each model once, however many jobs use it."""
+
+    def ended(self, timeout: float) -> list[Ended]:
+        """Jobs that have ended since, as soon as there is one; none after `timeout` [s]. A lost worker is replaced."""
+
+    def close(self) -> None:
+        """End all processes at once, whatever they do."""
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """A trial that a study file leaves out, or a whole subject (`trial` "").
+
+    Attributes
+    ----------
+    reason : why, in the words of the study file
+    """
+
+    subject: str
+    trial: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """In which condition each trial was recorded.
+
+    Attributes
+    ----------
+    names : in the order of the study file
+    trials : condition by subject and trial
+    """
+
+    names: tuple[str, ...] = ()
+    trials: dict[Key, str] = field(default_factory=dict)
