@@ -1,0 +1,132 @@
+"""Hooks of mkdocs: equations as MathML, a reference page for every module, the changelog as a page."""
+
+from __future__ import annotations
+
+import ast
+import html
+import re
+from pathlib import Path
+
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "myomorph"
+# From the top of the map in docs/architecture.md downwards.
+ROOMS = (
+    "cli",
+    "study",
+    "report",
+    "io",
+    "tension",
+    "contact",
+    "identify",
+    "morph",
+    "motion",
+    "muscles",
+    "rigid",
+    "model",
+)
+# Names that the converter does not know, by those that it does.
+TEX = {r"\arg": r"\operatorname{arg}"}
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Complete the navigation: the reference before the pages on development, and all decisions among these."""
+    rooms = [{room: [f"reference/{room}/index.md", *(page_of(module) for module in modules(room))]} for room in ROOMS]
+    last = next(i for i, entry in enumerate(config.nav or []) if "Development" in entry)
+    decisions = [
+        path.relative_to(config.docs_dir).as_posix() for path in Path(config.docs_dir, "decisions").glob("*.md")
+    ]
+    config.nav[last]["Development"].append({"Decisions": sorted(decisions)})
+    config.nav = [*config.nav[:last], {"Reference": ["reference/index.md", *rooms]}, *config.nav[last:]]
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Pages that are made of the package and of files beside `docs/`."""
+    made = {
+        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
+        "reference/index.md": reference_index(),
+    }
+    for room in ROOMS:
+        made[f"reference/{room}/index.md"] = room_index(room)
+        made |= {page_of(module): module_page(module) for module in modules(room)}
+    for name, text in made.items():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Equations as MathML, which browsers show without a script."""
+    return re.sub(r'<(span|div) class="arithmatex">(.*?)</\1>', _equation, html_text, flags=re.DOTALL)
+
+
+def _equation(found: re.Match[str]) -> str:
+    tex = html.unescape(found[2]).strip()
+    block = tex.startswith(r"\[")
+    tex = tex[2:-2].strip()
+    for unknown, known in TEX.items():
+        tex = re.sub(re.escape(unknown) + r"(?![a-zA-Z])", lambda _, known=known: known, tex)
+    made = convert(tex, display="block" if block else "inline")
+    left = re.findall(r"\\[a-zA-Z]+", made)
+    if left:
+        raise ValueError(f"equation with commands that are not known: {left} in {tex}")
+    return made
+
+
+def modules(room: str) -> list[Path]:
+    """Modules of a room in the order of their names, without those that a program alone uses."""
+    return sorted(path for path in (PACKAGE / room).glob("*.py") if not path.stem.startswith("_"))
+
+
+def page_of(module: Path) -> str:
+    """Where a module's page lies in the site."""
+    return f"reference/{module.parent.name}/{module.stem}.md"
+
+
+def module_page(module: Path) -> str:
+    """Page of one module, filled by mkdocstrings."""
+    name = f"myomorph.{module.parent.name}.{module.stem}"
+    return f"# {module.parent.name}.{module.stem}\n\n`import {name}`\n\n::: {name}\n"
+
+
+def room_index(room: str) -> str:
+    """A room's modules, each with its first line."""
+    lines = [
+        f"# {room}",
+        "",
+        _first_line(PACKAGE / room / "__init__.py"),
+        "",
+        "| module | what it is for |",
+        "|---|---|",
+    ]
+    for module in modules(room):
+        lines.append(f"| [{module.stem}]({module.name.removesuffix('.py')}.md) | {_first_line(module)} |")
+    return "\n".join(lines) + "\n"
+
+
+def reference_index() -> str:
+    """The rooms, from the top of the map down."""
+    lines = [
+        "# Reference",
+        "",
+        "What every module offers, taken from its docstrings. A room imports only from rooms below it; "
+        "[Architecture](../architecture.md) has the map and the values that pass between rooms.",
+        "Names that begin with an underscore are nobody else's business and are left out.",
+        "",
+        "| room | what it is for | modules |",
+        "|---|---|---|",
+    ]
+    for room in ROOMS:
+        told = _first_line(PACKAGE / room / "__init__.py")
+        lines.append(f"| [{room}]({room}/index.md) | {told} | {len(modules(room))} |")
+    return "\n".join(lines) + "\n"
+
+
+def _first_line(module: Path) -> str:
+    """First line of a module's docstring, fit for a table."""
+    told = ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or ""
+    return told.split("\n\n")[0].replace("\n", " ").replace("|", r"\|")
