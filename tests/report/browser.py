@@ -95,7 +95,7 @@ class Browser:
     def _listen(self, told: dict[str, Any]) -> None:
         given = told.get("params", {})
         if told.get("method") == "Runtime.exceptionThrown":
-            self.errors.append(json.dumps(given["exceptionDetails"])[:500])
+            self.errors.append(_told(given["exceptionDetails"]))
         elif told.get("method") == "Log.entryAdded" and given["entry"]["level"] == "error":
             self.errors.append(f"{given['entry']['text']} {given['entry'].get('url', '')}")
         elif told.get("method") == "Runtime.consoleAPICalled" and given["type"] in ("error", "assert"):
@@ -109,7 +109,7 @@ class Browser:
         """The value of an expression of JavaScript in the page."""
         told = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in told:
-            raise RuntimeError(json.dumps(told["exceptionDetails"])[:500])
+            raise RuntimeError(_told(told["exceptionDetails"]))
         return told["result"].get("value")
 
     def until(self, script: str, seconds: float = 30.0) -> Any:
@@ -153,6 +153,12 @@ def wait(told: Callable[[], Any], seconds: float, what: str) -> Any:
             return found
         time.sleep(0.05)
     raise TimeoutError(f"not within {seconds:g} s: {what}")
+
+
+def _told(details: dict[str, Any]) -> str:
+    """What an exception says and where it was thrown, the message first."""
+    said = details.get("exception", {})
+    return f"{said.get('description') or said.get('value') or details.get('text')} {json.dumps(details)}"[:2000]
 
 
 def _page_address(port: int) -> str:

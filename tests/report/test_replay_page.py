@@ -257,3 +257,32 @@ def test_it_listens_on_this_machine_and_on_the_port_it_is_given() -> None:
             Replay([{"one": walker}], port)
     finally:
         replay.close()
+
+
+def test_a_plot_has_its_values_after_every_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy browser draws between any two messages, and another that opens the page gets the last of each kind."""
+    buffers = pytest.importorskip("viser.infra._async_message_buffer")
+    push, plots, drawn = buffers.AsyncMessageBuffer.push, {}, []
+
+    def look(buffer: object, message: object) -> None:
+        push(buffer, message)
+        kind, uuid = type(message).__name__, getattr(message, "uuid", None)
+        if kind == "GuiUplotMessage":
+            plots[uuid] = {"series": message.props.series, "data": message.props.data}
+        elif kind == "GuiUpdateMessage" and uuid in plots:
+            plots[uuid].update({name: one for name, one in message.updates.items() if name in plots[uuid]})
+        elif kind == "GuiRemoveMessage":
+            plots.pop(uuid, None)
+        for one in plots.values():
+            drawn.append(len(one["data"]))
+            assert len(one["series"]) == len(one["data"])
+
+    monkeypatch.setattr(buffers.AsyncMessageBuffer, "push", look)
+    replay = Replay([{"one": walker}])
+    try:
+        for text in ("recfem", "glmax1_l", "nobody", ""):
+            replay.panel.find(text)
+            replay.seek(0.5)
+        assert len(set(drawn)) > 1, "charts of different numbers of curves were shown"
+    finally:
+        replay.close()

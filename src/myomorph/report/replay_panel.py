@@ -83,7 +83,7 @@ class Panel:
 
         def changed(event: Any) -> None:
             if event.client is not None:
-                with self._replay.lock:
+                with self._replay.lock, self._server.atomic():
                     told(event.target.value)
 
         control.on_update(changed)

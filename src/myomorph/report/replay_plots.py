@@ -35,12 +35,12 @@ class Curves:
         panel = gui.add_panel()
         panel.dock_left()
         panel.set_width(WIDTH)
-        with panel.add_tab("Curves"):
-            self._coordinate = gui.add_dropdown("Coordinate", ("",), hint="Type to search")
-            on(self._coordinate, lambda _: self._show_coordinate())
-            self._plots = {
-                name: Plot(gui) for name in ("coordinate", "activation", "tension", "torque", "force", "center")
-            }
+        names = ("coordinate", "activation", "tension", "torque", "force", "center")
+        tab = panel.add_tab("Curves")
+        with tab:
+            self._coordinate = gui.add_dropdown("Coordinate", ("",), hint="Type to search", order=0.0)
+        on(self._coordinate, lambda _: self._show_coordinate())
+        self._plots = {name: Plot(gui, tab, float(place)) for place, name in enumerate(names, start=1)}
         self.show_body(body)
 
     def show_body(self, body: PlayedBody) -> None:
@@ -74,48 +74,59 @@ class Curves:
 
 
 class Plot:
-    """A chart on a page, whose line moves with the time; its place in the panel is kept where it is empty."""
+    """A chart on a page, whose line moves with the time.
 
-    def __init__(self, gui: Any):
-        self._handle = gui.add_uplot(
-            (np.array([0.0, 1.0]), np.zeros(2)),
-            ({}, {}),
-            axes=({"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}),
-            legend={"show": True, "live": True},
-            cursor={"drag": {"x": True, "y": False}},
-            height=HEIGHT,
-            padding=(0, 10, 0, 0),
-            visible=False,
-        )
-        self._chart: Chart | None = None
+    Another chart is another plot in the same place, made whole by one message: a page that draws between a message with
+    other curves and one with their values looks for values that are not there.
+
+    Parameters
+    ----------
+    gui : `viser`'s controls
+    tab : where it stands
+    place : among the tab's controls
+    """
+
+    def __init__(self, gui: Any, tab: Any, place: float):
+        self._gui, self._tab, self._place = gui, tab, place
+        self._handle: Any = None
         self._time: Array = np.zeros(0)
         self._lines: Array = np.zeros((0, 0))
         self._range = (0.0, 1.0)
 
     def show(self, chart: Chart | None, time: Array, now: float) -> None:
         """Show another chart at a body's times, or none."""
-        self._chart = chart if len(time) > 1 else None
-        self._handle.visible = self._chart is not None
-        if self._chart is None:
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+        if chart is None or len(time) < 2:
             return
         step = max(-(-len(time) // MOST_POINTS), 1)
         self._time = time[::step]
-        self._lines = np.stack([one.values[::step] for one in self._chart.curves])
+        self._lines = np.stack([one.values[::step] for one in chart.curves])
         known = self._lines[np.isfinite(self._lines)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
         room = 0.06 * max(high - low, 1e-6)
         self._range = (low - room, high + room)
-        series = ({"label": "t [s]"}, *(_series(one) for one in self._chart.curves), _plain(NOW))
-        scales = {
-            "x": {"time": False, "range": (float(self._time[0]), float(self._time[-1]))},
-            "y": {"range": self._range},
-        }
-        self._handle.series, self._handle.scales, self._handle.title = series, scales, self._chart.title
-        self._handle.data = self._data(now)
+        with self._tab:
+            self._handle = self._gui.add_uplot(
+                self._data(now),
+                ({"label": "t [s]"}, *(_series(one) for one in chart.curves), _plain(NOW)),
+                title=chart.title,
+                scales={
+                    "x": {"time": False, "range": (float(self._time[0]), float(self._time[-1]))},
+                    "y": {"range": self._range},
+                },
+                axes=({"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}),
+                legend={"show": True, "live": True},
+                cursor={"drag": {"x": True, "y": False}},
+                height=HEIGHT,
+                padding=(0, 10, 0, 0),
+                order=self._place,
+            )
 
     def move(self, now: float) -> None:
         """Put the line at another time [s]."""
-        if self._chart is not None:
+        if self._handle is not None:
             self._handle.data = self._data(now)
 
     def _data(self, now: float) -> tuple[Array, ...]:
