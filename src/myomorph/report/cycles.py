@@ -73,25 +73,35 @@ def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: i
     if series.values.ndim != 2:
         raise BadData(f"curves over the cycle are of single numbers, but these have shape {series.values.shape}")
     values = np.full((len(spans), samples, len(series.names)), np.nan)
+    known = np.isfinite(series.values).all(axis=0)
     for k, (start, stop) in enumerate(spans):
         if not stop > start:
             raise BadData(f"a cycle from {start:g} to {stop:g} s does not go forward")
         at = np.linspace(start, stop, samples)
-        for j in range(len(series.names)):
+        # Columns without gaps share their places in time, and are done together.
+        values[k][:, known] = _between(series.time, series.values[:, known], at)
+        for j in np.flatnonzero(~known):
             values[k, :, j] = _resampled(series.time, series.values[:, j], at)
     return Cycles(series.names, values)
 
 
 def _resampled(time: Array, values: Array, at: Array) -> Array:
     known = np.isfinite(values)
-    if known.sum() < 2:
-        return np.full(len(at), np.nan)
-    t = time[known]
-    found = np.interp(at, t, values[known], left=np.nan, right=np.nan)
-    after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
-    step = float(np.median(np.diff(time)))
-    apart = np.where(t[after] == at, 0.0, t[after] - t[after - 1])
-    found[apart > max(LONGEST_GAP * (at[-1] - at[0]), 1.5 * step)] = np.nan
+    return _between(time[known], values[known, None], at, float(np.median(np.diff(time))))[:, 0]
+
+
+def _between(time: Array, values: Array, at: Array, step: float = np.nan) -> Array:
+    """Values (frames, n), all known, by straight lines at other times (samples, n); NaN outside and in long gaps."""
+    if len(time) < 2:
+        return np.full((len(at), values.shape[1]), np.nan)
+    step = step if np.isfinite(step) else float(np.median(np.diff(time)))
+    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    span = time[after] - time[after - 1]
+    share = ((at - time[after - 1]) / span)[:, None]
+    found: Array = values[after - 1] + share * (values[after] - values[after - 1])
+    apart = np.where(time[after] == at, 0.0, span)
+    hidden = (apart > max(LONGEST_GAP * (at[-1] - at[0]), 1.5 * step)) | (at < time[0]) | (at > time[-1])
+    found[hidden] = np.nan
     return found
 
 

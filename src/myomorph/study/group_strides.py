@@ -184,7 +184,7 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
                 if np.isfinite(phase).any():
                     scalars.setdefault(f"{PHASE}{limb} after {strides.limbs[0]}", []).append(phase)
         for family, series in _signals(found, model).items():
-            cycles = _by_side(series, strides)
+            cycles = by_side(series, strides)
             if cycles is not None:
                 curves.setdefault(family, []).append(cycles)
     return Animal(
@@ -245,20 +245,20 @@ def _moving(series: Series) -> Series:
     return Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
 
 
-def _by_side(series: Series, strides: TrialStrides) -> Cycles | None:
+def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
     """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the others NaN."""
     sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
     spans = {limb: [(one.start, one.stop) for one in strides.of(limb)] for limb in strides.limbs}
     most = max((len(own) for own in spans.values()), default=0)
     if not most:
         return None
-    parts = []
-    for k, name in enumerate(series.names):
-        limb = sides.get(split_side(name)[1], strides.limbs[0])
-        column = Series(series.time, (name,), series.values[:, k : k + 1])
-        values = over_cycles(column, spans[limb]).values if spans[limb] else np.zeros((0, SAMPLES, 1))
-        parts.append(np.concatenate([values, np.full((most - len(values), values.shape[1], 1), np.nan)]))
-    return Cycles(series.names, np.concatenate(parts, axis=2))
+    limbs = [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
+    values = np.full((most, SAMPLES, len(series.names)), np.nan)
+    for limb in dict.fromkeys(limbs):
+        own = [k for k, one in enumerate(limbs) if one == limb]
+        columns = Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
+        values[: len(spans[limb]), :, own] = over_cycles(columns, spans[limb]).values
+    return Cycles(series.names, values)
 
 
 def _joined(parts: Sequence[Cycles]) -> Cycles:

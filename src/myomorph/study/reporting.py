@@ -183,8 +183,13 @@ def _source_model(source: Source, found: Stored) -> Model:
     return open_model(same)
 
 
-def report_input(found: Stored, model: Model) -> ReportInput:
-    """What a report is made of, from results and their model."""
+def report_input(found: Stored, model: Model, surfaces: Mapping[str, Surface] | None = None) -> ReportInput:
+    """What a report is made of, from results and their model.
+
+    Parameters
+    ----------
+    surfaces : meshes of the bodies; by default those that lie beside the model's file
+    """
     facts = found.facts
     notes = json.loads(facts.get("notes", "{}"))
     mass = facts.get("mass", "")
@@ -204,7 +209,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         sources=_sources(found.provenance),
         steps=tuple(_step(step, found) for step in CHAIN if step in found.provenance),
         model=model,
-        surfaces=surfaces_of(model),
+        surfaces=surfaces_of(model) if surfaces is None else surfaces,
         markers=store.get_markers(found),
         fit=fit,
         motion=store.get_derivatives(found) if fit is None else None,
