@@ -58,7 +58,23 @@ def value_source(role: str, name: str, *values: object) -> Source:
 
 def provenance_of(step: str, sources: Iterable[Source], options: Mapping[str, object]) -> Provenance:
     """Provenance of a result that is being made now, by this version."""
-    return Provenance(step, tuple(sources), dict(options), __version__, datetime.now(UTC).isoformat(timespec="seconds"))
+    return Provenance(step, tuple(sources), dict(options), __version__, made_at())
+
+
+def fixed_date() -> int | None:
+    """The time that results are to be dated with [s since 1970], from SOURCE_DATE_EPOCH; None for that of the clock.
+
+    Results of the same inputs are then equal byte for byte, whenever they were made.
+    """
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return int(given) if given.isdigit() else None
+
+
+def made_at() -> str:
+    """The date of a result that is made now, ISO 8601 with time zone."""
+    fixed = fixed_date()
+    now = datetime.now(UTC) if fixed is None else datetime.fromtimestamp(fixed, UTC)
+    return now.isoformat(timespec="seconds")
 
 
 class ResultWriter:
@@ -223,19 +239,20 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
     BadFile
         where the file is not one
     """
-    import h5netcdf
+    import h5py
 
     try:
-        with h5netcdf.File(path, "r") as file:
+        # Read as the HDF5 that a NetCDF is: many small variables come several times as fast.
+        with h5py.File(path, "r") as file:
             values, names = {}, {}
-            for name, variable in file.variables.items():
-                if name in leave_out:
+            for name, variable in file.items():
+                if name in leave_out or _is_bare_dimension(variable):
                     continue
                 if variable.dtype.kind in "OSU":
                     names[name] = tuple(_text(one) for one in variable[...])
                 else:
                     values[name] = variable[...]
-            attributes = {name: _text(value) for name, value in file.attrs.items()}
+            attributes = _attributes(file)
         marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
         made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
     except (OSError, ValueError, KeyError) as error:
@@ -246,13 +263,13 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
 
 def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
     """Provenance by step of a result file, empty where there is none that can be read."""
-    import h5netcdf
+    import h5py
 
     if not Path(path).is_file():
         return {}
     try:
-        with h5netcdf.File(path, "r") as file:
-            marked = {name: _text(value) for name, value in file.attrs.items() if name.startswith(PROVENANCE)}
+        with h5py.File(path, "r") as file:
+            marked = {name: text for name, text in _attributes(file).items() if name.startswith(PROVENANCE)}
         return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
     except (OSError, ValueError):
         return {}
@@ -297,7 +314,20 @@ def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(units[model.coordinate(name).motion] for name in names)
 
 
+def _attributes(file: Any) -> dict[str, str]:
+    """Texts about a whole file, without those of the format itself."""
+    return {name: _text(value) for name, value in file.attrs.items() if not name.startswith("_NC")}
+
+
+def _is_bare_dimension(variable: Any) -> bool:
+    """Whether a data set stands for a dimension whose entries have no names."""
+    return _text(variable.attrs.get("NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable")
+
+
 def _text(value: Any) -> str:
+    if getattr(value, "shape", ()) is None:
+        # Empty text, as HDF5 keeps it.
+        return ""
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     return str(value)
