@@ -206,6 +206,24 @@ class OnlineKinematics:
         self._before = [*self._before[-1:], values]
         return values, error
 
+    def from_start(self, time: float, positions: Array, start: Array, posture: Array) -> tuple[Array, float]:
+        """As `solve`, but from a pose that is given, and remembering nothing.
+
+        Parameters
+        ----------
+        start : (coordinates,) where to begin
+        posture : (coordinates,) what coordinates that no marker shows are drawn to
+        """
+        observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
+        targets = coordinate_targets(self._tree, np.array([time]), self._options)
+        return self._settle(observed, targets, start, posture)
+
+    def from_anywhere(self, time: float, positions: Array, posture: Array) -> tuple[Array, float]:
+        """As `from_start`, but from the best of several headings."""
+        observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
+        targets = coordinate_targets(self._tree, np.array([time]), self._options)
+        return self._settle(observed, targets, self._search(observed, targets), posture)
+
     def _start(self, observed: Array, targets: Array) -> Array:
         if len(self._before) == 2:
             return 2.0 * self._before[1] - self._before[0]
@@ -215,12 +233,14 @@ class OnlineKinematics:
         options = self._options
         return scout_poses(self._tree, self._arrays, observed, targets, options.posture_weight, options.iterations)[0]
 
-    def _settle(self, observed: Array, targets: Array, start: Array) -> tuple[Array, float]:
-        options = self._options
+    def _settle(
+        self, observed: Array, targets: Array, start: Array, posture: Array | None = None
+    ) -> tuple[Array, float]:
+        options, drawn = self._options, self._tree.defaults if posture is None else posture
         values, errors = np.empty((1, len(start))), np.empty((1, len(self.marker_names)))
         converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
         self._solve_frames(
-            self._tree.arrays, self._arrays, observed, targets, self._tree.defaults, options.posture_weight,
+            self._tree.arrays, self._arrays, observed, targets, drawn, options.posture_weight,
             options.tolerance, options.iterations, start[None], values, errors, converged, iterations,
         )  # fmt: skip
         return values[0], float(np.sqrt(np.nanmean(errors**2)))

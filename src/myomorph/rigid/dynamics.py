@@ -61,7 +61,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
     def part(start: int, stop: int) -> None:
         part = slice(start, stop)
-        _inverse_dynamics(
+        inverse_dynamics_frames(
             tree.arrays, c[part], cdot[part], cddot[part], bodies, forces[part], points[part], torques[part], tau[part]
         )
 
@@ -134,7 +134,8 @@ def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tu
 
 
 @njit(cache=True, nogil=True)
-def _inverse_dynamics(T, c, cdot, cddot, bodies, forces, points, torques, tau):
+def inverse_dynamics_frames(T, c, cdot, cddot, bodies, forces, points, torques, tau):
+    """Fill tau (frames, coordinates) from consistent values and rates, and wrenches (frames, wrenches, 3) on bodies."""
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))

@@ -240,12 +240,26 @@ class TensionProblem:
         self._imbalance[part], self._iterations[part], self._status[part] = imbalance, iterations, status
         self._store(part, x, Balance(*(one[kept] for one in given)))
 
-    def solved(self, given: Balance, begin: int = 0) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
+    def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
+        """Put other frames in the place of those that were given, as many.
+
+        Parameters
+        ----------
+        coordinates, rates, torques : (frames, coordinates) consistent, torques of inverse dynamics [N m or N]
+        """
+        self.coordinates[:], self._rates[:] = coordinates, rates
+        self._tau[:] = torques
+        self._tau -= joint_forces(self.assembly.tree, coordinates, rates)
+
+    def solved(
+        self, given: Balance, begin: int = 0, warm: Array | None = None
+    ) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
         """Variables of some frames (frames, n), multipliers (frames, rows), imbalance, iterations and status.
 
         Parameters
         ----------
         given : what to balance in the frames from `begin` on
+        warm : (rows,) multipliers to begin with, afterwards those of the last frame; None for none
         """
         frames, variables = len(given.right), len(self.separable.weight)
         x, y = np.empty((frames, variables)), np.empty(given.right.shape)
@@ -258,7 +272,7 @@ class TensionProblem:
             np.zeros((1, variables)),
             self.wells[begin : begin + frames],
             no_links() if self.smooth is None else self.smooth.links(begin, begin + frames, linked),
-            np.zeros(given.right.shape[1]),
+            np.zeros(given.right.shape[1]) if warm is None else warm,
             x,
             y,
             imbalance,

@@ -1,0 +1,229 @@
+"""A filter without a future: value, velocity and acceleration of what has come, all late by one known delay.
+
+A Bessel low-pass of fourth order (Thomson 1949) with unit gain, H(s) = 105 / (x^4 + 10 x^3 + 45 x^2 + 105 x + 105)
+with x = s T. Its delay T is the same for all that it lets pass (maximally flat), so that everything filtered by it,
+coordinates as well as forces, comes T late and otherwise unshifted. Velocity and acceleration are states of the
+filter, and need no differences. Between samples the input is a straight line, and the filter's equation is solved
+exactly along it: frames may come at uneven times, and one that is missing is bridged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from myomorph.model.errors import BadData
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+
+HALF_POWER = 2.1139176749042158
+"""Frequency times delay at which this filter halves the power, in radians."""
+
+SETTLING = 3.0
+"""Delays after which what the filter began with has fallen below 0.2 %."""
+
+
+@dataclass(frozen=True)
+class CausalFilter:
+    """The filter.
+
+    Attributes
+    ----------
+    cutoff : frequency of half the power [Hz]
+
+    Raises
+    ------
+    BadData : a cutoff that is not positive
+    """
+
+    cutoff: float = 6.0
+
+    def __post_init__(self) -> None:
+        if not (self.cutoff > 0.0 and np.isfinite(self.cutoff)):
+            raise BadData(f"cutoff {self.cutoff:g} Hz: expected a positive frequency")
+
+    @property
+    def delay(self) -> float:
+        """How late all that it gives is [s]."""
+        return HALF_POWER / (2.0 * np.pi * self.cutoff)
+
+    @property
+    def settling(self) -> float:
+        """Time after the first sample from which results hold [s]."""
+        return SETTLING * self.delay
+
+    def response(self, frequency: Array) -> Array:
+        """Complex gain at frequencies [Hz]."""
+        x = 2j * np.pi * np.asarray(frequency, dtype=np.float64) * self.delay
+        gain: Array = 105.0 / ((((x + 10.0) * x + 45.0) * x + 105.0) * x + 105.0)
+        return gain
+
+    def motion(self, motion: Motion) -> Motion:
+        """A recorded motion as the filter gives it frame by frame, with derivatives, on the recording's own times.
+
+        What stands at time t is of t less `delay`; before `settling` it is NaN.
+        """
+        stream = CausalStream(self, len(motion.names))
+        found = np.empty((len(motion), 3, len(motion.names)))
+        for frame, time in enumerate(motion.time):
+            stream.push(motion.time[frame : frame + 1], motion.values[frame : frame + 1])
+            found[frame] = stream.at(float(time))
+        return Motion(motion.time, motion.names, found[:, 0], found[:, 1], found[:, 2])
+
+    def values(self, time: Array, samples: Array, at: Array) -> Array:
+        """Samples (samples, ...) of one clock as the filter gives them at the times of another, as `motion`."""
+        flat = samples.reshape(len(time), -1)
+        stream = CausalStream(self, flat.shape[1])
+        found = np.full((len(at), flat.shape[1]), np.nan)
+        done = 0
+        for frame, stop in enumerate(np.searchsorted(time, at, side="right")):
+            stream.push(time[done:stop], flat[done:stop])
+            done = int(stop)
+            found[frame] = stream.at(float(at[frame]))[0]
+        return found.reshape(len(at), *samples.shape[1:])
+
+
+class CausalStream:
+    """The state of the filter for rows of numbers that keep coming.
+
+    Parameters
+    ----------
+    width : numbers a row
+    """
+
+    def __init__(self, filter: CausalFilter, width: int):
+        self.filter = filter
+        self._delay = filter.delay
+        # [value, T velocity, T^2 acceleration, T^3 jerk], the newest row, and room for a look ahead of it.
+        self._state, self._last = np.zeros((4, width)), np.zeros(width)
+        self._ahead, self._found = np.zeros((4, width)), np.full((3, width), np.nan)
+        # Time of the first and the newest row, and the step that the transition is of.
+        self._clock = np.full(3, np.nan)
+        self._transition, self._room = np.eye(4), np.zeros((3, 4, 4))
+        self._scales = np.array([1.0, 1.0 / self._delay, 1.0 / self._delay**2])[:, None]
+
+    @property
+    def last(self) -> float:
+        """Time of the newest row, nan before there is one [s]."""
+        return float(self._clock[1])
+
+    def settled(self, time: float) -> bool:
+        """Whether what the filter began with is forgotten at a time."""
+        return bool(time - self._clock[0] >= self.filter.settling - 1e-9)
+
+    def push(self, time: Array, rows: Array) -> None:
+        """Take rows (n, width) of ascending times (n,) [s]; a row with a NaN is as one that never came."""
+        _advance(
+            # Copies, because a kernel is compiled anew for arrays that are read-only.
+            np.array(time, dtype=np.float64), np.array(rows, dtype=np.float64), self._delay,
+            self._clock, self._state, self._last, self._transition, self._room,
+        )  # fmt: skip
+
+    def at(self, time: float) -> Array:
+        """(3, width) value, velocity and acceleration at a time not before the newest row, which is held until then.
+
+        NaN until the filter has settled. The array is used again by the next call.
+        """
+        if not self.settled(time):
+            self._found[:] = np.nan
+            return self._found
+        if time > self._clock[1]:
+            self._ahead[:] = self._state
+            _step(time - self._clock[1], self._delay, self._last, self._last, self._ahead, self._room[2], self._room)
+            np.multiply(self._ahead[:3], self._scales, out=self._found)
+        else:
+            np.multiply(self._state[:3], self._scales, out=self._found)
+        return self._found
+
+    def forget(self) -> None:
+        """Begin anew with the next row."""
+        self._clock[:] = np.nan
+
+
+@njit(cache=True, nogil=True)
+def _exponential(step, E, room):
+    """E = exp(step A) with A the filter's companion matrix in units of the delay; room (2 or more, 4, 4)."""
+    A, term, product = np.zeros((4, 4)), room[0], room[1]
+    halvings = 0
+    while step > 0.03125:
+        step *= 0.5
+        halvings += 1
+    for i in range(3):
+        A[i, i + 1] = step
+    A[3, 0], A[3, 1], A[3, 2], A[3, 3] = -105.0 * step, -105.0 * step, -45.0 * step, -10.0 * step
+    E[:] = 0.0
+    term[:] = 0.0
+    for i in range(4):
+        E[i, i] = term[i, i] = 1.0
+    for k in range(1, 19):
+        _multiply(term, A, product)
+        for i in range(4):
+            for j in range(4):
+                term[i, j] = product[i, j] / k
+                E[i, j] += term[i, j]
+    for _ in range(halvings):
+        _multiply(E, E, product)
+        E[:] = product
+
+
+@njit(cache=True, nogil=True)
+def _multiply(A, B, C):
+    for i in range(4):
+        for j in range(4):
+            total = 0.0
+            for k in range(4):
+                total += A[i, k] * B[k, j]
+            C[i, j] = total
+
+
+@njit(cache=True, nogil=True)
+def _follow(transition, share, before, now, state):
+    """States after a straight line from `before` to `now` of length `share` in delays.
+
+    Less the steady answer to the line, which lags it by one delay, the states move freely.
+    """
+    for m in range(state.shape[1]):
+        slope = (now[m] - before[m]) / share
+        a, b, c, d = state[0, m] - (before[m] - slope), state[1, m] - slope, state[2, m], state[3, m]
+        for i in range(4):
+            state[i, m] = transition[i, 0] * a + transition[i, 1] * b + transition[i, 2] * c + transition[i, 3] * d
+        state[0, m] += now[m] - slope
+        state[1, m] += slope
+
+
+@njit(cache=True, nogil=True)
+def _step(step, delay, before, now, state, transition, room):
+    """One step of any length [s]; `transition` is filled."""
+    _exponential(step / delay, transition, room)
+    _follow(transition, step / delay, before, now, state)
+
+
+@njit(cache=True, nogil=True)
+def _advance(time, rows, delay, clock, state, last, transition, room):
+    """Take rows one after the other; clock holds first and newest time and the step that `transition` is of."""
+    for k in range(time.shape[0]):
+        unknown = 0.0
+        for m in range(rows.shape[1]):
+            unknown += rows[k, m] - rows[k, m]
+        if unknown != 0.0:
+            continue
+        if np.isnan(clock[0]):
+            # As if it had always stood there.
+            clock[0] = clock[1] = time[k]
+            clock[2] = np.nan
+            state[:] = 0.0
+            for m in range(rows.shape[1]):
+                state[0, m] = last[m] = rows[k, m]
+            continue
+        step = time[k] - clock[1]
+        if not step > 0.0:
+            continue
+        if not abs(step - clock[2]) <= 1e-9 * step:
+            _exponential(step / delay, transition, room)
+            clock[2] = step
+        _follow(transition, step / delay, last, rows[k], state)
+        for m in range(rows.shape[1]):
+            last[m] = rows[k, m]
+        clock[1] = time[k]

@@ -1,0 +1,87 @@
+"""Muscle tensions of one frame after the other, each solved from the multipliers of the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.errors import BadModel
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series
+from myomorph.model.spatial import Array
+from myomorph.tension.dual import OPTIMAL
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.tension import TensionOptions
+
+
+@dataclass(frozen=True, eq=False)
+class TensionFrame:
+    """What one frame gives.
+
+    Attributes
+    ----------
+    activations, forces : (muscles,) NaN where the frame was not solved; along the tendons [N]
+    reserves : (actuators,) their forces [N] and torques [N m]
+    status : index into `STATUS_NAMES`
+    imbalance : greatest torque or force left unbalanced [N m or N]
+    """
+
+    activations: Array
+    forces: Array
+    reserves: Array
+    status: int
+    imbalance: float
+
+
+class OnlineTension:
+    """The problem of `solve_tension`, set up once.
+
+    Parameters
+    ----------
+    actuators : as of `solve_tension`
+
+    Attributes
+    ----------
+    muscles, actuators : names
+
+    Raises
+    ------
+    BadModel : the model has no muscle, nothing to solve for, or closes loops
+    """
+
+    def __init__(
+        self, model: Model, options: TensionOptions | None = None, actuators: Sequence[Actuator] | None = None
+    ):
+        if model.loops:
+            raise BadModel(
+                f"model '{model.name}' closes loops ('{model.loops[0].name}'), which muscle tensions frame by frame do "
+                "not take: use 'myomorph tension' after the recording"
+            )
+        rest = np.array([[one.default for one in model.coordinates]])
+        still = Motion(np.zeros(1), model.coordinate_names, rest, np.zeros_like(rest))
+        none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
+        self._problem, self.actuators = tension_problem(model, still, none, options, actuators)
+        self.muscles = model.muscle_names
+        self._optimal_forces = self._problem.assembly.optimal_forces
+        self._warm = np.zeros(len(self._problem.assembly.rows))
+
+    def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
+        """Share the torques of a frame among muscles.
+
+        Parameters
+        ----------
+        coordinates, rates, torques : (1, coordinates) consistent, of inverse dynamics [N m or N]
+        """
+        self._problem.renew(coordinates, rates, torques)
+        given = self._problem.balance(0, 1)
+        x, _, imbalance, _, status = self._problem.solved(given, 0, self._warm)
+        if status[0] != OPTIMAL:
+            self._warm[:] = 0.0
+        muscles = len(self.muscles)
+        activations = x[0, :muscles]
+        forces = given.active[0] * activations + given.passive[0] + given.viscous[0]
+        return TensionFrame(
+            activations, forces, x[0, muscles:] * self._optimal_forces, int(status[0]), float(imbalance[0])
+        )
