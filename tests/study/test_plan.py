@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.plan import companion, plain_stem, read_plan, step_settings
+from myomorph.study.companions import companion, plain_stem
+from myomorph.study.plan import read_plan
+from myomorph.study.step_settings import step_settings
 
 SMALLEST = """
 [study]

@@ -2,122 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
-
-from pydantic import Field, create_model
+from typing import Any
 
 from myomorph.model.errors import BadFile, listing
-from myomorph.study.body_shape import BodyOptions, BodyShape
-from myomorph.study.contact_file import AUTO
-from myomorph.study.group_plan import GroupPlan, StridesTable, groups_of
-from myomorph.study.jobs import Conditions, Excluded
-from myomorph.study.morph_files import BonesTable, bones_of
-from myomorph.study.settings import (
-    Differentiation,
-    EmgUse,
-    Measured,
-    ReportOptions,
-    Setting,
-    Side,
-    TensionTables,
-    TorqueTable,
-    settings_of,
-)
-from myomorph.study.study_file import (
-    Strict,
-    StudyTable,
-    check_time,
-    checked,
-    existing,
-    matching,
-    options_table,
-    read_toml,
-    refuse,
-)
+from myomorph.study.conditions import Exclusions, with_conditions
+from myomorph.study.group_plan import GroupPlan, groups_of
+from myomorph.study.jobs import Conditions, Excluded, Key
+from myomorph.study.measures import Measures, read_measures
+from myomorph.study.plan_checks import check_makers, check_masses, check_names, maker_of, makes_model
+from myomorph.study.step_settings import STEPS, check_settings, merged
+from myomorph.study.study_file import checked, existing, read_toml, refuse
+from myomorph.study.study_groups import group_members, measured_groups
+from myomorph.study.subject_names import Named, named_subjects
+from myomorph.study.subject_tables import given_options, lacking, study_tables
+from myomorph.study.subject_takes import Notes, contacts_file, measured, subject_files, subject_takes
 from myomorph.study.subjects import SUBJECT_STEPS, SubjectFiles
-from myomorph.study.takes import FileTake
-from myomorph.study.together import Together, TogetherTable, together_of
-
-STEPS = ("morph", "calibrate", "ik", "identify", "id", "muscles", "tension", "report")
-MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
-LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
-EMG = ("emg", "EMG", "electromyography", "envelopes")
-
-
-def step_settings() -> dict[str, tuple[Setting, ...]]:
-    """Settings of every step, by its name."""
-    from myomorph.identify.recordings import RecordingOptions
-    from myomorph.identify.subject import IdentificationOptions
-    from myomorph.morph.fields import MapOptions
-    from myomorph.morph.morphed import MorphOptions
-    from myomorph.morph.nonrigid import MatchOptions
-    from myomorph.motion.calibrate import CalibrationOptions
-    from myomorph.motion.crossings import CrossingOptions
-    from myomorph.motion.envelope import EnvelopeOptions
-    from myomorph.motion.ik import InverseKinematicsOptions
-    from myomorph.tension.contacts import ContactOptions
-    from myomorph.tension.emg_targets import EmgOptions
-    from myomorph.tension.solve import TensionOptions
-
-    identification = (RecordingOptions, IdentificationOptions, BodyOptions)
-    tension = (TensionOptions, ContactOptions, EmgOptions, EnvelopeOptions, EmgUse, TensionTables)
-    morph = (MatchOptions, MapOptions, MorphOptions)
-    kinematics = tuple(one for one in settings_of(InverseKinematicsOptions) if one.name != "only_weighted")
-    filters = settings_of(Differentiation)
-    return {
-        "morph": tuple(one for options in morph for one in settings_of(options)),
-        "calibrate": tuple(one for one in settings_of(CalibrationOptions) if one.name != "mass"),
-        "identify": tuple(one for options in identification for one in settings_of(options)),
-        "ik": (*kinematics, *settings_of(CrossingOptions)),
-        "id": (*filters, *settings_of(TorqueTable)),
-        "muscles": filters,
-        "report": settings_of(ReportOptions),
-        "tension": (*filters, *(one for options in tension for one in settings_of(options))),
-    }
-
-
-class _Trial(Strict):
-    """A trial given by a table, where its files do not follow the rule of names."""
-
-    markers: str
-    name: str = ""
-    loads: str | None = None
-    bodies: dict[str, str] = Field(default_factory=dict)
-    plates: list[str] = Field(default_factory=list)
-    emg: str | None = None
-    contacts: str = ""
-    measured: Measured | None = None
-    phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
-    time: tuple[float, float] | None = None
-
-
-class _Subject(Strict):
-    name: str
-    model: str
-    mass: float | None = Field(default=None, gt=0.0)
-    trials: list[str | _Trial]
-    steps: list[str] = Field(default_factory=lambda: [step for step in STEPS if step not in SUBJECT_STEPS])
-    static: str | None = None
-    skin: str | None = None
-    landmarks: str | None = None
-    height: float | None = Field(default=None, gt=0.0)
-    chest: float | None = Field(default=None, gt=0.0)
-    sex: Literal["female", "male"] | None = None
-    age: float | None = Field(default=None, gt=0.0)
-    emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
-    emg_reference: list[str] = Field(default_factory=list)
-    emg_side: Side = ""
-    tasks: str | None = None
-    actuators: str | None = None
-    contacts: str = ""
-    measured: Measured | None = None
-    time: tuple[float, float] | None = None
-    labels: dict[str, str] = Field(default_factory=dict)
-    bones: BonesTable | None = None
+from myomorph.study.takes import FileTake, Settings
+from myomorph.study.together import Together, together_of
 
 
 @dataclass(frozen=True)
@@ -126,235 +32,236 @@ class Plan:
 
     Attributes
     ----------
-    settings : by step, only what the study file says
+    settings : by step, what the study file says for all
     steps : of each take, in the order in which they run
     subjects : by name, what the steps on subjects need
     together : trials of several subjects that are solved as one after their own steps
-    remarks : which files were found by the rule of names
+    remarks : which files were found by the rule of names, and what is not used
     groups : two groups of subjects to compare when all is done
     conditions : of the trials
     excluded : what the study file leaves out, and why
+    own : settings of a subject or a trial, those for all included, where these have any
     """
 
     name: str
     path: Path
     takes: tuple[FileTake, ...]
     steps: tuple[tuple[str, ...], ...]
-    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
+    settings: Settings = field(default_factory=lambda: MappingProxyType({}))
     remarks: tuple[str, ...] = ()
     subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
     together: tuple[Together, ...] = ()
     groups: GroupPlan | None = None
     conditions: Conditions = field(default_factory=Conditions)
     excluded: tuple[Excluded, ...] = ()
+    own: Mapping[Key, Settings] = field(default_factory=lambda: MappingProxyType({}))
+
+    def settings_of(self, subject: str, trial: str = "") -> Settings:
+        """What the steps are told of a trial, or the steps on a subject."""
+        return self.own.get((subject, trial), self.own.get((subject, ""), self.settings))
+
+    @cached_property
+    def _steps(self) -> dict[str, tuple[str, ...]]:
+        own: dict[str, set[str]] = {}
+        for take, steps in zip(self.takes, self.steps, strict=True):
+            own.setdefault(take.subject, set()).update(steps)
+        return {subject: tuple(step for step in STEPS if step in told) for subject, told in own.items()}
+
+    def steps_of(self, subject: str) -> tuple[str, ...]:
+        """All steps of a subject and its trials, in the order in which they run."""
+        return self._steps.get(subject, ())
+
+    def begins_with(self, subject: str) -> str:
+        """The subject whose own steps make the model that this one begins with, "" where it begins with a file."""
+        return self.subjects[subject].model_of
+
+    def maker(self, subject: str) -> str:
+        """The subject whose own steps make the model that this one's trials use, "" where they use a file."""
+        return subject if makes_model(self.steps_of(subject)) else self.begins_with(subject)
 
 
 def read_plan(path: str | Path) -> Plan:
-    """Read a study file; paths in it are relative to its folder.
+    """Read a study file; paths in it are relative to its folder, or to that of a subject.
 
     Raises
     ------
     BadFile
         where it is no TOML, or with one list of all that is wrong: unknown keys and steps, values of the
-        wrong kind, files that do not exist, patterns that no file matches
+        wrong kind, files that do not exist, patterns that match nothing, names that clash, subjects that wait for
+        each other
     """
     path = Path(path)
-    options = options_table(step_settings())
-    file = create_model(
-        "StudyFile",
-        __base__=Strict,
-        study=(StudyTable, ...),
-        subject=(list[_Subject], Field(min_length=1)),
-        together=(list[TogetherTable], Field(default_factory=list)),
-        groups=(dict[str, list[str]], Field(default_factory=dict)),
-        strides=(StridesTable, Field(default_factory=StridesTable)),
-        options=(options, Field(default_factory=options)),
-    )
     raw = read_toml(path)
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
-    found, problems = checked(file, raw)
-    takes: list[FileTake] = []
-    steps: list[tuple[str, ...]] = []
-    remarks: list[str] = []
-    subjects: dict[str, SubjectFiles] = {}
-    together: list[Together] = []
-    groups: GroupPlan | None = None
-    if found is not None:
-        for subject in found.subject:
-            own = list(_takes(subject, path.parent, problems, remarks))
-            takes += own
-            steps += [tuple(step for step in STEPS if step in subject.steps)] * len(own)
-            if subject.name in subjects and set(SUBJECT_STEPS) & set(subject.steps):
-                problems.append(f"subject '{subject.name}' is there twice: put its trials into one table")
-            subjects[subject.name] = _subject(subject, own, path.parent, problems)
-        _distinct(takes, problems)
-        for one in found.together:
-            contacts = _contacts(one.contacts, path.parent, f"together '{one.name}'", problems)
-            together.append(together_of(one, takes, path.parent, contacts, problems))
-        trials = {one: [take.name for take in takes if take.subject == one] for one in subjects}
-        groups = groups_of(found.groups, found.strides, trials, problems)
-    refuse(path, problems)
-    assert found is not None
-    settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
+    found, problems = checked(study_tables(), raw)
+    problems += [one for one in lacking(raw) if one not in problems]
+    if found is None or problems:
+        refuse(path, problems)
+    notes = Notes(problems)
+    plan = _plan(found, path, notes)
+    refuse(path, list(dict.fromkeys(notes.problems)))
+    return plan
+
+
+@dataclass
+class _Found:
+    """Subjects and trials while a study file is being read.
+
+    Attributes
+    ----------
+    tables : of the subjects, in the order of the file
+    own : settings where they differ from those for all
+    """
+
+    takes: list[FileTake] = field(default_factory=list)
+    steps: list[tuple[str, ...]] = field(default_factory=list)
+    subjects: dict[str, SubjectFiles] = field(default_factory=dict)
+    tables: dict[str, Named] = field(default_factory=dict)
+    own: dict[Key, Settings] = field(default_factory=dict)
+
+    def steps_of(self, subject: str) -> list[str]:
+        """All steps of a subject's trials."""
+        return [
+            step for take, own in zip(self.takes, self.steps, strict=True) if take.subject == subject for step in own
+        ]
+
+
+def _plan(file: Any, path: Path, notes: Notes) -> Plan:
+    """The tables of a file as a plan; worth nothing where the notes have problems."""
+    problems, home = notes.problems, path.parent
+    settings = given_options(file)
+    check_settings(settings, "", problems)
+    exclusions = Exclusions(file.exclude, problems)
+    named = named_subjects(file.subject, home, problems, notes.remarks)
+    names = list(dict.fromkeys(one.name for one in named))
+    gone = [name for name in names if exclusions.subject(name)]
+    measures = _measures(file.study.measures, home, names, gone, notes)
+    found = _Found()
+    for one in named:
+        if one.name not in gone:
+            _add(one, found, measures, file.study.measures, settings, exclusions, notes)
+    exclusions.unused(names, found.takes, problems)
+    steps = {name: found.steps_of(name) for name in found.subjects}
+    check_masses(found.subjects, problems)
+    check_names(found.takes, steps, [one.name for one in file.together], problems)
+    before = len(problems)
+    check_makers(found.subjects, steps, problems)
+    if len(problems) == before:
+        _with_makers(found, steps)
+    told = {name: one.table.conditions for name, one in found.tables.items() if one.table.conditions}
+    takes, conditions = with_conditions(
+        found.takes, file.study.conditions, told, exclusions.found, problems, notes.remarks
+    )
     return Plan(
-        found.study.name,
+        file.study.name,
         path,
         tuple(takes),
-        tuple(steps),
+        tuple(found.steps),
         MappingProxyType(settings),
-        tuple(remarks),
-        subjects,
-        tuple(together),
-        groups,
+        tuple(dict.fromkeys(notes.remarks)),
+        found.subjects,
+        tuple(_together(file, takes, home, problems)),
+        _groups(file, found, measures, [name for name in names if name not in found.subjects], notes),
+        conditions,
+        tuple(exclusions.found),
+        MappingProxyType(found.own),
     )
 
 
-def _subject(subject: _Subject, takes: list[FileTake], folder: Path, problems: list[str]) -> SubjectFiles:
-    """What the steps on a subject need, and whether they come before the others."""
-    where = f"subject '{subject.name}'"
-    for step in SUBJECT_STEPS:
-        later = STEPS[STEPS.index(step) + 1 :]
-        before = subject.steps[: subject.steps.index(step)] if step in subject.steps else []
-        early = [one for one in before if one in later]
-        if early:
-            problems.append(f"{where}: steps: '{step}' comes after '{early[0]}', which uses the model that it makes")
-    files = {
-        role: existing(folder, name, f"{where}: {role}", problems)
-        for role, name in (("static", subject.static), ("skin", subject.skin), ("landmarks", subject.landmarks))
-    }
-    if subject.skin is None and (subject.height is None) != (subject.chest is None):
-        lacking = "chest" if subject.chest is None else "height"
-        problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
-    if "morph" in subject.steps and subject.bones is None:
-        problems.append(f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's bones")
-    bones = (
-        None
-        if subject.bones is None
-        else bones_of(subject.bones, folder / subject.model, subject.mass, folder, where, problems)
-    )
-    shape = BodyShape(files["skin"], files["landmarks"], subject.height, subject.chest, subject.sex, subject.age)
-    return SubjectFiles(subject.name, folder / subject.model, subject.mass, files["static"], shape, tuple(takes), bones)
-
-
-def _takes(subject: _Subject, folder: Path, problems: list[str], remarks: list[str]) -> Iterator[FileTake]:
-    where = f"subject '{subject.name}'"
-    for step in subject.steps:
-        if step not in STEPS:
-            problems.append(f"{where}: unknown step '{step}': there are {listing(step, STEPS)}")
-    if "ik" not in subject.steps:
-        problems.append(f"{where}: steps lack 'ik', which every other step needs")
-    shared = {
-        role: existing(folder, name, f"{where}: {role}", problems)
-        for role, name in (("model", subject.model), ("tasks", subject.tasks), ("actuators", subject.actuators))
-    }
-    reference = [
-        path for one in subject.emg_reference for path in matching(folder, one, f"{where}: emg_reference", problems)
-    ]
-    if not subject.trials:
-        problems.append(f"{where}: has no trials")
-    for given in subject.trials:
-        for trial, markers in _matches(given, folder, where, problems):
-            remarks_before = len(remarks)
-            loads = _companion(folder, trial.loads, markers, "loads", f"{where}: loads", problems, remarks)
-            emg = _companion(folder, trial.emg, markers, "emg", f"{where}: emg", problems, remarks)
-            check_time(trial.time or subject.time, f"{where}: time", problems)
-            for name, span in trial.phases.items():
-                check_time(span, f"{where}: phase '{name}'", problems)
-            if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
-                if trial.loads is None:
-                    del remarks[remarks_before:]
-                    remarks.append(f"{loads.name} is not used: it does not say which bodies its forces act on")
-                    loads = None
-                else:
-                    problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
-            assert shared["model"] is not None or problems
-            yield FileTake(
-                model=shared["model"] or folder,
-                name=trial.name or plain_stem(markers),
-                subject=subject.name,
-                markers=markers,
-                loads=loads,
-                bodies=MappingProxyType(dict(trial.bodies)),
-                plates=tuple(trial.plates),
-                emg=emg,
-                emg_muscles={channel: tuple(names) for channel, names in subject.emg_muscles.items()},
-                emg_reference=tuple(reference),
-                emg_side=subject.emg_side,
-                tasks=shared["tasks"],
-                actuators=shared["actuators"],
-                contacts=_contacts(trial.contacts or subject.contacts, folder, where, problems),
-                measured=trial.measured or subject.measured,
-                phases=MappingProxyType(dict(trial.phases)),
-                mass=subject.mass,
-                time=trial.time or subject.time,
-                labels=MappingProxyType(dict(subject.labels)),
+def _measures(
+    given: str | None, home: Path, names: Sequence[str], gone: Sequence[str], notes: Notes
+) -> dict[str, Measures]:
+    """The table of measures, with a line for each subject that the study does not leave out."""
+    path = existing(home, given, "study: measures", notes.problems)
+    if path is None:
+        return {}
+    before = len(notes.problems)
+    measures = read_measures(path, notes.problems, notes.remarks)
+    if not measures and len(notes.problems) > before:
+        return {}
+    for name in names:
+        if name not in measures and name not in gone:
+            notes.problems.append(
+                f"{given}: has no line for subject '{name}': there are {listing(name, tuple(measures))}"
             )
+    others = [name for name in measures if name not in names]
+    if others:
+        shown = ", ".join(others[:6]) + (" and others" if len(others) > 6 else "")
+        notes.remarks.append(f"{given}: lines of subjects that the study does not have: {shown}")
+    return measures
 
 
-def _matches(given: str | _Trial, folder: Path, where: str, problems: list[str]) -> list[tuple[_Trial, Path]]:
-    """The recordings that an entry of `trials` names: a pattern, a file, or a table."""
-    pattern = given if isinstance(given, str) else given.markers
-    table = _Trial(markers=pattern) if isinstance(given, str) else given
-    return [(table, path) for path in matching(folder, pattern, where, problems)]
+def _add(
+    one: Named,
+    found: _Found,
+    measures: Mapping[str, Measures],
+    source: str | None,
+    settings: Settings,
+    exclusions: Exclusions,
+    notes: Notes,
+) -> None:
+    """Add a subject and its trials."""
+    model = None
+    if source is not None:
+        table, model = measured(one, measures.get(one.name), source, notes)
+        one = replace(one, table=table)
+    given = given_options(one.table)
+    whole = merged(settings, given)
+    if given:
+        found.own[one.name, ""] = whole
+        check_settings(given, f"subject '{one.name}': ", notes.problems)
+    steps = tuple(step for step in STEPS if step in one.table.steps)
+    takes = []
+    for take, told in subject_takes(one, model, exclusions.trial, notes):
+        takes.append(take)
+        if given or told:
+            found.own[one.name, take.name] = merged(whole, told)
+            check_settings(told, f"subject '{one.name}': trial '{take.name}': ", notes.problems)
+    files = subject_files(one, model, tuple(takes), notes)
+    if one.name in found.subjects and set(SUBJECT_STEPS) & {*steps, *found.steps_of(one.name)}:
+        notes.problems.append(f"subject '{one.name}' is there twice: put its trials into one table")
+    if takes or not any(gone.subject == one.name for gone in exclusions.found):
+        found.subjects[one.name] = files
+    found.tables[one.name] = one
+    found.takes += takes
+    found.steps += [steps] * len(takes)
 
 
-def _companion(
-    folder: Path, given: str | None, markers: Path, kind: str, what: str, problems: list[str], remarks: list[str]
-) -> Path | None:
-    """The forces or EMG of a trial: as given, or found by its stem."""
-    if given is not None:
-        return existing(folder, given, what, problems)
-    found = companion(markers, kind)
-    if found is not None:
-        remarks.append(f"{markers.name}: {kind} from {found.name}")
+def _with_makers(found: _Found, steps: Mapping[str, Sequence[str]]) -> None:
+    """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
+    makers = {name: maker_of(name, found.subjects, steps) for name in found.subjects}
+    for name, maker in makers.items():
+        if not maker:
+            continue
+        first = maker
+        while makers[first]:
+            first = makers[first]
+        model = found.subjects[first].model
+        found.takes = [replace(one, model=model) if one.subject == name else one for one in found.takes]
+        own = tuple(one for one in found.takes if one.subject == name)
+        found.subjects[name] = replace(found.subjects[name], model=model, model_of=maker, takes=own)
+
+
+def _together(file: Any, takes: Sequence[FileTake], home: Path, problems: list[str]) -> list[Together]:
+    """Trials of several subjects that are solved as one."""
+    found = []
+    for one in file.together:
+        contacts = contacts_file(one.contacts, home, f"together '{one.name}'", problems)
+        found.append(together_of(one, takes, home, contacts, problems))
     return found
 
 
-def _contacts(given: str, folder: Path, where: str, problems: list[str]) -> str:
-    """What tells of contacts: "auto", or a file as a path that can be opened."""
-    if given in ("", AUTO):
-        return given
-    found = existing(folder, given, f"{where}: contacts", problems)
-    return "" if found is None else str(found)
-
-
-def plain_stem(markers: Path) -> str:
-    """A recording's name without its ending, and without "markers" before or after it."""
-    stem = markers.stem
-    for part in MARKERS:
-        if part.endswith("_") and stem.lower().startswith(part):
-            stem = stem[len(part) :]
-        elif part.startswith("_") and stem.lower().endswith(part):
-            stem = stem[: -len(part)]
-    return stem or markers.stem
-
-
-def companion(markers: Path, kind: str) -> Path | None:
-    """The file of forces ("loads") or EMG ("emg") that belongs to a recording, by its stem, or None.
-
-    With STEM the recording's name (and the same without "markers"), and WORD one of `LOADS` or `EMG`, the
-    first of these that exists beside it: STEM_WORD, WORD_STEM, STEM; forces first as an external loads file
-    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot), and never STEM alone.
-    """
-    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot"))
-    stems = dict.fromkeys((markers.stem, plain_stem(markers)))
-    for ending in endings:
-        for stem in stems:
-            names = [name for word in words for name in (f"{stem}_{word}", f"{word}_{stem}")]
-            if kind == "loads":
-                names.append(stem)
-            for name in names:
-                path = markers.with_name(name + ending)
-                if path.is_file():
-                    return path
-    return None
-
-
-def _distinct(takes: list[FileTake], problems: list[str]) -> None:
-    seen: set[tuple[str, str]] = set()
-    for take in takes:
-        key = (take.subject, take.name)
-        if key in seen:
-            problems.append(f"subject '{take.subject}' has two trials named '{take.name}': give one a 'name'")
-        seen.add(key)
+def _groups(
+    file: Any, found: _Found, measures: Mapping[str, Measures], gone: Sequence[str], notes: Notes
+) -> GroupPlan | None:
+    """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
+    subjects = tuple(found.subjects)
+    trials = {name: [take.name for take in found.takes if take.subject == name] for name in subjects}
+    if file.groups and file.study.compare:
+        notes.problems.append("study: compare and [groups] both name groups: give one of them")
+    if file.groups:
+        told = group_members(file.groups, subjects, gone, notes.problems)
+    else:
+        told = measured_groups(measures, subjects, file.study.compare, notes.problems, notes.remarks)
+    return groups_of(told, file.strides, trials, notes.problems)

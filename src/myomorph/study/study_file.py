@@ -85,13 +85,32 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
 
 def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
     """The files that a name or a pattern stands for."""
-    if any(sign in pattern for sign in "*?["):
-        found = sorted(path for path in folder.glob(pattern) if path.is_file())
+    if is_pattern(pattern) and not (folder / pattern).is_file():
+        found = [path for path in globbed(folder, pattern) if path.is_file()]
         if not found:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")
         return found
     path = existing(folder, pattern, f"{where}: trial", problems)
     return [] if path is None else [path]
+
+
+def is_pattern(text: str) -> bool:
+    """Whether a name has signs that stand for others."""
+    return any(sign in text for sign in "*?[")
+
+
+def globbed(folder: Path, pattern: str) -> list[Path]:
+    """What a pattern matches, in order; a name without such signs is itself, where it exists."""
+    if not is_pattern(pattern):
+        path = folder / pattern
+        return [path] if pattern and path.exists() else []
+    whole = Path(pattern)
+    if whole.is_absolute():
+        folder, pattern = Path(whole.anchor), str(whole.relative_to(whole.anchor))
+    try:
+        return sorted(folder.glob(pattern))
+    except (ValueError, OSError):
+        return []
 
 
 def check_time(time: tuple[float, float] | None, where: str, problems: list[str]) -> None:

@@ -13,8 +13,8 @@ from pydantic import Field, create_model
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.identify.cohort import QUANTITIES
 from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.study.companions import companion, plain_stem
 from myomorph.study.ct import ScanFiles, ScanTable, scan_files
-from myomorph.study.plan import companion, plain_stem
 from myomorph.study.plate_files import PlateFiles
 from myomorph.study.settings import Setting, settings_of
 from myomorph.study.study_file import (
