@@ -20,7 +20,8 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs import open_model
 from myomorph.study.live import LiveOptions, LiveRecording, follow, open_recording, run_live, source_of
-from myomorph.study.live_sources import LabStreams, Replay, force_channels, marker_channels
+from myomorph.study.live_channels import force_channels, marker_channels
+from myomorph.study.live_sources import LabStreams, Replay
 
 FRAMES = 120
 OPTIONS = OnlineOptions(cutoff=6.0, missing=1e9)
@@ -222,10 +223,11 @@ def test_channels_of_forces_mean_the_same_wrench() -> None:
     rng = np.random.default_rng(0)
     forces, points, torques = rng.standard_normal((3, 5, 1, 3)) * [[[[400.0]]], [[[1.0]]], [[[3.0]]]]
     total = total_wrench(forces, points, torques)
-    nine = force_channels([f"one_{a}{b}" for a in "FPT" for b in "xyz"], [""] * 3 + ["mm"] * 3 + [""] * 3)
-    np.testing.assert_allclose(nine(np.hstack([forces[:, 0], 1e3 * points[:, 0], torques[:, 0]])), total)
-    six = force_channels([f"{a}{b}" for a in "FM" for b in "xyz"], [""] * 6)
-    np.testing.assert_allclose(six(np.hstack([total[:, 3:], total[:, :3]])), total)
+    names, nine = force_channels([f"one_{a}{b}" for a in "FPT" for b in "xyz"], [""] * 3 + ["mm"] * 3 + [""] * 3)
+    np.testing.assert_allclose(nine(np.hstack([forces[:, 0], 1e3 * points[:, 0], torques[:, 0]]))[:, 0], total)
+    assert names == ("one",)
+    _, six = force_channels([f"{a}{b}" for a in "FM" for b in "xyz"], [""] * 6)
+    np.testing.assert_allclose(six(np.hstack([total[:, 3:], total[:, :3]]))[:, 0], total)
     with pytest.raises(BadData, match="plate 'one'"):
         force_channels(["one_Fx", "one_Fy"], ["", ""])
     with pytest.raises(BadData, match="expected NAME_Fx"):

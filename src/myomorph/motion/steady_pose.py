@@ -1,8 +1,8 @@
 """Poses of frames that keep coming, in which markers are lost and found again without a jump.
 
-Markers never fit a model exactly, so that the pose jumps when one of them is lost or comes back. The jump is what the
-same frame gives with the markers before and after: it is taken off at once, and given back along the path of a critically
-damped spring. What no marker shows any more keeps its last value; without any marker the whole body does.
+Markers never fit a model exactly, so that the pose jumps when one of them is lost or comes back. The jump is what
+the same frame gives with the markers before and after: it is taken off at once, and given back along the path of a
+critically damped spring. What no marker shows any more keeps its last value; without any marker the whole body does.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ class SteadyFrame:
     error : root mean square of the markers seen, about the pose that fits them [m]; nan where none is
     seen : how many of the tracked markers are
     held : whether no marker is seen, so that the pose is the last one
-    given_back : root mean square, over the coordinates in radians and metres, of the jump that is still to be given back
+    owed : root mean square, over coordinates in radians and metres, of the jump that is still to be given back
     """
 
     coordinates: Array
     error: float
     seen: int
     held: bool
-    given_back: float
+    owed: float
 
 
 class SteadyKinematics:

@@ -266,10 +266,11 @@ def _take(
 ) -> tuple[Array | None, Array | None]:
     """Push what arrived in the order of its times; the newest coordinates and markers, None where none came."""
     kept.force_time.append(arrived.force_time)
-    kept.forces.append(arrived.forces)
+    totals = arrived.forces.sum(axis=1)
+    kept.forces.append(totals)
     coordinates: Array | None = None
     seen: Array | None = None
-    forces = zip(arrived.force_time, arrived.forces, strict=True)
+    forces = zip(arrived.force_time, totals, strict=True)
     sample = 0
     before = np.searchsorted(arrived.force_time, arrived.motion_time, side="right")
     for stop, time, row in zip(before, arrived.motion_time, arrived.motion, strict=True):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,6 +14,7 @@ from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.model import GROUND
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Array, frozen_array
+from myomorph.study.live_channels import force_channels, marker_channels
 
 CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""
@@ -28,14 +28,6 @@ SILENCE = 5.0
 RATE_ERROR = 0.2
 """Share by which a stream's samples may come faster or slower than it says."""
 
-_AXIS = re.compile(r"^(.*?)[ _.:-]?([xyz])$", re.IGNORECASE)
-_FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)
-_UNITS: Mapping[str, float] = {
-    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
-    "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
-    "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2,
-}  # fmt: skip
-
 
 @dataclass(frozen=True, eq=False)
 class Arrived:
@@ -44,7 +36,8 @@ class Arrived:
     Attributes
     ----------
     motion_time, motion : (frames,) [s] and (frames, coordinates) or (frames, markers, 3) [m]
-    force_time, forces : (samples,) [s] and (samples, 6) total wrench about the ground's origin [N m], [N]
+    force_time, forces : (samples,) [s] and (samples, plates, 6) moment about the ground's origin and force of each
+        plate [N m], [N]
     """
 
     motion_time: Array
@@ -60,13 +53,16 @@ class Source(Protocol):
     ----------
     names : of markers or coordinates
     markers : whether they are markers
-    rate, force_rate : [Hz]
+    plates, bodies : names of the plates, and of the bodies that they act on, "" where not known
+    rate, force_rate : [Hz]; no forces come at 0
     duration : of the whole, None where nobody knows [s]
     speed : times real time at which it is played; 0 where that says nothing
     """
 
     names: tuple[str, ...]
     markers: bool
+    plates: tuple[str, ...]
+    bodies: tuple[str, ...]
     rate: float
     force_rate: float
     duration: float | None
@@ -74,6 +70,12 @@ class Source(Protocol):
 
     def take(self) -> Arrived:
         """Everything that came since the last call."""
+
+    def wait(self, most: float) -> None:
+        """Sleep until the next frame comes, at most so long [s]."""
+
+    def age(self, time: float) -> float:
+        """How long ago the frame of a time was there to be taken, nan where nobody knows [s]."""
 
     @property
     def done(self) -> bool:
@@ -86,7 +88,7 @@ class Replay:
     Parameters
     ----------
     motion : markers, or coordinates
-    wrenches : all external forces, in ground, on any clock
+    wrenches : all external forces, in ground, on any clock; None for none
     speed : times real time; 0 as fast as it goes
     now : a clock [s]
 
@@ -98,33 +100,45 @@ class Replay:
     def __init__(
         self,
         motion: Markers | Motion,
-        wrenches: Wrenches,
+        wrenches: Wrenches | None,
         speed: float = 1.0,
         now: Callable[[], float] = clock.monotonic,
     ):
         if not (speed >= 0.0 and np.isfinite(speed)):
             raise BadData(f"speed {speed:g}: expected 1 for real time, more for faster, 0 for as fast as it goes")
-        if len(motion) < 2 or len(wrenches) < 2:
-            raise BadData(f"{len(motion)} frames and {len(wrenches)} samples of force cannot be played: two are needed")
+        if len(motion) < 2 or (wrenches is not None and len(wrenches) < 2):
+            samples = "" if wrenches is None else f" and {len(wrenches)} samples of force"
+            raise BadData(f"{len(motion)} frames{samples} cannot be played: two are needed")
         self.names, self.markers = motion.names, isinstance(motion, Markers)
         self.rate = motion.rate
-        self.force_rate = Series(wrenches.time, (), np.zeros((len(wrenches), 0))).rate
         self.played, self._motion, self._time = motion, motion.values, motion.time
-        self._force_time = wrenches.time
-        outside = [i for i, body in enumerate(wrenches.bodies) if body != GROUND]
-        self._forces = total_wrench(*(one[:, outside] for one in (wrenches.forces, wrenches.points, wrenches.torques)))
         first, last = float(motion.time[0]), float(motion.time[-1])
-        if wrenches.time[0] > last or wrenches.time[-1] < first:
-            raise BadData(
-                f"motion ({first:g} to {last:g} s) and forces ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s) have "
-                "no time in common"
-            )
+        self._take_forces(wrenches, first, last)
         self.duration: float | None = last - first
         self.speed, self._now = speed, now
         self._began: float | None = None
         self._frame = 0
         # Forces begin a little earlier, so that their filter is filled when the motion's is.
-        self._sample = int(np.searchsorted(wrenches.time, first - 1.0))
+        self._sample = int(np.searchsorted(self._force_time, first - 1.0))
+
+    def _take_forces(self, wrenches: Wrenches | None, first: float, last: float) -> None:
+        self.plates: tuple[str, ...] = ()
+        self.bodies: tuple[str, ...] = ()
+        self.force_rate, self._force_time, self._forces = 0.0, np.zeros(0), np.zeros((0, 0, 6))
+        if wrenches is None:
+            return
+        if wrenches.time[0] > last or wrenches.time[-1] < first:
+            raise BadData(
+                f"motion ({first:g} to {last:g} s) and forces ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s) have "
+                "no time in common"
+            )
+        outside = [i for i, body in enumerate(wrenches.bodies) if body != GROUND]
+        self.plates = tuple(wrenches.names[i] for i in outside)
+        self.bodies = tuple(wrenches.bodies[i] for i in outside)
+        self.force_rate = Series(wrenches.time, (), np.zeros((len(wrenches), 0))).rate
+        self._force_time = wrenches.time
+        parts = (one[:, outside, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
+        self._forces = total_wrench(*parts)
 
     @property
     def done(self) -> bool:
@@ -146,6 +160,17 @@ class Replay:
             samples = slice(samples.start, len(self._force_time))
         return Arrived(self._time[frames], self._motion[frames], self._force_time[samples], self._forces[samples])
 
+    def wait(self, most: float) -> None:
+        """Sleep until the time of the next frame."""
+        if self.speed > 0.0 and not self.done:
+            clock.sleep(min(max(-self.age(float(self._time[self._frame])), 0.0), most))
+
+    def age(self, time: float) -> float:
+        """How long ago a frame's time was."""
+        if self.speed == 0.0 or self._began is None:
+            return float("nan") if self.speed == 0.0 else 0.0
+        return self._now() - self._began - (time - float(self._time[0])) / self.speed
+
 
 class LabStreams:
     """Markers and forces that other programs send over the Lab Streaming Layer.
@@ -158,7 +183,7 @@ class LabStreams:
 
     Parameters
     ----------
-    markers, forces : names of the streams
+    markers, forces : names of the streams; "" for no forces
     wait : for the streams to appear [s]
     turn : (3, 3) rows are the ground's axes in the laboratory; None where they are the same
     library : `pylsl`, or something that behaves like it
@@ -174,14 +199,19 @@ class LabStreams:
     speed = 0.0
 
     def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
-        lsl = library or _pylsl()
+        self._lsl = lsl = library or _pylsl()
         self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
         self._markers = _Stream(lsl, markers, "markers", wait)
         self.names, self._columns, self._scale = marker_channels(*self._markers.channels)
         self.rate = self._markers.rate
-        self._forces = _Stream(lsl, forces, "forces", wait)
-        self.force_rate = self._forces.rate
-        self._layout = force_channels(*self._forces.channels)
+        self._forces: _Stream | None = None
+        self.plates: tuple[str, ...] = ()
+        self.force_rate = 0.0
+        if forces:
+            self._forces = _Stream(lsl, forces, "forces", wait)
+            self.force_rate = self._forces.rate
+            self.plates, self._layout = force_channels(*self._forces.channels)
+        self.bodies: tuple[str, ...] = ("",) * len(self.plates)
         self._last: float | None = None
 
     @property
@@ -191,86 +221,27 @@ class LabStreams:
 
     def take(self) -> Arrived:
         """Everything that came since the last call."""
-        force_time, samples = self._forces.pulled()
+        force_time, wrenches = np.zeros(0), np.zeros((0, len(self.plates), 6))
+        if self._forces is not None:
+            force_time, samples = self._forces.pulled()
+            if len(samples):
+                wrenches = self._layout(samples)
         time, rows = self._markers.pulled()
         if len(time) or self._last is None:
             self._last = clock.monotonic()
         positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
-        wrenches = self._layout(samples) if len(samples) else np.zeros((0, 6))
         if self._turn is not None:
             positions = positions @ self._turn.T
-            wrenches = np.concatenate([wrenches[:, :3] @ self._turn.T, wrenches[:, 3:] @ self._turn.T], axis=1)
+            wrenches = np.concatenate([wrenches[..., :3] @ self._turn.T, wrenches[..., 3:] @ self._turn.T], axis=-1)
         return Arrived(time, positions, force_time, wrenches)
 
+    def wait(self, most: float) -> None:
+        """Sleep until the markers' stream sends."""
+        self._markers.wait(most)
 
-def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], np.ndarray, float]:
-    """Names of markers, (markers, 3) their channels, and the factor to metres.
-
-    Raises
-    ------
-    BadData : a marker without all three axes, no marker at all, or an unknown unit
-    """
-    found: dict[str, dict[str, int]] = {}
-    for i, label in enumerate(labels):
-        match = _AXIS.match(label)
-        if match and match[1]:
-            found.setdefault(match[1], {})[match[2].lower()] = i
-    if not found:
-        raise BadData(
-            f"the markers' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_x, NAME_y, "
-            "NAME_z for every marker"
-        )
-    for name, axes in found.items():
-        if set(axes) != set("xyz"):
-            raise BadData(f"marker '{name}' of the stream has only {', '.join(sorted(axes))}: expected x, y and z")
-    used = {units[i].strip().lower() for axes in found.values() for i in axes.values()}
-    if len(used) != 1 or not used <= set(_UNITS):
-        raise BadData(f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm")
-    columns = np.array([[axes[axis] for axis in "xyz"] for axes in found.values()])
-    return tuple(found), columns, _UNITS[used.pop()]
-
-
-def force_channels(labels: Sequence[str], units: Sequence[str]) -> Callable[[Array], Array]:
-    """Function from samples (samples, channels) to total wrenches (samples, 6) about the ground's origin.
-
-    Raises
-    ------
-    BadData : a plate with neither F, P, T nor F, M in all three axes, or points in an unknown unit
-    """
-    found: dict[str, dict[str, int]] = {}
-    for i, label in enumerate(labels):
-        match = _FORCE.match(label)
-        if match:
-            found.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
-    wanted = {"fpt": {a + b for a in "fpt" for b in "xyz"}, "fm": {a + b for a in "fm" for b in "xyz"}}
-    plates: list[tuple[str, np.ndarray, float]] = []
-    for name, channels in found.items():
-        kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
-        if not kind:
-            raise BadData(
-                f"plate '{name}' of the forces' stream has {', '.join(sorted(channels))}: expected Fx..Fz, Px..Pz, "
-                "Tx..Tz, or Fx..Fz, Mx..Mz"
-            )
-        unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
-        if unit not in _UNITS:
-            raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
-        plates.append((kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit]))
-    if not plates:
-        raise BadData(
-            f"the forces' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_Fx ... NAME_Tz"
-        )
-
-    def total(samples: Array) -> Array:
-        result = np.zeros((len(samples), 6))
-        for kind, columns, scale in plates:
-            parts = samples[:, columns]
-            if kind == "fm":
-                result += np.concatenate([parts[:, 1], parts[:, 0]], axis=1)
-            else:
-                result += total_wrench(parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2])
-        return result
-
-    return total
+    def age(self, time: float) -> float:
+        """How long ago the sender gave a frame its time, on this machine's clock."""
+        return float(self._lsl.local_clock() - time)
 
 
 def _pylsl() -> Any:
@@ -299,6 +270,14 @@ class _Stream:
             raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
         self.channels = _channels(info)
         self._first, self._count = float("nan"), 0
+        self._early: tuple[list[float], float] | None = None
+
+    def wait(self, most: float) -> None:
+        """Sleep until a sample comes, at most so long [s]; the next `pulled` gives it."""
+        if self._early is None:
+            sample, time = self._inlet.pull_sample(timeout=most)
+            if sample is not None:
+                self._early = (sample, time)
 
     def pulled(self) -> tuple[Array, Array]:
         """Times (samples,) [s] and samples (samples, channels) since the last call.
@@ -308,6 +287,9 @@ class _Stream:
         BadData : after a second, where they come at another rate than the stream says
         """
         samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
+        if self._early is not None:
+            samples, times = [self._early[0], *samples], [self._early[1], *times]
+            self._early = None
         if self._count == 0 and times:
             self._first = times[0]
         self._count += len(times)
