@@ -28,7 +28,7 @@ cutoff = {cutoff}
 def run(arm, trials='"reach.trc"', steps='"ik", "id", "muscles", "tension"', cutoff="6", resume=False):
     path = arm.folder / "study.toml"
     path.write_text(STUDY.format(trials=trials, steps=steps, cutoff=cutoff))
-    return run_study(read_plan(path), arm.out, resume)
+    return run_study(read_plan(path), arm.out, fresh=not resume)
 
 
 def test_all_steps_in_one_file(arm):

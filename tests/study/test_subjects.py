@@ -29,7 +29,7 @@ compare = false
 def run(arm, mass_sd=0.5, resume=False):
     path = arm.folder / "study.toml"
     path.write_text(STUDY.format(mass_sd=mass_sd))
-    return run_study(read_plan(path), arm.out, resume)
+    return run_study(read_plan(path), arm.out, fresh=not resume)
 
 
 def test_inverse_dynamics_uses_the_identified_model(arm):

@@ -67,36 +67,56 @@ def run_command(
     *,
     out: OutFolder,
     resume: Annotated[
-        bool, Parameter(negative=(), help="Take over steps whose inputs, options and version have not changed.")
+        bool, Parameter(negative=(), help="Take over what has not changed; this is so without it, too.")
     ] = False,
+    fresh: Annotated[
+        bool, Parameter(negative=(), help="Compute every step anew, whatever an earlier run left in the folder.")
+    ] = False,
+    workers: Annotated[
+        int | None, Parameter(help="Processes that work side by side; by default as many as cores and memory allow.")
+    ] = None,
+    memory: Annotated[
+        float | None, Parameter(help="That one process may take [GB]; by default its share of this machine's.")
+    ] = None,
     threads: Threads = None,
 ) -> int:
-    """Run a study file: subjects, models, trials and steps."""
+    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
+    from myomorph.model.errors import BadData
     from myomorph.study.jobs import Outcome
+    from myomorph.study.local_workers import local_workers
     from myomorph.study.plan import read_plan
     from myomorph.study.run import run_study
+    from myomorph.study.schedule import FULL
 
+    if resume and fresh:
+        raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
     use_threads(threads)
     plan = read_plan(study)
 
     def told(outcome: Outcome) -> None:
-        name = f"{outcome.subject}/{outcome.trial}".rstrip("/")
+        name = f"{outcome.subject}/{outcome.trial}".strip("/") or "tables of the study"
         if outcome.error:
             said(f"{name}: FAILED in {outcome.error}")
             return
         kept = f" ({len(outcome.kept)} steps unchanged)" if outcome.kept else ""
+        again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
         if not outcome.trial:
-            said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}")
+            said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
             return
         rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
-        said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}")
+        said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
 
     for remark in plan.remarks:
         said(remark)
-    outcomes = run_study(plan, out, resume, told)
+    jobs = len(plan.takes) + len(plan.together)
+    hands = local_workers(workers, None if memory is None else int(memory * 1e9), jobs)
+    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=told)
     trials = [one for one in outcomes if one.trial]
     done = sum(1 for one in trials if not one.error)
     said(f"{done} of {len(trials)} trials done; table: {out / 'results.csv'}")
+    full = sum(1 for one in trials if one.error.startswith("not run:") and FULL in one.error)
+    if full:
+        said(f"{full} trials were not run: {FULL}")
     if any(one.fault for one in outcomes):
         return OUR_FAULT
     return BAD_INPUT if any(one.error for one in outcomes) else 0

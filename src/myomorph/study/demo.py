@@ -14,7 +14,7 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.study.ahead import compile_ahead, compile_motion
 from myomorph.study.jobs import Outcome
 from myomorph.study.results import file_source, value_source
-from myomorph.study.run import run_take
+from myomorph.study.run_take import run_take
 from myomorph.study.settings import Differentiation
 from myomorph.study.steps import CHAIN, Take
 
@@ -42,7 +42,7 @@ def run_demo(name: str, out: Path) -> Outcome:
         from myomorph.study.judo_demo import run_judo_demo
 
         return run_judo_demo(out)
-    return run_take(demo_take(name), STEPS, out)
+    return run_take(demo_take(name), STEPS, out, fresh=True)
 
 
 def demo_take(name: str) -> Take:

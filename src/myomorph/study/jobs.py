@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, Protocol
 
 from myomorph.model.model import Model
 
 Key = tuple[str, str]
 """Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for the study."""
+
+
+def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(values)
+
+
+# Jobs go to other processes, and the values in them hold mappings that nobody may change, which pickle does not know.
+copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 
 @dataclass(frozen=True)
@@ -28,6 +38,8 @@ class Outcome:
     error : why it stopped, "" where all went well
     fault : whether that is a fault of Myomorph rather than of the input
     condition : that the trial was recorded in
+    timed : each step that was computed now, and how long it took [s]
+    full : whether it stopped because no space is left where results go
     """
 
     subject: str
@@ -43,6 +55,8 @@ class Outcome:
     fault: bool = False
     changed: tuple[str, ...] = ()
     condition: str = ""
+    timed: tuple[tuple[str, float], ...] = ()
+    full: bool = False
 
     @property
     def key(self) -> Key:
@@ -60,6 +74,7 @@ class Job:
     work : from the model to the outcome; a function of a module or a `partial` of one, so that it can be sent to
         another process or machine; its own errors are in the outcome
     needs : jobs that end well before this one may begin
+    after : jobs that end before it begins, well or not
     model : file of the model that `work` is given, None where it needs none
     """
 
@@ -67,6 +82,7 @@ class Job:
     work: Callable[[Model | None], Outcome]
     needs: tuple[Key, ...] = ()
     model: Path | None = None
+    after: tuple[Key, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from myomorph.study.contact_file import ContactPlan
 from myomorph.study.contact_store import get_contact_forces
 from myomorph.study.jobs import Outcome
 from myomorph.study.results import STORED, file_name, read_result, value_source
-from myomorph.study.run import run_take
+from myomorph.study.run_take import run_take
 from myomorph.study.settings import Differentiation, ReportOptions
 from myomorph.study.steps import CHAIN, Take
 from myomorph.study.virtual_bout import FEET, GRIPS
@@ -42,7 +42,7 @@ def run_judo_demo(out: Path) -> Outcome:
     """Simulate a bout, run the whole chain on it into a folder, and write `ERRORS` beside its tables and report."""
     pair = virtual_pair(BOUT, CUTOFF)
     take = judo_take(pair)
-    outcome = run_take(take, (*CHAIN, "report"), out)
+    outcome = run_take(take, (*CHAIN, "report"), out, fresh=True)
     if not outcome.error:
         found = get_contact_forces(read_result(out / f"{file_name(take.name)}{STORED}", leave_out=("moment_arm",)))
         assert found is not None

@@ -223,7 +223,13 @@ def _put_take(writer: ResultWriter, take: Take) -> None:
     store.put_truth(writer, take.truth)
     if take.emg is not None:
         store.put_emg(writer, take.emg)
-    facts = {
+    for name, text in take_facts(take).items():
+        writer.fact(name, text)
+
+
+def take_facts(take: Take) -> dict[str, str]:
+    """What is told of a recording beside its values, by name."""
+    return {
         "trial": take.name,
         "subject": take.subject,
         "mass": "" if take.mass is None else repr(take.mass),
@@ -235,8 +241,6 @@ def _put_take(writer: ResultWriter, take: Take) -> None:
         "parts": json.dumps(dict(take.parts)),
         "emg_muscles": json.dumps({channel: list(names) for channel, names in take.emg_muscles.items()}),
     }
-    for name, text in facts.items():
-        writer.fact(name, text)
 
 
 def step_provenance(step: str, take: Take) -> Provenance:

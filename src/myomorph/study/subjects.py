@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.study.body_shape import BodyShape
+from myomorph.study.changes import changes
 from myomorph.study.inputs import open_model
 from myomorph.study.made_model import PROVENANCE
 from myomorph.study.morph_files import MorphFiles
@@ -35,6 +37,7 @@ class SubjectFiles:
     shape : what is known of the body, for identification
     takes : the subject's recordings
     bones : the subject's own, for a morph
+    model_of : subject whose own steps make the model that this one begins with, "" where a file is
     """
 
     name: str
@@ -44,6 +47,7 @@ class SubjectFiles:
     shape: BodyShape = field(default_factory=BodyShape)
     takes: tuple[FileTake, ...] = ()
     bones: MorphFiles | None = None
+    model_of: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,18 +59,56 @@ class Prepared:
     path : of its file
     model : itself; its source is the file beside which its meshes lie
     done, kept : steps that made it, and those taken over from an earlier run
+    changed : what made steps be computed again that an earlier run had done
+    timed : each step that was computed, and how long it took [s]
     """
 
     path: Path
     model: Model
     done: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    timed: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class MadeModel:
+    """Where a subject's own steps leave the model that the trials use.
+
+    Attributes
+    ----------
+    path : of its file
+    drawn : file beside which its meshes lie
+    """
+
+    path: Path
+    drawn: Path
+
+    def open(self) -> Model:
+        """The model; raises `BadFile` or `BadModel`."""
+        model = open_model(self.path)
+        # A morph brings its own bones; the others are drawn by the meshes of the model they began with.
+        return model if self.drawn == self.path else replace(model, source=str(self.drawn))
+
+
+def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
+    """The model that a subject's trials use once its own steps are done."""
+    made = MadeModel(files.model, files.model)
+    for step in SUBJECT_STEPS:
+        if step in steps:
+            path = folder / MODELS[step]
+            made = MadeModel(path, path if step == "morph" else made.drawn)
+    return made
 
 
 def prepare_subject(
-    files: SubjectFiles, steps: Sequence[str], settings: Settings, folder: Path, resume: bool = False
+    files: SubjectFiles, steps: Sequence[str], settings: Settings, folder: Path, fresh: bool = False
 ) -> Prepared:
     """Run a subject's own steps into a folder: `calibrated.osim`, `identified.osim`, and their tables.
+
+    Parameters
+    ----------
+    fresh : compute every step, whatever an earlier run left
 
     Raises
     ------
@@ -80,15 +122,20 @@ def prepare_subject(
         folder.mkdir(parents=True, exist_ok=True)
         out, tables = folder / MODELS[step], folder / TABLES[step]
         made = _provenance(step, files, prepared, settings)
-        known = resume and out.is_file() and _stored_key(tables) == made.key
+        earlier = _stored(tables) if out.is_file() and not fresh else None
+        known = earlier is not None and earlier.key == made.key
+        started = time.monotonic()
         if not known:
             _RUNNERS[step](files, prepared, settings, made, out, tables)
+        changed = changes(earlier, made) if earlier is not None else ()
+        seconds = time.monotonic() - started
         prepared = Prepared(
             out,
-            # A morph brings its own bones; the others are drawn by the meshes of the model they began with.
-            open_model(out) if step == "morph" else replace(open_model(out), source=prepared.model.source),
+            made_model(files, (*prepared.done, step), folder).open(),
             (*prepared.done, step),
             (*prepared.kept, step) if known else prepared.kept,
+            tuple(dict.fromkeys((*prepared.changed, *changed))),
+            prepared.timed if known else (*prepared.timed, (step, seconds)),
         )
     return prepared
 
@@ -114,11 +161,12 @@ def _provenance(step: str, files: SubjectFiles, prepared: Prepared, settings: Se
     return provenance_of(step, sources, options)
 
 
-def _stored_key(tables: Path) -> str:
+def _stored(tables: Path) -> Provenance | None:
+    """What an earlier run made a step's result from."""
     try:
-        return Provenance.from_json((tables / PROVENANCE).read_text(encoding="utf-8")).key
+        return Provenance.from_json((tables / PROVENANCE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return ""
+        return None
 
 
 def _identify(

@@ -1,0 +1,72 @@
+"""What has changed between two ways in which a step's result was made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import PurePath
+
+from myomorph.model.provenance import Provenance, Source
+
+MOST = 60
+"""Longest value that is told whole [signs]."""
+
+
+def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
+    """Why a result that was made one way would come out otherwise the other way, one line each.
+
+    Returns
+    -------
+    () where the keys are equal: "model generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001",
+    "version 1.0.0 -> 1.1.0"
+    """
+    if before.key == after.key:
+        return ()
+    found = []
+    if before.version != after.version:
+        found.append(f"version {before.version or 'unknown'} -> {after.version or 'unknown'}")
+    found += _sources(before.sources, after.sources)
+    names = sorted(before.options.keys() | after.options.keys())
+    for name in names:
+        old, new = _option(before.options, name), _option(after.options, name)
+        if old != new:
+            found.append(f"{name} {old} -> {new}")
+    return tuple(dict.fromkeys(found)) or ("what it was made from has changed",)
+
+
+def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
+    """Inputs that came, went or hold something else; a file that only moved is the same input."""
+    found = []
+    old, new = _by_role(before), _by_role(after)
+    for role in dict.fromkeys((*old, *new)):
+        gone = [one for one in old.get(role, ()) if one.sha256 not in {other.sha256 for other in new.get(role, ())}]
+        come = [one for one in new.get(role, ()) if one.sha256 not in {other.sha256 for other in old.get(role, ())}]
+        for one in come:
+            same = next((other for other in gone if other.name == one.name), None)
+            if same is None and len(gone) == len(come) == 1:
+                same = gone[0]
+            if same is None:
+                found.append(f"{role} {_name(one)} is new")
+                continue
+            gone.remove(same)
+            moved = "" if _name(same) == _name(one) else f"{_name(same)} -> "
+            found.append(f"{role} {moved}{_name(one)} has changed" if not moved else f"{role} {moved}{_name(one)}")
+        found += [f"{role} {_name(one)} is no longer used" for one in gone]
+    return found
+
+
+def _by_role(sources: Iterable[Source]) -> dict[str, list[Source]]:
+    found: dict[str, list[Source]] = {}
+    for one in sources:
+        found.setdefault(one.role, []).append(one)
+    return found
+
+
+def _name(source: Source) -> str:
+    return PurePath(source.name.replace("\\", "/")).name or source.name
+
+
+def _option(options: Mapping[str, object], name: str) -> str:
+    """A value as text; stored ones were read back from JSON, so tuples and lists are the same."""
+    value = options.get(name)
+    text = f"{value:g}" if isinstance(value, float) else str(list(value) if isinstance(value, tuple) else value)
+    return text if len(text) <= MOST else text[:MOST] + "..."

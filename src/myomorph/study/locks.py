@@ -1,0 +1,184 @@
+"""Who may write where: one run at a time in a study's folder, one process at a time in a trial's."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import socket
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from myomorph import __version__
+from myomorph.model.errors import BadData, BadFile
+
+FORMAT = 1
+"""Of the folders that a study writes; one higher where older versions would misread them."""
+MARK = "study.json"
+LOCK = ".study.lock"
+PATIENCE = 600.0
+"""How long a trial waits for a process that still writes into its folder [s]."""
+
+
+@dataclass(frozen=True)
+class RunMark:
+    """The run that a study's folder belongs to.
+
+    Attributes
+    ----------
+    run : of this run alone
+    format, version : of the folder, and of the program that wrote it
+    host, process, since : where the run is, its number there, and when it began
+    """
+
+    folder: Path
+    run: str
+    host: str
+    process: int
+    since: str
+    version: str = __version__
+    format: int = FORMAT
+
+    def check(self) -> None:
+        """Raise `BadData` where another run has begun meanwhile, so that this process has been given up."""
+        now = read_mark(self.folder)
+        if now is not None and now.run != self.run:
+            raise BadData(f"{self.folder}: another run has begun, since {now.since} on {now.host}: this one ends")
+
+
+def read_mark(folder: Path) -> RunMark | None:
+    """Which run wrote a folder last, None where no run did.
+
+    Raises
+    ------
+    BadFile
+        where the file that tells is none of ours
+    """
+    path = folder / MARK
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        given = {name: found[name] for name in ("run", "host", "since", "version")}
+        return RunMark(folder, process=int(found["process"]), format=int(found["format"]), **given)
+    except FileNotFoundError:
+        return None
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(
+            path, f"does not tell which run wrote here ({error})", "remove it, or give --out another"
+        ) from None
+
+
+def check_age(mark: RunMark | None) -> None:
+    """Raise `BadData` where a newer version wrote the folder."""
+    if mark is None:
+        return
+    if mark.format > FORMAT or _numbers(mark.version) > _numbers(__version__):
+        raise BadData(
+            f"{mark.folder}: was written by Myomorph {mark.version}, which is newer than this one ({__version__}): "
+            "update Myomorph, or give --out another folder"
+        )
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The numbers that a version begins with: 1.2.0rc1 is (1, 2, 0)."""
+    found = []
+    for part in version.split("."):
+        digits = part[: len(part) - len(part.lstrip("0123456789"))]
+        if not digits:
+            break
+        found.append(int(digits))
+    return tuple(found)
+
+
+@contextmanager
+def study_lock(out: Path) -> Iterator[RunMark]:
+    """Keep other runs away from a study's folder, which is made where it does not exist.
+
+    Raises
+    ------
+    BadData
+        where another run writes there, or a newer version has
+    BadFile
+        where nothing can be written there
+    """
+    if out.exists() and not out.is_dir():
+        raise BadFile(out, "is a file, but results go into a folder", "give --out another name")
+    lock = FileLock(out / LOCK, timeout=0)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise BadData(_taken(out)) from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadFile(out, f"cannot be written ({reason})", "give --out another folder") from None
+    try:
+        check_age(read_mark(out))
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        mark = RunMark(out, uuid.uuid4().hex, platform.node() or socket.gethostname(), os.getpid(), now)
+        _write_mark(mark)
+        yield mark
+    finally:
+        _let_go(lock)
+
+
+def _write_mark(mark: RunMark) -> None:
+    path, told = mark.folder / MARK, {name: value for name, value in asdict(mark).items() if name != "folder"}
+    temporary = path.with_name(f".{MARK}.part")
+    try:
+        temporary.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        reason = error.strerror or str(error)
+        raise BadFile(mark.folder, f"cannot be written ({reason})", "give --out another folder") from None
+
+
+def _taken(out: Path) -> str:
+    with suppress(BadFile):
+        mark = read_mark(out)
+        if mark is not None:
+            who = f"process {mark.process} on {mark.host}, since {mark.since}"
+            return f"{out}: another run writes there ({who}): wait for its end, or give --out another folder"
+    return f"{out}: another run writes there: wait for its end, or give --out another folder"
+
+
+@contextmanager
+def folder_lock(folder: Path, mark: RunMark | None = None, patience: float = PATIENCE) -> Iterator[None]:
+    """Keep other processes away from a trial's folder: one of a run that was killed, or one that was cut off.
+
+    Raises
+    ------
+    BadData
+        where another process does not leave in time, or another run has begun meanwhile
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(folder.with_name(f".{folder.name}.lock"), timeout=patience, poll_interval=0.05)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise BadData(f"{folder}: another process still writes there: end it, then run again") from None
+    try:
+        if mark is not None:
+            mark.check()
+        yield
+    finally:
+        _let_go(lock)
+
+
+def _let_go(lock: FileLock) -> None:
+    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it before."""
+    path = Path(lock.lock_file)
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        lock.release()
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+    lock.release()

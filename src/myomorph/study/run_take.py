@@ -1,0 +1,238 @@
+"""The steps of one recording, run into its folder: what has not changed is taken over, the rest is computed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.provenance import Provenance
+from myomorph.study.ahead import compile_ahead
+from myomorph.study.changes import changes
+from myomorph.study.failures import failed
+from myomorph.study.jobs import Outcome
+from myomorph.study.kept_report import PAGE, keep_facts, report_is_made
+from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
+from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
+from myomorph.study.tidy import write_trial_values
+
+PARTS = ".steps"
+PART = f"step{STORED}"
+NEVER = "is not computed yet"
+VALUES = "values.csv"
+LEFT_OUT = ("moment_arm",)
+
+_LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
+
+
+@dataclass(frozen=True)
+class _Earlier:
+    """What an earlier run left in a folder: the file that holds each step, and what it was made from."""
+
+    files: Mapping[str, Path]
+    made: Mapping[str, Provenance]
+
+
+def _earlier(take: Take, folder: Path) -> _Earlier:
+    whole = folder / f"{file_name(take.name)}{STORED}"
+    made = stored_provenance(whole)
+    files = dict.fromkeys(made, whole)
+    for step in CHAIN:
+        part = folder / PARTS / step / PART
+        found = stored_provenance(part).get(step)
+        if found is not None:
+            made[step], files[step] = found, part
+    return _Earlier(files, made)
+
+
+def kept_steps(take: Take, steps: Sequence[str], folder: Path) -> dict[str, tuple[str, ...]]:
+    """Which steps a run would take over from results in a folder, and why it would compute the others.
+
+    Parameters
+    ----------
+    steps : those that are asked for, the report among them or not
+
+    Returns
+    -------
+    by step: () where it would be taken over, else why it is computed, one line each
+    """
+    earlier = _earlier(take, folder)
+    reasons = {step: _reasons(step, take, earlier) for step in CHAIN if step in steps}
+    if "report" in steps:
+        computed = any(reasons.values())
+        told = ("its results are new",) if computed else ("what it tells has changed",)
+        reasons["report"] = () if not computed and report_is_made(folder, take, tuple(reasons)) else told
+    return reasons
+
+
+def _reasons(step: str, take: Take, earlier: _Earlier) -> tuple[str, ...]:
+    if step not in earlier.made:
+        return (NEVER,)
+    made = step_provenance(step, take)
+    return () if made.key == earlier.made[step].key else changes(earlier.made[step], made)
+
+
+def run_take(
+    take: Take,
+    steps: Sequence[str],
+    folder: Path,
+    fresh: bool = False,
+    found: Found | None = None,
+    check: Callable[[], None] = lambda: None,
+) -> Outcome:
+    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`.
+
+    A step whose inputs, options and version are those of an earlier run is taken over. Where a step fails, what the
+    steps before it found is kept.
+
+    Parameters
+    ----------
+    fresh : compute every step, whatever is there
+    found : what is known before the first of the steps
+    check : called before each step; what it raises ends the trial
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    clear_leftovers(folder)
+    parts = folder / PARTS
+    if fresh:
+        shutil.rmtree(parts, ignore_errors=True)
+    earlier = _Earlier({}, {}) if fresh else _earlier(take, folder)
+    wanted = [step for step in CHAIN if step in steps]
+    reasons = {step: _reasons(step, take, earlier) for step in wanted}
+    computed = [step for step in wanted if reasons[step]]
+    changed = [text for step in computed for text in reasons[step] if text != NEVER]
+    outcome = Outcome(take.subject, take.name, folder, changed=tuple(dict.fromkeys(changed)))
+    chain = _Chain(take, found or Found(), earlier)
+    ahead = compile_ahead(wanted) if computed else None
+    try:
+        for step in wanted:
+            check()
+            if step not in computed:
+                chain.take_over(step)
+                outcome = replace(outcome, done=(*outcome.done, step), kept=(*outcome.kept, step))
+                continue
+            shutil.rmtree(parts / step, ignore_errors=True)
+            if ahead is not None:
+                ahead.wait(step)
+            started = time.monotonic()
+            with whole_folder(parts / step) as temporary, new_result(temporary / PART, step) as writer:
+                chain.found = run_step(step, take, chain.reached(), writer, temporary)
+            timed = (*outcome.timed, (step, time.monotonic() - started))
+            outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
+        check()
+        chain.reached("ik")
+    except Exception as error:
+        outcome = failed(outcome, error, _next(wanted, outcome.done))
+    finally:
+        if ahead is not None:
+            ahead.stop()
+    if not outcome.done:
+        return outcome
+    try:
+        _gather(take, earlier, outcome, steps)
+        outcome = _with_numbers(outcome, chain.found)
+        if outcome.timed or not (folder / VALUES).is_file():
+            write_trial_values(take, outcome)
+    except Exception as error:
+        return failed(outcome, error, "results")
+    return _report(take, outcome) if "report" in steps else outcome
+
+
+class _Chain:
+    """What the steps have found so far; results that are taken over are read only where a later step needs them."""
+
+    def __init__(self, take: Take, found: Found, earlier: _Earlier):
+        self.take, self.found, self.earlier = take, found, earlier
+        self.waiting: list[str] = []
+
+    def take_over(self, step: str) -> None:
+        """Use what an earlier run found."""
+        self.waiting.append(step)
+
+    def reached(self, only: str = "") -> Found:
+        """All that was found, or only what the step `only` adds to it."""
+        for step in [one for one in self.waiting if only in ("", one)]:
+            stored = read_result(self.earlier.files[step], leave_out=LEFT_OUT)
+            self.found = read_step(step, self.take, self.found, stored)
+            self.waiting.remove(step)
+        return self.found
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove what a process that was killed had not finished: files and folders with temporary names."""
+    for home in (folder, folder / PARTS):
+        for path in home.iterdir() if home.is_dir() else ():
+            if not _LEFTOVER.match(path.name):
+                continue
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+
+def _next(wanted: Sequence[str], done: Sequence[str]) -> str:
+    return next((step for step in wanted if step not in done), "report")
+
+
+def _gather(take: Take, earlier: _Earlier, outcome: Outcome, steps: Sequence[str]) -> None:
+    """Move the steps' tables up and put their values, and those taken over, into one file.
+
+    Results of steps that nobody asks for now stay as long as they would come out the same.
+
+    The order is that of the steps, whichever of them were taken over, so that the file is the same either way. The
+    tables of muscle paths, of which there are many, get a folder of their own.
+    """
+    folder, wanted = outcome.folder, [step for step in CHAIN if step in steps]
+    parts, stored = folder / PARTS, folder / f"{file_name(take.name)}{STORED}"
+    fresh = [step for step in outcome.done if (parts / step / PART).is_file()]
+    others = [step for step in earlier.files if step not in wanted and not _reasons(step, take, earlier)]
+    lost = [step for step in earlier.files if step not in outcome.done and step not in others]
+    if not fresh and not lost and ("report" not in steps or report_is_made(folder, take, outcome.done)):
+        return
+    with new_result(stored) as writer:
+        keep_facts(writer, take, outcome.done)
+        for step in [one for one in CHAIN if one in outcome.done or one in others]:
+            writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
+        # A report of the results before must not stand beside those that come now.
+        (folder / PAGE).unlink(missing_ok=True)
+    for step in fresh:
+        home = folder / "muscles" if step == "muscles" else folder
+        home.mkdir(exist_ok=True)
+        for path in sorted((parts / step).iterdir()):
+            if path.name != PART:
+                os.replace(path, home / path.name)
+    if parts.is_dir():
+        # Gone at once, so that a run that is killed meanwhile finds all of it or nothing.
+        away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=folder))
+        os.replace(parts, away / "steps")
+        shutil.rmtree(away, ignore_errors=True)
+
+
+def _with_numbers(outcome: Outcome, found: Found) -> Outcome:
+    if found.recorded is not None:
+        outcome = replace(outcome, frames=len(found.recorded))
+    if found.fit is not None and np.isfinite(found.fit.errors).any():
+        rms, largest = float(np.nanmean(found.fit.rms)), float(np.nanmax(found.fit.largest))
+        outcome = replace(outcome, rms=rms, largest=largest)
+    return outcome
+
+
+def _report(take: Take, outcome: Outcome) -> Outcome:
+    from myomorph.study.reporting import report_folder
+
+    if not outcome.timed and report_is_made(outcome.folder, take, outcome.done):
+        return replace(outcome, done=(*outcome.done, "report"), kept=(*outcome.kept, "report"))
+    started = time.monotonic()
+    try:
+        report_folder(outcome.folder, take)
+    except Exception as error:
+        return outcome if outcome.error else failed(outcome, error, "report")
+    timed = (*outcome.timed, ("report", time.monotonic() - started))
+    return replace(outcome, done=(*outcome.done, "report"), timed=timed)
