@@ -161,6 +161,7 @@ class Comparison:
     exact : whether all relabellings were taken
     floor : least p that these groups can reach
     notes : what should be known before anything is believed, one line each
+    paired : whether both groups are the same animals or subjects, each beside itself
     """
 
     names: tuple[str, str]
@@ -172,6 +173,7 @@ class Comparison:
     exact: bool
     floor: float
     notes: tuple[str, ...] = ()
+    paired: bool = False
 
     def family(self, name: str) -> tuple[CurveDifference, ...]:
         """Curves of one family."""
@@ -229,7 +231,7 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     )
 
 
-def _common(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
+def common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
     """Names that all animals have, in the first one's order."""
     shared = [name for name in names[0] if all(name in own for own in names)]
     lost = sorted({name for own in names for name in own} - set(shared))
@@ -243,7 +245,7 @@ def _scalars(
     first: Group, second: Group, options: GroupOptions, tested: bool, notes: list[str]
 ) -> tuple[ScalarDifference, ...]:
     animals = (*first.animals, *second.animals)
-    names = _common([tuple(one.scalars) for one in animals], "parameters", notes)
+    names = common_names([tuple(one.scalars) for one in animals], "parameters", notes)
     found = []
     for name in names:
         one, other = (
@@ -263,8 +265,8 @@ def _scalar(name: str, one: Array, other: Array, options: GroupOptions, tested: 
     p = float(permutation_test(one, other, options.permutations, options.seed).p) if enough else float("nan")
     return ScalarDifference(
         name,
-        _described(one),
-        _described(other),
+        described(one),
+        described(other),
         float(difference),
         float(low),
         float(high),
@@ -274,7 +276,8 @@ def _scalar(name: str, one: Array, other: Array, options: GroupOptions, tested: 
     )
 
 
-def _described(values: Array) -> tuple[float, float, int]:
+def described(values: Array) -> tuple[float, float, int]:
+    """Mean, standard deviation (ddof = 1) and number of values."""
     spread = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
     return float(values.mean()) if len(values) else float("nan"), spread, len(values)
 
@@ -300,10 +303,10 @@ def _curves(
     first: Group, second: Group, options: GroupOptions, tested: bool, notes: list[str]
 ) -> tuple[CurveDifference, ...]:
     animals = (*first.animals, *second.animals)
-    families = _common([tuple(one.curves) for one in animals], "kinds of curves", notes)
+    families = common_names([tuple(one.curves) for one in animals], "kinds of curves", notes)
     found: list[CurveDifference] = []
     for family in families:
-        names = _common([one.curves[family].names for one in animals], f"{family}: curves", notes)
+        names = common_names([one.curves[family].names for one in animals], f"{family}: curves", notes)
         if not names:
             continue
         one, other = (
@@ -332,11 +335,11 @@ def _curve(family: str, name: str, one: Array, other: Array, p: Array, options: 
         g,
         *g_curve_interval(g, len(one), len(other), options.confidence),
         p,
-        _regions(p < options.alpha),
+        regions(p < options.alpha),
     )
 
 
-def _regions(differs: np.ndarray) -> tuple[tuple[float, float], ...]:
+def regions(differs: np.ndarray) -> tuple[tuple[float, float], ...]:
     """Start and stop [%] of every run of samples that differ."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], differs, [False]]).astype(np.int8)))
     step = 100.0 / max(len(differs) - 1, 1)

@@ -15,8 +15,10 @@ the largest t there, and hide what is different elsewhere. The test is exact wit
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,20 +103,100 @@ def permutation_test(first: ArrayLike, second: ArrayLike, most: int = 10000, see
     known = np.isfinite(values).all(axis=0)
     rows, exact = labellings(len(one), len(other), most, seed)
     curve = None if whose is None else whose[known]
-    observed = _statistics(values[:, known], rows[:1], curve)[0]
+    return _largest(
+        rows, values.shape[1], known, shape, exact, p_floor(len(one), len(other), most),
+        lambda part: _statistics(values[:, known], part, curve),
+    )  # fmt: skip
+
+
+def _largest(
+    rows: NDArray[Any],
+    count: int,
+    known: NDArray[np.bool_],
+    shape: tuple[int, ...],
+    exact: bool,
+    floor: float,
+    statistics: Callable[[NDArray[Any]], Array],
+) -> PermutationTest:
+    """The largest |t| of every row of relabellings against the first row's, number by number."""
+    observed = statistics(rows[:1])[0]
     largest = np.empty(len(rows))
     alone = np.zeros(int(known.sum()))
     for start in range(0, len(rows), 256):
-        sizes = np.abs(_statistics(values[:, known], rows[start : start + 256], curve))
+        sizes = np.abs(statistics(rows[start : start + 256]))
         largest[start : start + 256] = sizes.max(axis=1, initial=0.0)
         alone += (sizes >= np.abs(observed) * (1.0 - SAME)).sum(axis=0)
     ordered = np.sort(largest)
     reached = len(rows) - np.searchsorted(ordered, np.abs(observed) * (1.0 - SAME), side="left")
-    found = [np.full(values.shape[1], np.nan) for _ in range(3)]
+    found = [np.full(count, np.nan) for _ in range(3)]
     for table, part in zip(found, (observed, reached / len(rows), alone / len(rows)), strict=True):
         table[known] = part
     statistic, p, single = (table.reshape(shape) for table in found)
-    return PermutationTest(statistic, p, single, len(rows), exact, p_floor(len(one), len(other), most))
+    return PermutationTest(statistic, p, single, len(rows), exact, floor)
+
+
+def signs(members: int, most: int = 10000, seed: int = 0) -> tuple[Array, bool]:
+    """Every way to turn differences round (ways, members) of 1 and -1, as they are first, and whether these are all."""
+    if 2**members <= most:
+        ways = np.arange(2**members)[:, None] >> np.arange(members) & 1
+        return np.where(ways, -1.0, 1.0), True
+    rng = np.random.default_rng(seed)
+    rows: Array = np.where(rng.random((most, members)) < 0.5, -1.0, 1.0)
+    rows[0] = 1.0
+    return rows, False
+
+
+def paired_floor(members: int, most: int = 10000) -> float:
+    """Least p that can come out of pairs: all differences turned round together give the same |t|."""
+    return max(2.0 / 2.0**members, 1.0 / most if 2**members > most else 0.0)
+
+
+def paired_test(differences: ArrayLike, most: int = 10000, seed: int = 0) -> PermutationTest:
+    """Largest-statistic test of differences within pairs: under no difference each is as likely turned round.
+
+    Parameters
+    ----------
+    differences : (pairs,) numbers, (pairs, samples) a curve or (pairs, curves, samples) several; a number that is NaN
+        for any pair is left out
+    most : ways to turn them round above which random ones are drawn
+    seed : of these
+
+    Raises
+    ------
+    BadData : fewer than three pairs
+    """
+    given = np.asarray(differences, dtype=np.float64)
+    if len(given) < FEWEST:
+        raise BadData(f"{len(given)} pairs: a test needs {FEWEST} or more")
+    shape = given.shape[1:]
+    values = given.reshape(len(given), -1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(values).all(axis=0))
+    curve = None if not shape else np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])[known]
+    rows, exact = signs(len(given), most, seed)
+    return _largest(
+        rows, values.shape[1], known, shape, exact, paired_floor(len(given), most),
+        lambda part: _paired_statistics(values[:, known], part, curve),
+    )  # fmt: skip
+
+
+def _paired_statistics(values: Array, rows: Array, curve: NDArray[np.int64] | None) -> Array:
+    """The statistic (ways, numbers) of differences (pairs, numbers); `curve` (numbers,) tells whose each is."""
+    n = float(len(values))
+    whole = (values**2).sum(axis=0)
+    mean = rows @ values / n
+    error = np.sqrt(np.maximum(whole - n * mean**2, 0.0) / (n - 1.0) / n)
+    floor = np.maximum(error, 1e-9 * np.sqrt(np.maximum(whole, 1e-300)))
+    if curve is not None:
+        _add_medians(floor, error, curve)
+    t: Array = mean / floor
+    return t
+
+
+def _add_medians(floor: Array, error: Array, curve: NDArray[np.int64]) -> None:
+    """Add to every standard error the median of those along its curve."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[-1], curve, [-1]])))
+    for start, stop in itertools.pairwise(edges):
+        floor[:, start:stop] += np.median(error[:, start:stop], axis=1, keepdims=True)
 
 
 def _statistics(values: Array, rows: NDArray[np.bool_], curve: NDArray[np.int64] | None) -> Array:
@@ -130,9 +212,7 @@ def _statistics(values: Array, rows: NDArray[np.bool_], curve: NDArray[np.int64]
     error = np.sqrt(within / (n + m - 2.0) * (1.0 / n + 1.0 / m))
     floor = np.maximum(error, 1e-9 * np.sqrt(np.maximum(whole, 1e-300)))
     if curve is not None:
-        edges = np.flatnonzero(np.diff(np.concatenate([[-1], curve, [-1]])))
-        for start, stop in itertools.pairwise(edges):
-            floor[:, start:stop] += np.median(error[:, start:stop], axis=1, keepdims=True)
+        _add_medians(floor, error, curve)
     t: Array = (mean - other) / floor
     return t
 
@@ -163,12 +243,43 @@ def _unbiased(freedom: int) -> float:
     return 1.0 - 3.0 / (4.0 * freedom - 1.0)
 
 
+def paired_g(differences: ArrayLike) -> Array:
+    """Mean of differences within pairs over their standard deviation, without its bias in small groups.
+
+    Parameters
+    ----------
+    differences : (pairs, ...); NaN where unknown
+
+    Returns
+    -------
+    (...), NaN with fewer than two pairs or without any spread
+    """
+    given = np.asarray(differences, dtype=np.float64)
+    if len(given) < 2:
+        return np.full(given.shape[1:], np.nan)
+    spread = given.std(axis=0, ddof=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        d = np.where(spread > 0.0, given.mean(axis=0) / spread, np.nan)
+    found: Array = d * _unbiased(len(given) - 1)
+    return found
+
+
 def g_interval(g: float, first: int, second: int, confidence: float = 0.95) -> tuple[float, float]:
     """Interval of Hedges' g by the noncentral t distribution of the statistic, two-sided."""
     if not np.isfinite(g) or min(first, second) < 2:
         return float("nan"), float("nan")
-    freedom = first + second - 2
-    scale = np.sqrt(first * second / (first + second))
+    return _noncentral(g, first + second - 2, float(np.sqrt(first * second / (first + second))), confidence)
+
+
+def paired_g_interval(g: float, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """The same of the effect size within pairs."""
+    if not np.isfinite(g) or pairs < 2:
+        return float("nan"), float("nan")
+    return _noncentral(g, pairs - 1, float(np.sqrt(pairs)), confidence)
+
+
+def _noncentral(g: float, freedom: int, scale: float, confidence: float) -> tuple[float, float]:
+    """Interval of an effect size whose statistic is `scale` times as large before its bias is taken off."""
     t = g / _unbiased(freedom) * scale
     tail = 0.5 - 0.5 * confidence
     reach = 8.0 * np.sqrt(1.0 + t**2 / (2.0 * freedom))
@@ -191,6 +302,14 @@ def g_curve_interval(g: Array, first: int, second: int, confidence: float = 0.95
         return np.full_like(g, np.nan), np.full_like(g, np.nan)
     error = np.sqrt((first + second) / (first * second) + g**2 / (2.0 * (first + second)))
     half = student.ppf(0.5 + 0.5 * confidence, first + second - 2) * error
+    return g - half, g + half
+
+
+def paired_g_curve_interval(g: Array, pairs: int, confidence: float = 0.95) -> tuple[Array, Array]:
+    """The same of the effect size within pairs."""
+    if pairs < 2:
+        return np.full_like(g, np.nan), np.full_like(g, np.nan)
+    half = student.ppf(0.5 + 0.5 * confidence, pairs - 1) * np.sqrt(1.0 / pairs + g**2 / (2.0 * pairs))
     return g - half, g + half
 
 

@@ -16,11 +16,22 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to another page, at a place relative to this one."""
+
+    text: str
+    place: str
+
+    def __len__(self) -> int:
+        return len(self.text)
+
+
+@dataclass(frozen=True)
 class Grid:
     """A table: its heading, its rows of text, and whether it is folded away at first."""
 
     head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: tuple[tuple[str | Link, ...], ...]
     title: str = ""
     folded: bool = False
 
