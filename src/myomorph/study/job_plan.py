@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from myomorph.study.plan import Plan
 from myomorph.study.results import file_name
 from myomorph.study.subjects import SUBJECT_STEPS, MadeModel, made_model
 from myomorph.study.takes import FileTake
+from myomorph.study.together import Together
 
 
 @dataclass(frozen=True)
@@ -38,51 +39,91 @@ def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = N
     fresh : compute every step, whatever an earlier run left
     mark : the run that the folder belongs to
     """
-    jobs: list[Job] = []
-    models: dict[Path, MadeModel] = {}
-    homes: dict[Key, Path] = {}
-    used: dict[Key, FileTake] = {}
-    made: dict[str, MadeModel] = {}
+    found = _Found(plan, out, fresh, mark)
     for files, steps in zip(plan.takes, plan.steps, strict=True):
-        home = out / file_name(files.subject)
-        needs: tuple[Key, ...] = ()
-        own = tuple(step for step in SUBJECT_STEPS if step in steps)
-        if own:
-            subject = plan.subjects[files.subject]
-            key = (files.subject, "")
-            if files.subject not in made:
-                made[files.subject] = made_model(subject, own, home)
-                models[made[files.subject].path] = made[files.subject]
-                work = partial(
-                    do_subject, files=subject, steps=own, settings=plan.settings, folder=home, fresh=fresh, mark=mark
-                )
-                jobs.append(Job(key, work))
-                homes[key] = home
-            needs = (key,)
-            files = replace(files, model=made[files.subject].path)
-        key = (files.subject, files.name)
-        homes[key], used[key] = home / file_name(files.name), files
-        work = partial(
-            do_trial, files=files, steps=steps, settings=plan.settings, folder=homes[key], fresh=fresh, mark=mark
-        )
-        jobs.append(Job(key, work, needs, files.model))
+        found.trial(files, steps)
     for one in plan.together:
-        key = (one.name, one.name)
-        keys = tuple(one.trials.items())
-        parts = {trial[0]: used[trial] for trial in keys}
-        homes[key] = out / file_name(one.name)
-        known = {files.model: models[files.model] for files in parts.values() if files.model in models}
+        found.together(one)
+    return StudyJobs(tuple(found.jobs), {one.path: one for one in found.made.values()}, found.homes)
+
+
+@dataclass
+class _Found:
+    """The jobs so far, in their order."""
+
+    plan: Plan
+    out: Path
+    fresh: bool
+    mark: RunMark | None
+    jobs: list[Job] = field(default_factory=list)
+    homes: dict[Key, Path] = field(default_factory=dict)
+    made: dict[str, MadeModel] = field(default_factory=dict)
+    used: dict[Key, FileTake] = field(default_factory=dict)
+
+    def maker(self, subject: str) -> str:
+        """The subject whose own steps make the model that trials use, its job among the jobs; "" for a file."""
+        maker = self.plan.maker(subject) if subject in self.plan.subjects else ""
+        if maker and maker not in self.made:
+            self._subject(maker)
+        return maker
+
+    def _subject(self, name: str) -> None:
+        files = self.plan.subjects[name]
+        begins = self.plan.begins_with(name)
+        if begins:
+            begin = self.made[self.maker(begins)]
+            files = replace(files, model=begin.path, drawn=begin.drawn)
+        steps = tuple(step for step in SUBJECT_STEPS if step in self.plan.steps_of(name))
+        home, key = self.out / file_name(name), (name, "")
+        self.made[name], self.homes[key] = made_model(files, steps, home), home
+        work = partial(
+            do_subject,
+            files=files,
+            steps=steps,
+            settings=self.plan.settings_of(name),
+            folder=home,
+            fresh=self.fresh,
+            mark=self.mark,
+        )
+        self.jobs.append(Job(key, work, ((self.plan.maker(begins), ""),) if begins else ()))
+
+    def trial(self, files: FileTake, steps: tuple[str, ...]) -> None:
+        """Add a trial, and before the first of a subject its own steps."""
+        maker, key = self.maker(files.subject), (files.subject, files.name)
+        if maker:
+            files = replace(files, model=self.made[maker].path)
+        self.homes[key] = self.out / file_name(files.subject) / file_name(files.name)
+        self.used[key] = files
+        work = partial(
+            do_trial,
+            files=files,
+            steps=steps,
+            settings=self.plan.settings_of(*key),
+            folder=self.homes[key],
+            fresh=self.fresh,
+            mark=self.mark,
+        )
+        self.jobs.append(Job(key, work, ((maker, ""),) if maker else (), files.model))
+
+    def together(self, one: Together) -> None:
+        """Add trials that are solved as one, after these.
+
+        Their coordinates are enough: their later steps may fail, but their models must be there.
+        """
+        key, keys = (one.name, one.name), tuple(one.trials.items())
+        parts = {trial[0]: self.used[trial] for trial in keys}
+        made = {model.path: model for model in self.made.values()}
+        makers = dict.fromkeys(self.maker(name) for name in one.trials)
+        self.homes[key] = self.out / file_name(one.name)
         work = partial(
             do_together,
             together=one,
             parts=parts,
-            models=known,
-            settings=plan.settings,
-            out=out,
-            fresh=fresh,
-            mark=mark,
+            models={files.model: made[files.model] for files in parts.values() if files.model in made},
+            settings={trial[0]: self.plan.settings_of(*trial) for trial in keys},
+            common=self.plan.settings,
+            out=self.out,
+            fresh=self.fresh,
+            mark=self.mark,
         )
-        # Its parts' coordinates are enough: their later steps may fail, but their models must be there.
-        needs = tuple(dict.fromkeys((name, "") for name in one.trials if (name, "") in homes))
-        jobs.append(Job(key, work, needs, None, keys))
-    return StudyJobs(tuple(jobs), models, homes)
+        self.jobs.append(Job(key, work, tuple((maker, "") for maker in makers if maker), None, keys))

@@ -72,7 +72,6 @@ def do_subject(
     folder: Path,
     fresh: bool = False,
     mark: RunMark | None = None,
-    read: str = "",
 ) -> Outcome:
     """A subject's own steps, which make the model of its trials."""
 
@@ -88,18 +87,19 @@ def do_together(
     together: Together,
     parts: Mapping[str, FileTake],
     models: Mapping[Path, MadeModel],
-    settings: Settings,
+    settings: Mapping[str, Settings],
+    common: Settings,
     out: Path,
     fresh: bool = False,
     mark: RunMark | None = None,
-    read: str = "",
 ) -> Outcome:
     """Several trials as one, from the coordinates that their own steps found.
 
     Parameters
     ----------
     parts : by the name of the part, its recording
-    models : by file, those of the parts
+    models : by file, those of the parts that a subject's own steps made
+    settings, common : what the steps are told of each part, and of all as one
     """
     folder = out / file_name(together.name)
 
@@ -110,14 +110,14 @@ def do_together(
             if files.model not in opened:
                 opened[files.model] = models[files.model].open() if files.model in models else open_model(files.model)
             stored = out / file_name(subject) / file_name(files.name) / f"{file_name(files.name)}{STORED}"
-            take = open_take(files, settings, opened[files.model])
+            take = open_take(files, settings[subject], opened[files.model])
             found = read_step("ik", take, Found(), read_result(stored, leave_out=LEFT_OUT))
             if found.recorded is None:
                 raise BadData(f"{stored}: holds no coordinates: run the step 'ik' of subject '{subject}' first")
             recorded = found.recorded if take.time is None else cut(found.recorded, *take.time)
             joined[subject] = Part(take, recorded, str(files.model))
         joined |= {table.name: object_part(table, path) for table, path in together.objects}
-        take, found = join_takes(together, joined, settings)
+        take, found = join_takes(together, joined, common)
         check = (lambda: None) if mark is None else mark.check
         return run_take(take, TOGETHER_STEPS, folder, fresh, found, check)
 

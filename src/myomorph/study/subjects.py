@@ -102,7 +102,11 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
 
 
 def prepare_subject(
-    files: SubjectFiles, steps: Sequence[str], settings: Settings, folder: Path, fresh: bool = False
+    files: SubjectFiles,
+    steps: Sequence[str],
+    settings: Settings,
+    folder: Path,
+    fresh: bool = False,
 ) -> Prepared:
     """Run a subject's own steps into a folder: `calibrated.osim`, `identified.osim`, and their tables.
 
