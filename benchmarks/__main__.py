@@ -28,6 +28,7 @@ COMPARISONS = {
         "benchmarks.speed_view",
         "results in a page: from the command to the first pose, frames a second of playback",
     ),
+    "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 

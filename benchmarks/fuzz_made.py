@@ -1,0 +1,103 @@
+"""Small binary files of every kind, made here; those of text lie in `fuzz_seeds`."""
+
+from __future__ import annotations
+
+import struct
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.io import savemat
+
+from myomorph.io.c3d_write import write_c3d
+from myomorph.model.provenance import Provenance
+from myomorph.model.series import Markers, PlateRecording
+from myomorph.study.results import new_result
+
+SEEDS = Path(__file__).with_name("fuzz_seeds")
+TIME = np.arange(6) / 100.0
+
+
+@cache
+def binary_seeds() -> Mapping[str, tuple[bytes, ...]]:
+    """Whole files by their ending."""
+    return {
+        ".c3d": (_bytes("a.c3d", _c3d),),
+        ".wav": tuple(_wav(kind, bits) for kind, bits in ((1, 8), (1, 16), (1, 24), (3, 32), (0xFFFE, 16))),
+        ".stl": (_stl(),),
+        ".ply": (_ply("<"), _ply(">")),
+        ".h5": (_bytes("a.h5", _keypoints),),
+        ".mat": (_bytes("a.mat", _packed), _bytes("a.mat", _unpacked)),
+        ".nc": (_bytes("a.nc", _result),),
+    }
+
+
+def _bytes(name: str, write: Callable[[Path], object]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        write(path)
+        return path.read_bytes()
+
+
+def _c3d(path: Path) -> None:
+    markers = Markers(TIME, ("hip", "knee"), np.linspace(0.0, 1.0, 36).reshape(6, 2, 3))
+    corners = np.array([[0.4, 0.6, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
+    channels = np.linspace(-1.0, 900.0, 72).reshape(12, 6)
+    write_c3d(path, markers, PlateRecording("plate", 2, corners, np.array([0.0, 0.0, -0.04]), channels))
+
+
+def _wav(kind: int, bits: int) -> bytes:
+    block = 2 * bits // 8
+    form = struct.pack("<HHIIHH", kind, 2, 8000, 8000 * block, block, bits)
+    form += struct.pack("<HHIH14s", 22, bits, 3, 1, b"") if kind == 0xFFFE else b""
+    chunks = ((b"fmt ", form), (b"LIST", b"some"), (b"data", bytes(range(6)) * block))
+    body = b"WAVE" + b"".join(name + struct.pack("<I", len(one)) + one for name, one in chunks)
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def _stl() -> bytes:
+    triangles = np.array([[0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], [0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]], "<f4")
+    return b"made".ljust(80) + struct.pack("<I", 2) + b"".join(one.tobytes() + b"\0\0" for one in triangles)
+
+
+def _ply(order: str) -> bytes:
+    kind, text = "little" if order == "<" else "big", (SEEDS / "bone.ply").read_text(encoding="utf-8")
+    head = text[: text.index("end_header")].replace("ascii", f"binary_{kind}_endian") + "end_header\n"
+    places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], f"{order}f4").tobytes()
+    return head.encode() + places + b"".join(struct.pack(f"{order}Biii", 3, *one) for one in ((0, 1, 2), (0, 1, 3)))
+
+
+def _keypoints(path: Path) -> None:
+    with h5py.File(path, "w", libver="earliest") as file:
+        file["tracks"] = np.linspace(-50.0, 50.0, 36).reshape(6, 1, 2, 3)
+        file["node_names"] = [b"nose", b"hip"]
+        file.attrs["units"], file.attrs["fps"] = "mm", 50.0
+
+
+def _packed(path: Path) -> None:
+    _qualisys(path, True)
+
+
+def _unpacked(path: Path) -> None:
+    _qualisys(path, False)
+
+
+def _qualisys(path: Path, packed: bool) -> None:
+    labels = np.empty((1, 2), object)
+    labels[0] = ["hip", "knee"]
+    data = np.linspace(-500.0, 500.0, 32).reshape(2, 4, 4)
+    groups = {"Labeled": {"Count": 2.0, "Labels": labels, "Data": data}, "Unidentified": {"Count": 2.0, "Data": data}}
+    table = {"StartFrame": 1.0, "Frames": 4.0, "FrameRate": 100.0, "Trajectories": groups}
+    savemat(path, {"walk": table}, do_compression=packed)
+
+
+def _result(path: Path) -> None:
+    with new_result(path, "ik") as result:
+        result.time(TIME)
+        result.names("coordinate", ("lift", "bend"))
+        result.put("coordinates", ("time", "coordinate"), np.zeros((6, 2)), "rad", "angles")
+        result.provenance(Provenance("ik", (), {"accuracy": 1e-5}, "0"))
+        result.fact("title", "walk")

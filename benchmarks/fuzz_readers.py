@@ -1,0 +1,142 @@
+"""Every reader of files that somebody else wrote: how it is called, and the whole files that fuzzing begins with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from benchmarks.fuzz_made import SEEDS, binary_seeds
+from myomorph.io import c3d
+from myomorph.io.actuators import read_actuators
+from myomorph.io.channels import read_channels
+from myomorph.io.contact_events import read_events
+from myomorph.io.keypoints import read_keypoint_names, read_keypoints
+from myomorph.io.landmarks import read_body_landmarks, read_landmark_pairs
+from myomorph.io.loads import read_external_loads
+from myomorph.io.marker_set import read_marker_set
+from myomorph.io.mesh import read_mesh
+from myomorph.io.mjcf import read_mjcf
+from myomorph.io.mjcf_guard import check_files
+from myomorph.io.osim import read_osim
+from myomorph.io.qualisys_mat import read_qualisys_mat
+from myomorph.io.sto import read_sto
+from myomorph.io.tasks import read_ik_tasks
+from myomorph.io.tool_setups import read_setup
+from myomorph.io.trc import read_trc
+from myomorph.io.wav import read_wav
+from myomorph.model.model import Model
+from myomorph.study.body_points import read_landmarks as read_skin
+from myomorph.study.contact_file import read_contacts
+from myomorph.study.ct import read_picks
+from myomorph.study.measures import read_measures
+from myomorph.study.plan import read_plan
+from myomorph.study.results import read_result
+from myomorph.study.species_table import read_species
+from myomorph.study.stairs_file import read_stairs
+from myomorph.study.viscosity_plan import read_viscosity_plan
+
+LARGEST_SEED = 40_000
+"""Bytes of recordings that are taken as seeds: larger ones make few inputs a second."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader under test.
+
+    Attributes
+    ----------
+    name : of the kind of file
+    ending : that the file must have
+    read : takes the path
+    files : seeds among `fuzz_seeds`; binary ones are made
+    recorded : pattern of real files, where there are any
+    guarded : it starts a process for each file, so that few inputs a second are tried
+    """
+
+    name: str
+    ending: str
+    read: Callable[[Path], Any]
+    files: tuple[str, ...] = ()
+    recorded: str = ""
+    guarded: bool = False
+
+    def seeds(self, data: Path | None = None) -> list[bytes]:
+        """Whole files: ours, and small real ones of the folder `data`."""
+        found = [(SEEDS / name).read_bytes() for name in self.files] + list(binary_seeds().get(self.ending, ()))
+        if data is not None and self.recorded:
+            real = sorted(one for one in data.glob(self.recorded) if 0 < one.stat().st_size < LARGEST_SEED)
+            found += [one.read_bytes() for one in real[:: max(len(real) // 12, 1)]]
+        return found
+
+
+@cache
+def arm() -> Model:
+    """The model that the seeds speak of."""
+    return read_osim(SEEDS / "arm.osim")
+
+
+def _own_c3d(path: Path) -> Any:
+    """A C3D file by our own reader, as where ezc3d refuses it."""
+    with patch.object(c3d, "read_c3d_ezc3d", lambda _: "refused"):
+        return c3d.read_c3d(path)
+
+
+TABLES = ("taps.csv", "taps_frames.csv", "taps_spans.csv")
+SETUPS = ("setup_ik.xml", "setup_id.xml", "setup_analyze.xml", "setup_scale.xml")
+LANDMARKS = ("landmarks.json", "landmarks_bodies.json", "landmarks_slicer.json")
+
+READERS = (
+    Reader("OSIM", ".osim", read_osim, ("arm.osim",), "*/*.osim"),
+    Reader("MJCF", ".xml", read_mjcf, ("arm_mujoco.xml",), "mouse*/*.xml", guarded=True),
+    Reader("MJCF before it is compiled", ".xml", check_files, ("arm_mujoco.xml",), "mouse*/*.xml"),
+    Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),
+    Reader("STO, MOT", ".sto", read_sto, ("data.sto", "forces.mot"), "**/*.[sm][to][ot]"),
+    Reader("C3D", ".c3d", c3d.read_c3d, (), "**/*.c3d", guarded=True),
+    Reader("C3D by our own reader", ".c3d", _own_c3d, (), "**/*.c3d"),
+    Reader("channels, CSV", ".csv", read_channels, ("cells.csv", "channels.csv")),
+    Reader("touches, CSV", ".csv", lambda path: read_events(path, 100.0), TABLES),
+    Reader("landmarks, CSV", ".csv", read_body_landmarks, ("landmarks.csv", "landmarks_semicolons.csv")),
+    Reader("landmarks, FCSV", ".fcsv", read_body_landmarks, ("landmarks.fcsv",)),
+    Reader("landmarks, JSON", ".json", read_body_landmarks, LANDMARKS),
+    Reader("landmarks, XML", ".xml", read_body_landmarks, ("markers.xml", "arm.osim")),
+    Reader("pairs of landmarks, CSV", ".csv", read_landmark_pairs, ("pairs.csv",)),
+    Reader("landmarks of a skin, CSV", ".csv", read_skin, ("skin.csv",)),
+    Reader("picked points, CSV", ".csv", read_picks, ("picks.csv",)),
+    Reader("measures, CSV", ".csv", lambda path: read_measures(path, [], []), ("measures.csv",)),
+    Reader("names of keypoints, JSON", ".json", read_keypoint_names, ("names.json",)),
+    Reader("names of keypoints, YAML", ".yaml", read_keypoint_names, ("names.yaml", "names_stac.yaml")),
+    Reader("keypoints, HDF5", ".h5", read_keypoints),
+    Reader("Qualisys, MAT", ".mat", read_qualisys_mat),
+    Reader("WAV", ".wav", read_wav),
+    Reader("OBJ", ".obj", read_mesh, ("bone.obj",), "**/*.obj"),
+    Reader("STL", ".stl", read_mesh, ("bone.stl",), "**/*.stl"),
+    Reader("PLY", ".ply", read_mesh, ("bone.ply",), "**/*.ply"),
+    Reader("VTP", ".vtp", read_mesh, ("bone.vtp",), "**/*.vtp"),
+    Reader("study, TOML", ".toml", read_plan, ("study.toml", "study_tables.toml")),
+    Reader("contacts, TOML", ".toml", lambda path: read_contacts(path, arm()), ("contacts.toml",)),
+    Reader("stairs, TOML", ".toml", lambda path: read_stairs(path, arm()), ("stairs.toml",)),
+    Reader("specimens, TOML", ".toml", read_viscosity_plan, ("specimens.toml",)),
+    Reader("species, TOML", ".toml", read_species, ("species.toml",)),
+    Reader("tool setups", ".xml", read_setup, SETUPS, "**/*[Ss]etup*.xml"),
+    Reader("tasks", ".xml", read_ik_tasks, ("tasks.xml",), "**/*Tasks*.xml"),
+    Reader("external loads", ".xml", read_external_loads, ("loads.xml",), "**/*xternal*.xml"),
+    Reader("actuators", ".xml", read_actuators, ("actuators.xml",), "**/*Actuators*.xml"),
+    Reader("marker sets", ".xml", lambda path: read_marker_set(path, arm()), ("markers.xml",), "**/*MarkerSet*.xml"),
+    Reader("results, NetCDF", ".nc", read_result),
+)
+
+
+def reader(name: str) -> Reader:
+    """The reader of a kind of file."""
+    return next(one for one in READERS if one.name == name)
+
+
+def recordings() -> Path | None:
+    """The folder of real files that `MYOMORPH_DATA` names, where there is one."""
+    told = os.environ.get("MYOMORPH_DATA")
+    return Path(told) if told and Path(told).is_dir() else None
