@@ -78,11 +78,15 @@ def run_command(
     memory: Annotated[
         float | None, Parameter(help="That one process may take [GB]; by default its share of this machine's.")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        Parameter(help="Dask cluster that does the work: address of its scheduler, or the file that this wrote."),
+    ] = None,
     threads: Threads = None,
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
     from myomorph.model.errors import BadData
-    from myomorph.study.jobs import Outcome
+    from myomorph.study.jobs import Outcome, Workers
     from myomorph.study.local_workers import local_workers
     from myomorph.study.plan import read_plan
     from myomorph.study.run import run_study
@@ -90,6 +94,11 @@ def run_command(
 
     if resume and fresh:
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
+    if scheduler is not None:
+        if workers is not None or memory is not None:
+            raise BadData("--scheduler: --workers and --memory are those of the cluster: give them to 'dask worker'")
+        # Its processes are in folders of their own.
+        study, out = study.resolve(), out.resolve()
     use_threads(threads)
     plan = read_plan(study)
 
@@ -109,7 +118,15 @@ def run_command(
     for remark in plan.remarks:
         said(remark)
     jobs = len(plan.takes) + len(plan.together)
-    hands = local_workers(workers, None if memory is None else int(memory * 1e9), jobs)
+    hands: Workers
+    if scheduler is not None:
+        from myomorph.study.dask_workers import DaskWorkers
+
+        hands = cluster = DaskWorkers(scheduler, out)
+        for text in cluster.refused.values():
+            said(f"{text}; it gets no work")
+    else:
+        hands = local_workers(workers, None if memory is None else int(memory * 1e9), jobs)
     outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=told)
     trials = [one for one in outcomes if one.trial]
     done = sum(1 for one in trials if not one.error)

@@ -87,11 +87,21 @@ async def _greet(address: str, patience: float) -> None:
 
 
 def leave_mark(folder: Path) -> tuple[Path, str]:
-    """A file in the folder of the results, and what it holds: who reads the same sees the same folder."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """A file in the folder of the results, and what it holds: who reads the same sees the same folder.
+
+    Raises
+    ------
+    BadFile
+        where nothing can be written there
+    """
     content = f"{socket.gethostname()} {os.getpid()} {uuid.uuid4().hex}"
     path = folder.resolve() / f"{MARK}{uuid.uuid4().hex[:8]}"
-    path.write_text(content, encoding="utf-8")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(content, encoding="utf-8")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadFile(folder, f"cannot be written ({reason})", "give --out another folder") from None
     return path, content
 
 

@@ -101,16 +101,15 @@ class Ended:
 
 
 class Workers(Protocol):
-    """Processes that do jobs: in this process, in others of this machine, or on a cluster.
+    """Processes that do jobs: in this process, in others of this machine, or on a cluster."""
 
-    Attributes
-    ----------
-    count : jobs that run at the same time
-    memory : that one worker may take [bytes], None where nothing bounds it
-    """
+    @property
+    def count(self) -> int:
+        """Jobs that run at the same time."""
 
-    count: int
-    memory: int | None
+    @property
+    def memory(self) -> int | None:
+        """That one worker may take [bytes], None where nothing bounds it."""
 
     def start(self, job: Job, model: Model | None) -> None:
         """Take a job, with its model as a value; a process gets each model once, however many jobs use it."""
