@@ -38,6 +38,7 @@ class SubjectFiles:
     takes : the subject's recordings
     bones : the subject's own, for a morph
     model_of : subject whose own steps make the model that this one begins with, "" where a file is
+    drawn : file beside which the meshes of that model lie, None where they lie beside it
     """
 
     name: str
@@ -48,6 +49,7 @@ class SubjectFiles:
     takes: tuple[FileTake, ...] = ()
     bones: MorphFiles | None = None
     model_of: str = ""
+    drawn: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class MadeModel:
 
 def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
     """The model that a subject's trials use once its own steps are done."""
-    made = MadeModel(files.model, files.model)
+    made = MadeModel(files.model, files.drawn or files.model)
     for step in SUBJECT_STEPS:
         if step in steps:
             path = folder / MODELS[step]
@@ -119,7 +121,7 @@ def prepare_subject(
     MyomorphError
         where a step cannot be done
     """
-    prepared = Prepared(files.model, open_model(files.model))
+    prepared = Prepared(files.model, made_model(files, (), folder).open())
     for step in SUBJECT_STEPS:
         if step not in steps:
             continue
