@@ -101,7 +101,8 @@ def _effect_row(frame: Frame, y: float, one: ScalarDifference, alpha: float) -> 
 def opened(kind: str, title: str, width: int, height: int, data: str) -> str:
     """The `<svg>` element's beginning."""
     label = escape(title, True)
-    return f'<svg class="chart {kind}" viewBox="0 0 {width} {height}" role="img" aria-label="{label}" {data}>'
+    clock = ' data-clock="%"' if kind == "time" else ""
+    return f'<svg class="chart {kind}" viewBox="0 0 {width} {height}" role="img" aria-label="{label}" {data}{clock}>'
 
 
 def range_of(parts: Sequence[Array]) -> tuple[float, float]:

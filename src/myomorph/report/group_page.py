@@ -85,20 +85,6 @@ def _who(found: Comparison) -> Section:
 def _scalar_sections(found: Comparison) -> list[Section]:
     if not found.scalars:
         return []
-    first, second = found.names
-    head = ("Parameter", first, second, "Difference", "Hedges’ g", "p", "p, Holm", "q")
-    rows = []
-    for one in found.scalars:
-        rows.append(
-            (
-                one.name,
-                _mean(one.first),
-                _mean(one.second),
-                _with_interval(one.difference, one.low, one.high),
-                _with_interval(one.g, one.g_low, one.g_high),
-                *(_probability(p) for p in (one.p, one.holm, one.q)),
-            )
-        )
     lead = "Mean ± standard deviation of the animals."
     if found.tested:
         lead += (
@@ -106,7 +92,25 @@ def _scalar_sections(found: Comparison) -> list[Section]:
             "the share of false ones among those called."
         )
     figure = Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
-    return [Section("strides", "Strides", lead, figures=(figure,), grids=(Grid(head, tuple(rows)),))]
+    return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(found),))]
+
+
+def scalar_grid(found: Comparison, title: str = "") -> Grid:
+    """Parameters of both groups, their differences and tests."""
+    first, second = found.names
+    head = ("Parameter", first, second, "Difference", "Hedges’ g", "p", "p, Holm", "q")
+    rows = [
+        (
+            one.name,
+            _mean(one.first),
+            _mean(one.second),
+            _with_interval(one.difference, one.low, one.high),
+            _with_interval(one.g, one.g_low, one.g_high),
+            *(_probability(p) for p in (one.p, one.holm, one.q)),
+        )
+        for one in found.scalars
+    ]
+    return Grid(head, tuple(rows), title)
 
 
 def _family_section(found: Comparison, family: str) -> Section:
@@ -129,12 +133,11 @@ def _family_section(found: Comparison, family: str) -> Section:
         )
     key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())
     legend = tuple(zip(STYLES, found.names, strict=True))
-    return Section(
-        f"curves-{key}", f"{name[:1].upper()}{name[1:]}", lead, legend, tuple(figures), (_curve_grid(shown),)
-    )
+    return Section(f"curves-{key}", f"{name[:1].upper()}{name[1:]}", lead, legend, tuple(figures), (curve_grid(shown),))
 
 
-def _curve_grid(curves: Sequence[CurveDifference]) -> Grid:
+def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves in numbers") -> Grid:
+    """Where along the cycle the effect is largest, and where the groups differ."""
     rows = []
     for one in curves:
         known = np.isfinite(one.g)
@@ -147,7 +150,7 @@ def _curve_grid(curves: Sequence[CurveDifference]) -> Grid:
         )
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in one.regions) or "–"
         rows.append((one.name, largest, _probability(one.least_p), where))
-    return Grid(("Curve", "Largest Hedges’ g", "Least p", "Differs"), tuple(rows), "All curves in numbers", True)
+    return Grid(("Curve", "Largest Hedges’ g", "Least p", "Differs"), tuple(rows), title, True)
 
 
 def _mean(told: tuple[float, float, int]) -> str:

@@ -203,6 +203,13 @@ REFERENCES: tuple[Reference, ...] = (
         "Rev Econ Stat 90:414–427; after Wu CFJ (1986), Ann Stat 14:1261–1295.",
         "https://doi.org/10.1162/rest.90.3.414",
     ),
+    Reference(
+        "iglewicz1993",
+        "values far from the others: modified z-score above 3.5",
+        "Iglewicz B, Hoaglin DC (1993). How to detect and handle outliers. ASQC Basic References in Quality Control, "
+        "volume 16.",
+        "",
+    ),
 )
 
 MORPHING: tuple[Reference, ...] = (
@@ -301,4 +308,13 @@ def viscosity_references() -> tuple[Reference, ...]:
 def group_references() -> tuple[Reference, ...]:
     """Those that a comparison of two groups relies on."""
     wanted = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
+    return tuple(one for key in wanted for one in REFERENCES if one.key == key)
+
+
+def study_references() -> tuple[Reference, ...]:
+    """Those that the page on a whole study relies on."""
+    wanted = (
+        *("hicks2015", "opensim", "zeni2008", "nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981"),
+        "iglewicz1993",
+    )
     return tuple(one for key in wanted for one in REFERENCES if one.key == key)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ from myomorph.report.conditions import Condition, MeanCurves, mean_curves
 from myomorph.report.cycles import SAMPLES, Cycles
 from myomorph.report.groups import Animal
 from myomorph.study.group_strides import PARAMETERS
-from myomorph.study.tidy import IN_STRIDE, OF_STRIDE
+from myomorph.study.tidy import IN_STRIDE, OF_STRIDE, Value
 
 Curve = tuple[str, str]
 """Family and name."""
@@ -64,11 +64,33 @@ class RunningCurves:
 
 
 @dataclass
+class RunningNumber:
+    """Number, mean and sum of squared deviations of values, one after the other."""
+
+    count: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+
+    def add(self, value: float) -> None:
+        """One more value."""
+        self.count += 1
+        away = value - self.mean
+        self.mean += away / self.count
+        self.squares += away * (value - self.mean)
+
+    @property
+    def described(self) -> tuple[float, float, int]:
+        """Mean, standard deviation (ddof = 1), number."""
+        spread = float(np.sqrt(self.squares / (self.count - 1))) if self.count > 1 else float("nan")
+        return self.mean, spread, self.count
+
+
+@dataclass
 class _Subject:
-    """Sums over the trials of a subject: curves, values as [sum, number], strides."""
+    """What the trials of a subject add up to."""
 
     curves: RunningCurves = field(default_factory=RunningCurves)
-    values: dict[str, list[float]] = field(default_factory=dict)
+    values: dict[str, RunningNumber] = field(default_factory=dict)
     strides: float = 0.0
 
 
@@ -82,28 +104,21 @@ class GrowingCondition:
         self.units: dict[str, str] = {}
         self.notes: list[str] = []
         self.each = RunningCurves()
+        self._values: dict[str, RunningNumber] = {}
         self._subjects: dict[str, _Subject] = {}
 
-    def add(
-        self,
-        subject: str,
-        trial: str,
-        values: Mapping[str, tuple[float, str]],
-        cycle: str,
-        curves: Mapping[str, Series],
-    ) -> None:
-        """One more trial that went well.
+    def add(self, subject: str, trial: str, values: Sequence[Value], cycle: str, curves: Mapping[str, Series]) -> None:
+        """One more trial.
 
         Curves over strides replace those over whole trials: a condition does not mix the two.
         """
         self.trials += 1
         own = self._subjects.setdefault(subject, _Subject())
-        for quantity, (value, unit) in values.items():
-            self.units.setdefault(quantity, unit)
-            sums = own.values.setdefault(quantity, [0.0, 0.0])
-            sums[0] += value
-            sums[1] += 1.0
-        own.strides += max((one for name, (one, _) in values.items() if name.startswith("strides, ")), default=0.0)
+        for one in values:
+            self.units.setdefault(one.quantity, one.unit)
+            for sums in (own.values, self._values):
+                sums.setdefault(one.quantity, RunningNumber()).add(one.value)
+        own.strides += max((one.value for one in values if one.quantity.startswith("strides, ")), default=0.0)
         if self.cycle and cycle != self.cycle:
             if cycle != OF_STRIDE:
                 self.notes.append(f"{subject}, {trial}: has no strides, and its curves are left out")
@@ -118,13 +133,15 @@ class GrowingCondition:
             own.curves.add(names, joined)
             self.each.add(names, joined)
 
-    def subject_means(self) -> dict[str, dict[str, float]]:
-        """Of every quantity, the mean over each subject's trials, by quantity and subject."""
-        found: dict[str, dict[str, float]] = {}
-        for name, one in self._subjects.items():
-            for quantity, (total, count) in one.values.items():
-                found.setdefault(quantity, {})[name] = total / count
-        return found
+    def described(self) -> dict[str, tuple[float, float, int]]:
+        """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, of one subject's trials."""
+        if len(self._subjects) == 1:
+            return {quantity: one.described for quantity, one in self._values.items()}
+        found: dict[str, RunningNumber] = {}
+        for subject in self._subjects.values():
+            for quantity, one in subject.values.items():
+                found.setdefault(quantity, RunningNumber()).add(one.mean)
+        return {quantity: one.described for quantity, one in found.items()}
 
     def finished(self) -> Condition:
         """The condition as it is compared and drawn."""
@@ -148,19 +165,22 @@ class GrowingCondition:
     def _animal(self, name: str, one: _Subject, moving: set[Curve]) -> Animal:
         """A subject: parameters of strides (else of the trial) and the means of its curves that move."""
         scalars = {
-            f"{quantity} [{self.units[quantity]}]": np.array([total / count])
-            for quantity, (total, count) in one.values.items()
+            _with_unit(quantity, self.units[quantity]): np.array([value.mean])
+            for quantity, value in one.values.items()
             if quantity.rpartition(", ")[0] in PER_STRIDE
         }
         if not scalars and "duration" in one.values:
-            total, count = one.values["duration"]
-            scalars = {"duration [s]": np.array([total / count])}
+            scalars = {"duration [s]": np.array([one.values["duration"].mean])}
         means = one.curves.means()
         curves = {}
         for family, names in one.curves.families().items():
             kept = [each for each in names if (family, each) in moving]
             curves[family] = Cycles(tuple(kept), means[None][:, :, [one.curves.columns[family, each] for each in kept]])
         return Animal(name, scalars, curves, int(one.strides))
+
+
+def _with_unit(quantity: str, unit: str) -> str:
+    return quantity if unit == "1" else f"{quantity} [{unit}]"
 
 
 def joined_curves(curves: Mapping[str, Series]) -> tuple[tuple[Curve, ...], Array]:
@@ -178,6 +198,7 @@ def _family(running: RunningCurves, family: str, names: Sequence[str]) -> MeanCu
     return mean_curves(kept, running.count[:, moving], running.mean[:, moving], running.squares[:, moving])
 
 
-def shown_quantity(quantity: str, all_quantities: Iterable[str]) -> bool:
-    """Whether tables for people show a quantity: of a stride where there are strides, else of the trial."""
-    return quantity.endswith(IN_STRIDE) or f"{quantity} {IN_STRIDE}" not in set(all_quantities)
+def shown_quantities(quantities: Sequence[str]) -> set[str]:
+    """Those that tables for people show: of a stride where there are strides, else of the trial."""
+    every = set(quantities)
+    return {one for one in quantities if f"{one} {IN_STRIDE}" not in every}

@@ -1,13 +1,248 @@
-"""The tables of a study: the values of all trials in one."""
+"""The tables of a study: the values of all trials in one, their quality, and what conditions have in common."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from myomorph import __version__
+from myomorph.io.text import written
+from myomorph.report.conditions import compare_conditions
+from myomorph.report.study_given import Judged, StudyInput, TrialLine
+from myomorph.report.study_page import study_page
+from myomorph.study.condition_tables import curve_rows, described, described_rows, pair_rows
+from myomorph.study.condition_values import GrowingCondition, shown_quantities
+from myomorph.study.grouping import PAGE as GROUPS_PAGE
 from myomorph.study.jobs import Outcome
+from myomorph.study.outlier_values import OutlierSearch, outlier_rows
 from myomorph.study.plan import Plan
+from myomorph.study.reporting import REPORT
+from myomorph.study.results import made_at
+from myomorph.study.tidy import (
+    CURVES,
+    QUALITY,
+    QUALITY_COLUMNS,
+    VALUE_COLUMNS,
+    VALUES,
+    Value,
+    read_curves,
+    read_quality,
+    read_values,
+)
+
+PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
+TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
+CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
+WHOSE = ("subject", "condition", "trial")
+ROWS = 1 << 16
+"""Of a block of the Parquet file: the memory that gathering takes grows with it, not with the trials."""
+FILES = (
+    (TIDY, "every value of every trial"),
+    (PARQUET, "the same as Parquet"),
+    (TRIAL_QUALITY, "of every trial what is held against a limit, warnings, what failed and what was left out"),
+    (CONDITION_VALUES, "every value in every condition: mean, standard deviation, number of subjects"),
+    (CONDITION_CURVES, "mean curves of every condition with standard deviation and interval"),
+    (DIFFERENCES, "every pair of conditions: differences, effect sizes, corrected p"),
+    (OUTLIERS, "values far from those of the other trials"),
+)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One trial with what became of it, or a subject's own steps."""
+
+    outcome: Outcome
+    condition: str
+
+    @property
+    def whose(self) -> tuple[str, str, str]:
+        return self.outcome.subject, self.condition, self.outcome.trial
+
+    @property
+    def has_values(self) -> bool:
+        return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / VALUES).is_file()
 
 
 def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
-    """Write the tables of a study from the values of its trials."""
+    """Write the tables of a study and its page, `study.html`, from what trials wrote beside their results.
+
+    Trials stand in the order of the study file, whenever they ended. One that failed has the values of the steps that
+    ended well.
+
+    Parameters
+    ----------
+    outcomes : of all trials, and of subjects' own steps
+    out : folder of the study
+
+    Raises
+    ------
+    BadData : a trial's own tables are of another kind
+    """
+    trials = _in_order(plan, outcomes)
+    lines = _write_quality(plan, trials, out)
+    growing = {name: GrowingCondition(name) for name in plan.conditions.names}
+    search = OutlierSearch()
+    with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as write, _parquet(out / PARQUET) as keep:
+        for one in trials:
+            if not one.has_values:
+                continue
+            values = [each for each in read_values(one.outcome.folder / VALUES) if each.step in one.outcome.done]
+            for each in values:
+                write((*one.whose, each.step, each.quantity, f"{each.value:.9g}", each.unit))
+            keep(one.whose, values)
+            condition = growing.setdefault(one.condition, GrowingCondition(one.condition))
+            condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
+            search.add(one.whose, values)
+    for one in trials:
+        if one.has_values:
+            search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES))
+    _write_conditions(plan, trials, lines, [one for one in growing.values() if one.trials], search, out)
+
+
+def _write_conditions(
+    plan: Plan,
+    trials: Sequence[_Trial],
+    lines: Sequence[TrialLine],
+    growing: Sequence[GrowingCondition],
+    search: OutlierSearch,
+    out: Path,
+) -> None:
+    """The tables of conditions, and the page."""
+    found = search.found()
+    conditions = tuple(one.finished() for one in growing)
+    comparisons = tuple(compare_conditions(conditions))
+    quantities = described(growing)
+    for name, rows in (
+        (OUTLIERS, outlier_rows(found)),
+        (CONDITION_VALUES, described_rows(quantities, conditions)),
+        (CONDITION_CURVES, curve_rows(conditions)),
+        (DIFFERENCES, pair_rows(comparisons)),
+    ):
+        head, *body = rows
+        with _csv(out / name, head) as write:
+            for row in body:
+                write(row)
+    shown = shown_quantities([one.quantity for one in quantities])
+    groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
+    given = StudyInput(
+        plan.name,
+        made_at(),
+        __version__,
+        tuple(lines),
+        conditions,
+        comparisons,
+        tuple(found),
+        tuple(one for one in quantities if one.quantity in shown),
+        _changes(trials),
+        tuple(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes),
+        (*groups, *FILES),
+    )
+    with written(out / PAGE) as stream:
+        stream.write(study_page(given))
+
+
+def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
+    """Outcomes with their conditions in the order of the study file, a subject's own steps before its trials."""
+    found = {one.key: one for one in outcomes}
+    keys = [key for take in plan.takes for key in ((take.subject, ""), (take.subject, take.name))]
+    keys += [(one.name, one.name) for one in plan.together]
+    told = {(take.subject, take.name): take.condition for take in plan.takes} | dict(plan.conditions.trials)
+    return [
+        _Trial(found[key], found[key].condition or told.get(key, "")) for key in dict.fromkeys(keys) if key in found
+    ]
+
+
+def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path) -> list[TrialLine]:
+    """The table of quality of all trials; also each trial as a line of the page."""
+    lines: list[TrialLine] = []
+    with _csv(out / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as write:
+        for one in trials:
+            rows = read_quality(one.outcome.folder / QUALITY) if one.has_values else []
+            for row in rows:
+                write((*one.whose, *(row[name] for name in QUALITY_COLUMNS)))
+            if one.outcome.error:
+                write((*one.whose, "failed", "", "", "", "failed", "", "", one.outcome.error))
+            lines.append(_line(one, rows, out))
+        for left in plan.excluded:
+            condition = plan.conditions.trials.get((left.subject, left.trial), "")
+            write((left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason))
+            lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
+    return lines
+
+
+def _line(one: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLine:
+    outcome = one.outcome
+    page = outcome.folder / REPORT
+    judged = {
+        row["quantity"]: Judged(
+            float(row["value"]), row["unit"], float(row["limit"]) if row["limit"] else None, row["state"]
+        )
+        for row in rows
+        if row["value"]
+    }
+    return TrialLine(
+        outcome.subject,
+        outcome.trial,
+        one.condition,
+        "failed" if outcome.error else "done",
+        Path(os.path.relpath(page, out)).as_posix() if "report" in outcome.done or not outcome.trial else "",
+        outcome.done,
+        outcome.frames,
+        outcome.error,
+        judged,
+        sum(1 for row in rows if row["quantity"] == "warning"),
+    )
+
+
+def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """What made steps be computed again, each with the trials it concerns."""
+    found: dict[str, list[str]] = {}
+    for one in trials:
+        for text in one.outcome.changed:
+            found.setdefault(text, []).append(", ".join(part for part in one.outcome.key if part))
+    return tuple((text, tuple(names)) for text, names in found.items())
+
+
+@contextmanager
+def _csv(path: Path, head: Sequence[str]) -> Iterator[Callable[[Sequence[object]], object]]:
+    """A table that takes row after row and appears under its name when it is whole."""
+    with written(path) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(head)
+        yield table.writerow
+
+
+@contextmanager
+def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Value]], None]]:
+    """The same for the values of trials as Parquet, written in blocks."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {name: pa.float64() if name == "value" else pa.string() for name in (*WHOSE, *VALUE_COLUMNS)}
+    schema = pa.schema(list(kinds.items()))
+    temporary = path.with_name(f".{path.name}.part")
+    waiting: list[tuple[Any, ...]] = []
+
+    def block(writer: Any) -> None:
+        columns = zip(*waiting, strict=True) if waiting else ([] for _ in kinds)
+        arrays = [pa.array(column, kind) for column, kind in zip(columns, kinds.values(), strict=True)]
+        writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+        waiting.clear()
+
+    def keep(whose: tuple[str, str, str], values: Sequence[Value]) -> None:
+        waiting.extend((*whose, one.step, one.quantity, one.value, one.unit) for one in values)
+        if len(waiting) >= ROWS:
+            block(writer)
+
+    try:
+        with pq.ParquetWriter(temporary, schema) as writer:
+            yield keep
+            block(writer)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,6 +61,11 @@ def write_trial_values(take: Take, outcome: Outcome) -> None:
     told = float(found.facts.get("mass") or 0.0)
     signals = signals_of(found, take.model, told or take.model.mass)
     cycles = [_cycles(one, strides) for one in signals]
+    _write_curves(outcome.folder / CURVES, strides, signals, cycles)
+    verdicts = prepare(report_input(found, take.model, {})).verdicts
+    warnings = json.loads(found.facts.get("warnings", "[]"))
+    _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(verdicts, warnings))
+    # Last, so that where there are values there is everything.
     _write_rows(
         outcome.folder / VALUES,
         VALUE_COLUMNS,
@@ -70,10 +75,6 @@ def write_trial_values(take: Take, outcome: Outcome) -> None:
             if np.isfinite(one.value)
         ),
     )
-    _write_curves(outcome.folder / CURVES, strides, signals, cycles)
-    verdicts = prepare(report_input(found, take.model, {})).verdicts
-    warnings = json.loads(found.facts.get("warnings", "[]"))
-    _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(verdicts, warnings))
 
 
 def strides_of(found: Stored, model: Model) -> TrialStrides | None:
@@ -232,10 +233,20 @@ def read_curves(path: Path) -> tuple[str, dict[str, Series]]:
     }
 
 
-def read_values(path: Path) -> Mapping[str, tuple[float, str]]:
-    """Value and unit by quantity, as `write_trial_values` wrote them."""
+def read_values(path: Path) -> list[Value]:
+    """Values as `write_trial_values` wrote them."""
     with path.open(newline="", encoding="utf-8") as stream:
-        return {row["quantity"]: (float(row["value"]), row["unit"]) for row in csv.DictReader(stream)}
+        rows = csv.reader(stream)
+        next(rows, None)
+        return [Value(step, quantity, float(value), unit) for step, quantity, value, unit in rows]
+
+
+def read_quality(path: Path) -> list[dict[str, str]]:
+    """The table of quality as `write_trial_values` wrote it, empty where there is none."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
 
 
 def _write_rows(path: Path, head: Sequence[str], rows: Iterator[Sequence[str]]) -> None:

@@ -115,7 +115,7 @@
       const unit = this.svg.querySelector(".title .unit")?.textContent ?? "";
       const values = this.mark(time);
       const told = values.map(([label, value]) => `${label}: ${digits(value, this.y1 - this.y0)} ${/parts/.test(unit) ? "" : unit}`);
-      show(event, [`${digits(time, this.t1 - this.t0)} s`, ...told]);
+      show(event, [`${digits(time, this.t1 - this.t0)} ${this.svg.dataset.clock ?? "s"}`, ...told]);
     }
   }
 
