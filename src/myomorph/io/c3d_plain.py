@@ -51,6 +51,17 @@ def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
         return _samples(data, header, groups, order, remarks, path)
 
 
+def claimed_frames(head: bytes) -> tuple[int, float]:
+    """Frames and their rate [Hz] as the first bytes of a C3D file claim them, header and parameters; 0 for unknown."""
+    with np.errstate(all="ignore"):
+        section, order = _section(head, [])
+        header = _header(head, order)
+        groups = _parameters(head, section, order, [])
+        nothing = np.zeros((0, 0, 3))
+        raw = RawC3d(groups, header.first, header.rate, 0.0, nothing, nothing[..., 0], np.zeros((0, 0)))
+        return _frames(raw, header, 0), _first(raw, "POINT", "RATE", header.rate)
+
+
 @dataclass(frozen=True)
 class _Order:
     """How a processor writes numbers."""

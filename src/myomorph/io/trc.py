@@ -66,6 +66,12 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
 
 
+def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
+    """What the first lines of a TRC file say of it, and where its numbers begin; raises `BadFile` where it is none."""
+    facts, _, start, _ = _header(text, path, [])
+    return facts, start
+
+
 def _header(text: str, path: Path, found: list[str]) -> tuple[dict[str, str], list[str], int, str | None]:
     """Facts, cells of the line of names, where the numbers begin, and the delimiter of cells."""
     facts: dict[str, str] = {}

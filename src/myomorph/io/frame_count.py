@@ -1,0 +1,101 @@
+"""How many frames a recording has and at what rate, from its first bytes: for plans, without reading it whole."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.c3d_plain import BLOCK, claimed_frames
+from myomorph.io.trc import trc_head
+from myomorph.model.errors import BadFile, MyomorphError
+
+HEAD = 1 << 18
+"""Bytes that hold the header of any recording, long lists of C3D parameters included."""
+
+ROWS, SHARE = 50, 0.1
+"""Rows whose times tell the rate; how far the length of a file may be from what its header claims."""
+
+
+@dataclass(frozen=True)
+class FrameCount:
+    """What a recording says of its length.
+
+    Attributes
+    ----------
+    frames : None where its first bytes do not tell
+    rate : frames a second [Hz], None where they do not tell
+    """
+
+    frames: int | None = None
+    rate: float | None = None
+
+    def within(self, time: tuple[float, float] | None) -> int | None:
+        """Frames of a part of the recording, from start to end [s]; at most those that there are."""
+        if self.frames is None or time is None or self.rate is None:
+            return self.frames
+        return max(0, min(self.frames, round((time[1] - time[0]) * self.rate) + 1))
+
+
+def count_frames(path: str | os.PathLike[str]) -> FrameCount:
+    """What the header of a recording says; nothing where it is damaged, or tells it only at its end."""
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError:
+        return FrameCount()
+    ending = path.suffix.lower()
+    try:
+        if ending == ".trc":
+            return _trc(head, path)
+        if ending == ".c3d" and len(head) >= BLOCK:
+            return _told(*claimed_frames(head))
+        if ending in (".h5", ".hdf5"):
+            return _keypoints(path)
+    except (MyomorphError, ValueError, IndexError, OverflowError):
+        pass
+    return FrameCount()
+
+
+def _told(frames: float, rate: float) -> FrameCount:
+    whole = int(frames) if np.isfinite(frames) and 0 < frames < 2**31 else None
+    return FrameCount(whole, float(rate) if np.isfinite(rate) and rate > 0.0 else None)
+
+
+def _trc(head: bytes, path: Path) -> FrameCount:
+    """By the header, unless the file is too short or too long for it; the rate by the column of times."""
+    text = head.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    facts, start = trc_head(text, path)
+    rows = text[start:].split("\n")
+    rows = [row for row in (rows[:-1] if len(head) == HEAD else rows) if row.strip()]
+    if not rows:
+        return FrameCount()
+    whole = path.stat().st_size * len(text) / len(head) - start
+    frames = whole / (sum(map(len, rows)) / len(rows) + 1.0)
+    told = _number(facts.get("NumFrames", ""))
+    times = np.array([_number(row.replace(",", " ").split()[1]) for row in rows[:ROWS] if len(row.split()) > 1])
+    span = times[-1] - times[0] if len(times) > 1 else 0.0
+    rate = (len(times) - 1) / span if span > 0.0 else _number(facts.get("DataRate", ""))
+    return _told(told if abs(frames - told) < SHARE * frames + 2.0 else round(frames), rate)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+def _keypoints(path: Path) -> FrameCount:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            tracks = file.get("tracks")
+            frames = tracks.shape[0] if isinstance(tracks, h5py.Dataset) and tracks.shape else None
+    except (OSError, RuntimeError):
+        raise BadFile(path, "cannot be read as HDF5") from None
+    return FrameCount(frames)
