@@ -12,8 +12,9 @@ from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadFile
 from myomorph.muscles.path import muscle_kinematics
-from myomorph.study.tool_analyze import stepped
+from myomorph.study.tool_muscles import FIBERS
 from myomorph.study.tool_outputs import write_outputs
+from myomorph.study.tool_states import stepped
 from myomorph.study.tools import run_tool
 
 ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>arm26.osim</model_file>
@@ -189,23 +190,25 @@ def test_muscle_analysis_writes_what_it_names(arm, tmp_path):
     analysis = (
         '<MuscleAnalysis name="MuscleAnalysis"><on>true</on><step_interval>2</step_interval>'
         "<muscle_list>BRA TRIlong</muscle_list><moment_arm_coordinate_list>r_elbow_flex</moment_arm_coordinate_list>"
-        "<compute_moments>true</compute_moments></MuscleAnalysis><Kinematics/>"
+        "<compute_moments>true</compute_moments></MuscleAnalysis><ForceReporter/>"
     )
     result = run_tool(arm(analysis))
-    assert {path.relative_to(tmp_path).as_posix() for path in result.written} == {
-        "Results/arm_MuscleAnalysis_Length.sto",
-        "Results/arm_MuscleAnalysis_MomentArm_r_elbow_flex.sto",
-    }
-    assert "analysis Kinematics is left out: it is not built" in result.warnings
-    table = read_sto(result.written[1])
-    assert table.names == ("TRIlong", "BRA")
+    written = {path.name.removeprefix("arm_MuscleAnalysis_").removesuffix(".sto"): path for path in result.written}
+    assert set(written) == {
+        *FIBERS, "Length", "NormalizedFiberLength", "ActiveFiberForceAlongTendon", "PassiveFiberForceAlongTendon",
+        "MomentArm_r_elbow_flex", "Moment_r_elbow_flex",
+    }  # fmt: skip
+    assert {path.parent for path in result.written} == {tmp_path / "Results"}
+    assert "analysis ForceReporter is left out: it is not built" in result.warnings
+    table = read_sto(written["MomentArm_r_elbow_flex"])
+    assert table.names == ("BRA", "TRIlong")
     assert (table["BRA"] > 0).all()
     assert (table["TRIlong"] < 0).all()
     model = read_model(tmp_path / "arm26.osim")
     motion = motion_from_table(read_sto(tmp_path / "arm26_InverseKinematics.mot"), model)
     lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False)
     near = [int(np.argmin(np.abs(motion.time - at))) for at in table.time]
-    found = read_sto(result.written[0])["BRA"]
+    found = read_sto(written["Length"])["BRA"]
     np.testing.assert_allclose(found, lengths.lengths[near, lengths.muscles.index("BRA")], atol=2e-4)
 
 

@@ -130,6 +130,7 @@ class AnalyzeSetup:
     ----------
     actuators : files of forces that are added to the model's, or replace them
     cutoff : low-pass of the coordinates [Hz], None for no filter
+    equilibrium : whether muscles are put into equilibrium at every frame
     analyses : in the file's order
     """
 
@@ -143,6 +144,7 @@ class AnalyzeSetup:
     time_range: tuple[float, float]
     cutoff: float | None
     results: Path
+    equilibrium: bool = False
     analyses: tuple[Analysis, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -231,6 +233,7 @@ def _analyze(node: Node) -> AnalyzeSetup:
         (node.number("initial_time", 0.0, infinite=True), node.number("final_time", 1.0, infinite=True)),
         _cutoff(node),
         _results(node),
+        node.flag("solve_for_equilibrium_for_auxiliary_states", False),
         tuple(_analysis(one) for one in analyses if one.flag("on", True)),
         unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
     )

@@ -101,6 +101,20 @@ def _millard_curves(muscle: Muscle, kind: int) -> list[Recipe]:
     ]
 
 
+def inverse_force_velocity(muscle: Muscle) -> Curve:
+    """Normalized velocity over f_V of an undamped Millard2012EquilibriumMuscle.
+
+    The inverse of its force-velocity curve but for the ends, where its slopes are half of those near them.
+    """
+    velocity = {name: float(muscle.parameters.get(name, default)) for name, default in _VELOCITY.items()}
+    for name in _VELOCITY:
+        velocity[name] = float(muscle.parameters.get(f"ForceVelocityCurve/{name}", velocity[name]))
+    for side in ("concentric", "eccentric"):
+        velocity[f"{side}_slope_at_vmax"] = 0.5 * velocity[f"{side}_slope_near_vmax"]
+    curve = force_velocity(*velocity.values())
+    return Curve(curve.pieces[:, ::-1], (1.0 / curve.slopes[0], 1.0 / curve.slopes[1]))
+
+
 def _without_singularities(muscle: Muscle, active: dict[str, float], velocity: dict[str, float]) -> None:
     """Millard's equilibrium model changes its own curves, by whether an equilibrium can be singular.
 

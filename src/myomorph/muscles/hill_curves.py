@@ -270,6 +270,27 @@ def passive_force_length(
     return _chain(points, [curviness] * 2)
 
 
+def tendon_force_length(
+    strain_at_one: float = 0.049, stiffness: float | None = None, toe_force: float = 2.0 / 3.0, curviness: float = 0.5
+) -> Curve:
+    """Millard's tendon force over the tendon length by its slack length, 1 at 1 + `strain_at_one`.
+
+    Parameters
+    ----------
+    stiffness : slope of the straight part; None for 1.375 / strain_at_one
+    toe_force : where the straight part begins
+    """
+    slope = 1.375 / strain_at_one if stiffness is None else stiffness
+    end = 1.0 + strain_at_one
+    toe = (toe_force - 1.0) / slope + end
+    foot = 1.0 + (toe - 1.0) / 10.0
+    half = (0.5 * toe_force - 1.0) / slope + end
+    middle = 0.5 * toe_force / (half - foot)
+    corner = foot + 0.5 * (half - foot)
+    points = [(1.0, 0.0, 0.0), (corner, middle * (corner - foot), middle), (toe, toe_force, slope)]
+    return _chain(points, [curviness] * 2)
+
+
 def spline_curve(x: ArrayLike, y: ArrayLike) -> Curve:
     """OpenSim's `SimmSpline` through the points as a curve."""
     spline = simm_spline(x, y)

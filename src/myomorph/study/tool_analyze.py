@@ -1,9 +1,8 @@
-"""OpenSim's AnalyzeTool: muscle lengths and moment arms, muscle forces by static optimization, loads of joints."""
+"""OpenSim's AnalyzeTool: one motion, and what each of its analyses writes of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -13,25 +12,21 @@ import numpy as np
 from myomorph.io.actuators import read_actuators
 from myomorph.io.sto import write_sto
 from myomorph.io.tool_setups import Analysis, AnalyzeSetup, StaticOptimizationSettings
-from myomorph.model.errors import BadData, BadModel, listing
+from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.closed_motion import closed_motion
 from myomorph.study import inputs
 from myomorph.study.progress import progress
+from myomorph.study.tool_bodies import body_kinematics, kinematics, point_kinematics
+from myomorph.study.tool_forces import actuation, net_torques, reported_states
+from myomorph.study.tool_muscles import Tables, muscle_analysis
 from myomorph.study.tool_outputs import ToolResult, check_outputs, write_outputs
-from myomorph.study.tool_reactions import joint_reaction, with_speeds
-from myomorph.study.tools import indexed_frames, loads_at, needed, picked
+from myomorph.study.tool_reactions import joint_reaction
+from myomorph.study.tool_states import Analyzed, analyzed
+from myomorph.study.tools import needed
 
-KINDS = ("StaticOptimization", "MuscleAnalysis", "JointReaction")
-MOST_ENTRIES = 20_000_000
-"""Moment arms (frames x muscles x coordinates) that are in memory at a time."""
-
-TWIN = 1e-6
-"""A frame that follows within this share of the usual step stands at the time of the one before."""
-
-Tables = dict[str, Table]
+Found = tuple[Tables, str, tuple[str, ...]]
+"""Tables by the ends of their names, what was found in one line, and warnings."""
 
 
 def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
@@ -42,61 +37,62 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     BadData
         where none of them exists
     """
-    built = [one for one in setup.analyses if one.kind in KINDS]
-    others = tuple(dict.fromkeys(one.kind for one in setup.analyses if one.kind not in KINDS))
+    built = [one for one in setup.analyses if one.kind in ANALYSES]
+    others = tuple(dict.fromkeys(one.kind for one in setup.analyses if one.kind not in ANALYSES))
     if not built:
         asked = ", ".join(others) or "none"
-        raise BadData(f"{source}: asks for {asked}, but the analyses that exist are {listing(asked, KINDS)}")
+        raise BadData(f"{source}: asks for {asked}, but the analyses that exist are {listing(asked, tuple(ANALYSES))}")
     model_path = needed(setup.model, "model_file", source)
-    motion_path = needed(setup.coordinates or setup.states, "coordinates_file", source)
     warnings = [*setup.warnings, *(f"analysis {kind} is left out: it is not built" for kind in others)]
 
     model = inputs.open_model(model_path)
     warnings += [f"{model_path.name}: {text}" for text in model.warnings]
-    recorded, twice = without_twins(inputs.open_motion(motion_path, model))
-    warnings += twice
-    # As OpenSim's tool, which assembles the model in every frame; its InverseDynamicsTool does not.
-    whole, notes = closed_motion(model, differentiate(recorded, setup.cutoff))
+    here, notes = analyzed(setup, model, _actuators(setup, model), source)
     warnings += notes
-    motion = indexed_frames(whole, setup.time_range, motion_path)
-    first = int(np.searchsorted(whole.time, motion.time[0]))
     told: list[str] = []
     tables: dict[Path, Table] = {}
     name = setup.name or source.stem
     for analysis in built:
-        part = picked(motion, stepped(first, len(motion), analysis.step))
-        if analysis.static_optimization is not None:
-            torques = _torques(setup, model, recorded, part)
-            actuators = _actuators(setup, model)
-            of_muscles = replace(model, muscles=(), actuators=()) if setup.replace_forces else model
-            found, text = static_optimization(of_muscles, part, torques, analysis.static_optimization, actuators, name)
-        elif analysis.kind == "JointReaction":
-            found, text, notes = _reactions(setup, model, recorded, part, analysis)
-            warnings += notes
-        else:
-            found, text = muscle_analysis(model, part, analysis)
-            warnings.append("MuscleAnalysis writes Length and MomentArm: fibers and forces are left out")
+        found, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
         told.append(text)
-        tables |= {setup.results / f"{name}_{analysis.name}_{one}.sto": table for one, table in found.items()}
-    read = (source, model_path, motion_path, setup.loads, *setup.actuators, *(one.forces for one in built))
-    check_outputs(tables, read)
+        warnings += odd
+        for end, table in found.items():
+            tables[setup.results / f"{'_'.join(one for one in (name, analysis.name, end) if one)}.sto"] = table
+    named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(one.forces for one in built))
+    check_outputs(tables, (source, model_path, *named))
     writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
     return ToolResult("AnalyzeTool", tuple(told), write_outputs(writers), tuple(dict.fromkeys(warnings)))
 
 
-def stepped(first: int, count: int, step: int) -> np.ndarray:
-    """The frames that OpenSim analyses of `count` from the file's frame `first` on: the ends, and every `step`-th."""
-    frames = np.arange(count)
-    return frames[(frames == 0) | (frames == count - 1) | ((frames + first) % step == 0)]
+def _optimized(here: Analyzed, analysis: Analysis) -> Found:
+    from myomorph.rigid.dynamics import inverse_dynamics
+
+    assert analysis.static_optimization is not None
+    inputs.has_mass(here.model, "static optimization")
+    torques = inverse_dynamics(here.model, here.motion, here.wrenches)
+    settings, actuators = analysis.static_optimization, here.actuators
+    found, text = static_optimization(here.model, here.motion, torques, settings, actuators, analysis.name)
+    return found, text, ()
 
 
-def without_twins(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
-    """A motion without frames at the time of the one before, which integrators log and no spline bears, and a note."""
-    steps = np.diff(motion.time)
-    keep = np.concatenate([[True], steps > TWIN * np.median(steps)]) if len(steps) else np.array([True])
-    found = picked(motion, np.arange(len(motion))[keep])
-    gone = len(motion) - len(found)
-    return found, (f"{gone} frames were left out: their time is that of the frame before",) if gone else ()
+def _reactions(here: Analyzed, analysis: Analysis) -> Found:
+    inputs.has_mass(here.model, "joint reactions")
+    table, text, notes = joint_reaction(here, analysis)
+    return {"ReactionLoads": table}, text, notes
+
+
+ANALYSES: dict[str, Callable[[Analyzed, Analysis], Found]] = {
+    "StaticOptimization": _optimized,
+    "MuscleAnalysis": muscle_analysis,
+    "JointReaction": _reactions,
+    "BodyKinematics": body_kinematics,
+    "PointKinematics": point_kinematics,
+    "Kinematics": kinematics,
+    "Actuation": actuation,
+    "StatesReporter": reported_states,
+    "InverseDynamics": net_torques,
+}
+"""What runs each kind of analysis."""
 
 
 def static_optimization(
@@ -131,57 +127,6 @@ def static_optimization(
         worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
         text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
     return tables, text
-
-
-def muscle_analysis(model: Model, motion: Motion, analysis: Analysis) -> tuple[Tables, str]:
-    """Lengths of muscle paths, and moment arms about the coordinates that the analysis names, a table each."""
-    from myomorph.muscles.path import muscle_kinematics
-
-    if not model.muscles:
-        raise BadModel(f"model '{model.name}' has no muscles")
-    names = _listed(analysis.options.get("muscle_list", ""), model.muscle_names)
-    columns = [model.muscle_names.index(one) for one in names]
-    moving = analysis.options.get("compute_moments", "true").lower() in ("true", "1")
-    about = _listed(analysis.options.get("moment_arm_coordinate_list", ""), model.coordinate_names) if moving else ()
-    kinematics = muscle_kinematics(model, motion, velocities=False, moment_arms=bool(about))
-    facts = MappingProxyType({"name": "MuscleAnalysis"})
-    tables = {"Length": Table(motion.time, names, kinematics.lengths[:, columns], facts=facts)}
-    if about:
-        arms = np.empty((len(about), len(motion), len(names)))
-        wanted = [model.coordinate_names.index(one) for one in about]
-        block = max(1, MOST_ENTRIES // (len(model.muscles) * len(model.coordinates)))
-        for start in range(0, len(motion), block):
-            frames = slice(start, start + block)
-            arms[:, frames] = np.moveaxis(kinematics.dense(frames)[:, columns][:, :, wanted], 2, 0)
-        tables |= {
-            f"MomentArm_{one}": Table(motion.time, names, table, facts=facts)
-            for one, table in zip(about, arms, strict=True)
-        }
-    return tables, f"muscle analysis: {len(motion)} frames, {len(names)} muscles, {len(about)} coordinates"
-
-
-def _listed(words: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    asked = words.split()
-    return names if not asked or "all" in asked else tuple(one for one in names if one in asked)
-
-
-def _reactions(
-    setup: AnalyzeSetup, model: Model, recorded: Motion, motion: Motion, analysis: Analysis
-) -> tuple[Tables, str, tuple[str, ...]]:
-    inputs.has_mass(model, "joint reactions")
-    wrenches = loads_at(setup.loads, model, recorded, motion)
-    if setup.coordinates is None and setup.states is not None:
-        motion = with_speeds(setup.states, model, motion)
-    whole = replace(model, muscles=(), actuators=()) if setup.replace_forces else model
-    table, text, notes = joint_reaction(whole, motion, wrenches, analysis, _actuators(setup, model))
-    return {"ReactionLoads": table}, text, notes
-
-
-def _torques(setup: AnalyzeSetup, model: Model, recorded: Motion, motion: Motion) -> Series:
-    from myomorph.rigid.dynamics import inverse_dynamics
-
-    inputs.has_mass(model, "static optimization")
-    return inverse_dynamics(model, motion, loads_at(setup.loads, model, recorded, motion))
 
 
 def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:

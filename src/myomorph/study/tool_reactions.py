@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,29 +10,27 @@ import numpy as np
 from myomorph.io.sto import read_sto
 from myomorph.io.tool_setups import Analysis
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array
-from myomorph.muscles.coupled_arms import TURNING
+from myomorph.model.series import Series, Table
 from myomorph.study import inputs
+from myomorph.study.tool_states import Analyzed
 
 
-def joint_reaction(
-    model: Model, motion: Motion, wrenches: Wrenches | None, analysis: Analysis, actuators: Sequence[Actuator]
-) -> tuple[Table, str, tuple[str, ...]]:
+def joint_reaction(here: Analyzed, analysis: Analysis) -> tuple[Table, str, tuple[str, ...]]:
     """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings.
 
     As OpenSim, the analysis takes the accelerations that all forces together cause; those of the motion are not read.
+    Without a forces_file, forces of muscles are those of their states.
 
     Raises
     ------
     BadData
-        where muscles have no forces_file, or lists differ in length
+        where lists differ in length, or muscles without a forces_file are of a class whose fibers are not built
     UnknownName
         where a joint, body or frame does not exist, or a muscle or actuator is not in the forces_file
     """
     from myomorph.tension.reaction import joint_reactions
 
+    model, motion, actuators = here.model, here.motion, here.actuators
     known = tuple(one.name for one in model.joints)
     names = tuple(analysis.options.get("joint_names", "").split()) or ("ALL",)
     if names[0].upper() == "ALL":
@@ -45,12 +42,12 @@ def joint_reaction(
     # OpenSim takes the words for sides in any case.
     sides = _of_each(analysis, "apply_on_bodies", "child", names, kept, str.lower)
     frames = _of_each(analysis, "express_in_frame", "ground", names, kept)
-    forces, told = _forces(model, motion.time, analysis.forces, actuators)
+    forces, told = _forces(here, analysis.forces)
     found = joint_reactions(
         model,
         motion,
         forces,
-        wrenches,
+        here.wrenches,
         [names[k] for k in kept],
         sides,  # type: ignore[arg-type]
         frames,
@@ -80,39 +77,15 @@ def _of_each(
     return [given[k] if len(given) > 1 else given[0] for k in kept]
 
 
-def with_speeds(path: Path, model: Model, motion: Motion) -> Motion:
-    """The motion with the speeds that a file of states holds; those that it lacks stay.
-
-    OpenSim's speeds of joints that turn freely are angular velocities and no rates: theirs stay too.
-    """
-    assert motion.velocities is not None
-    table = read_sto(path)
-    turning = {name for joint in model.joints if joint.kind in TURNING for name in joint.coordinates}
-    at = np.clip(np.searchsorted(table.time, motion.time - 1e-9), 0, len(table) - 1)
-    velocities = motion.velocities.copy()
-    for k, name in enumerate(motion.names):
-        for column in table.names:
-            if name not in turning and (column == f"{name}_u" or column.endswith(f"/{name}/speed")):
-                rotates = model.coordinate(name).motion == "rotational"
-                velocities[:, k] = table[column][at] * (np.pi / 180.0 if table.in_degrees and rotates else 1.0)
-    return replace(motion, velocities=velocities)
-
-
-def _forces(
-    model: Model, time: Array, path: Path | None, actuators: Sequence[Actuator]
-) -> tuple[Series | None, tuple[str, ...]]:
+def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str, ...]]:
     """Forces of all muscles and actuators at the motion's times, between rows of the file along straight lines."""
+    model, time, actuators = here.model, here.motion.time, here.actuators
     given = {one.name for one in actuators}
     helpers = [one.name for one in (*model.actuators, *actuators) if one.enabled]
     names = tuple(dict.fromkeys([one.name for one in model.muscles if one.enabled] + helpers))
     if path is None:
-        if any(one.enabled for one in model.muscles):
-            raise BadData(
-                "JointReaction: no forces_file, but the model has muscles: forces of muscles from their states are not "
-                "built; give the file of forces that StaticOptimization writes"
-            )
-        told = (f"no forces_file: {len(names)} actuators are taken to do nothing",) if names else ()
-        return None, told
+        told = (f"no forces_file: {len(helpers)} actuators are taken to do nothing",) if helpers else ()
+        return here.forces, told
     with inputs.about(path):
         table = read_sto(path)
         values = np.empty((len(time), len(names)))

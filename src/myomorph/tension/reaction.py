@@ -12,7 +12,7 @@ coordinates) included. What acts on a coordinate is not a load on a body: it is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -144,6 +144,36 @@ def joint_reactions(
     body, named, force, moment, point = zip(*seen, strict=True)
     stacked = (np.stack(one, axis=1) for one in (force, moment, point))
     return JointReactions(motion.time, tuple(one.name for one in chosen), body, named, *stacked)
+
+
+def caused_motion(
+    model: Model,
+    motion: Motion,
+    forces: Series | None,
+    wrenches: Wrenches | None = None,
+    actuators: Sequence[Actuator] = (),
+) -> Motion:
+    """The motion with the accelerations that all forces together cause, of all coordinates in the model's order.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations, of which only those of prescribed coordinates are read
+    forces : of muscles and actuators by name [N or N m], of all muscles that are switched on; None where none acts
+    wrenches, actuators : as of `joint_reactions`
+
+    Raises
+    ------
+    BadData, UnknownName
+        as `joint_reactions`
+    """
+    tree = compile_tree(model)
+    c, cdot, cddot = motion_arrays(tree, motion)
+    refuse_open(tree, c)
+    loads = _Loads(tree, motion, forward_kinematics(tree, c), c, cdot)
+    loads.add_external(wrenches, None)
+    loads.add_tension(forces, actuators)
+    cddot, _ = forward_accelerations(tree, c, cdot, cddot, loads.bodies, loads.generalized())
+    return replace(motion, names=model.coordinate_names, values=c, velocities=cdot, accelerations=cddot)
 
 
 @dataclass(eq=False)

@@ -1,0 +1,98 @@
+"""OpenSim's Actuation, StatesReporter and (of OpenSim 3) InverseDynamics analyses."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.tool_setups import Analysis
+from myomorph.model.errors import BadData
+from myomorph.model.series import Table
+from myomorph.model.spatial import Array
+from myomorph.muscles.fiber_states import state_names
+from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.tree import compile_tree
+from myomorph.study import inputs
+from myomorph.study.steps import torque_table
+from myomorph.study.tool_muscles import Tables
+from myomorph.study.tool_states import Analyzed
+
+
+def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+    """Force, speed and power of every muscle and actuator that is switched on.
+
+    Raises
+    ------
+    BadData
+        where the model has neither
+    """
+    forces = here.forces
+    if forces is None:
+        raise BadData(f"{analysis.name}: model '{here.model.name}' has no muscles and no actuators")
+    speeds, notes = _speeds(here, forces.names)
+    # OpenSim's speed of a muscle is that of its lengthening.
+    signs = np.array([-1.0 if name in here.model.muscle_names else 1.0 for name in forces.names])
+    found = {"force": forces.values, "speed": speeds, "power": signs * forces.values * speeds}
+    titles = {"force": "ActuatorForces", "speed": "ActuatorSpeeds", "power": "ActuatorPowers"}
+    tables = {
+        name: Table(here.motion.time, forces.names, values, facts=MappingProxyType({"name": titles[name]}))
+        for name, values in found.items()
+    }
+    return tables, f"actuation: {len(here.motion)} frames, {len(forces.names)} actuators", notes
+
+
+def _speeds(here: Analyzed, names: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
+    """How fast muscles lengthen and actuators move, (frames, actuators) [m/s or rad/s]."""
+    model = here.model
+    found = np.full((len(here.motion), len(names)), np.nan)
+    _, rates, _ = motion_arrays(compile_tree(model), here.motion)
+    kinds = {one.name: one for one in (*model.actuators, *here.actuators)}
+    unknown = []
+    for k, name in enumerate(names):
+        if name in model.muscle_names:
+            assert here.paths.velocities is not None
+            found[:, k] = here.paths.velocities[:, model.muscle_names.index(name)]
+        elif kinds[name].kind == "coordinate":
+            found[:, k] = rates[:, model.coordinate_names.index(kinds[name].coordinate)]
+        else:
+            unknown.append(name)
+    notes = (f"speeds of {', '.join(unknown)} are NaN: actuators of bodies have none here",) if unknown else ()
+    return found, notes
+
+
+def reported_states(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+    """The states at every frame, as OpenSim 4 names them."""
+    model = here.model
+    arrays = motion_arrays(compile_tree(model), here.motion)
+    columns: dict[str, Array] = {}
+    for joint in model.joints:
+        for name in joint.coordinates:
+            k = model.coordinate_names.index(name)
+            columns[f"/jointset/{joint.name}/{name}/value"] = arrays[0][:, k]
+            columns[f"/jointset/{joint.name}/{name}/speed"] = arrays[1][:, k]
+    notes: tuple[str, ...] = ()
+    if here.without_fibers:
+        notes = (
+            f"{analysis.name} leaves out states of muscles: those of {', '.join(here.without_fibers)} are not built",
+        )
+    else:
+        for muscle in model.muscles:
+            for state in state_names(muscle):
+                columns[f"/forceset/{muscle.name}/{state}"] = here.states[muscle.name, state]
+    facts = MappingProxyType({"name": "ModelStates"})
+    values = np.stack(list(columns.values()), axis=1)
+    text = f"states: {len(here.motion)} frames, {len(columns)} states"
+    return {"states": Table(here.motion.time, tuple(columns), values, facts=facts)}, text, notes
+
+
+def net_torques(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+    """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4 no longer has."""
+    inputs.has_mass(here.model, "inverse dynamics")
+    if analysis.options.get("use_model_force_set", "true").lower() in ("true", "1"):
+        raise BadData(
+            f"{analysis.name}: use_model_force_set is true, which is not built: expected false, or InverseDynamicsTool"
+        )
+    torques = inverse_dynamics(here.model, here.motion, here.wrenches)
+    text = f"inverse dynamics: {len(torques)} frames, {len(torques.names)} coordinates"
+    return {"": torque_table(torques, here.model)}, text, ()
