@@ -65,6 +65,11 @@ COMMANDS = {
         "Muscle tensions that make the joint torques with the least effort.",
         "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
     ),
+    "live": Command(
+        "live",
+        "Joint angles, torques and muscle activations while frames arrive, from streams or a recording.",
+        "myomorph live --model subject.osim --markers walk1.trc --loads walk1_grf.xml --web 8080",
+    ),
     "identify": Command(
         "identify",
         "Masses, mass centers and inertias of every body from motions, their forces and the body's shape.",

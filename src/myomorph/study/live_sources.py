@@ -199,7 +199,7 @@ class LabStreams:
     speed = 0.0
 
     def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
-        self._lsl = lsl = library or _pylsl()
+        self._lsl = lsl = library or streaming_library()
         self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
         self._markers = _Stream(lsl, markers, "markers", wait)
         self.names, self._columns, self._scale = marker_channels(*self._markers.channels)
@@ -244,7 +244,8 @@ class LabStreams:
         return float(self._lsl.local_clock() - time)
 
 
-def _pylsl() -> Any:
+def streaming_library() -> Any:
+    """The package `pylsl`; raises `MyomorphError` where it is not installed."""
     try:
         import pylsl
     except (ImportError, RuntimeError) as error:

@@ -24,6 +24,7 @@ class TensionFrame:
     ----------
     activations, forces : (muscles,) NaN where the frame was not solved; along the tendons [N]
     reserves : (actuators,) their forces [N] and torques [N m]
+    balanced : (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
     status : index into `STATUS_NAMES`
     imbalance : greatest torque or force left unbalanced [N m or N]
     """
@@ -31,6 +32,7 @@ class TensionFrame:
     activations: Array
     forces: Array
     reserves: Array
+    balanced: Array
     status: int
     imbalance: float
 
@@ -45,6 +47,8 @@ class OnlineTension:
     Attributes
     ----------
     muscles, actuators : names
+    rows : names of the coordinates that are balanced
+    lower, upper : (muscles,) bounds of the activations
 
     Raises
     ------
@@ -64,6 +68,9 @@ class OnlineTension:
         none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
         self._problem, self.actuators = tension_problem(model, still, none, options, actuators)
         self.muscles = model.muscle_names
+        self.rows = self._problem.assembly.rows
+        shared, muscles = self._problem.separable, len(self.muscles)
+        self.lower, self.upper = shared.lower[:muscles], shared.upper[:muscles]
         self._optimal_forces = self._problem.assembly.optimal_forces
         self._warm = np.zeros(len(self._problem.assembly.rows))
 
@@ -82,6 +89,5 @@ class OnlineTension:
         muscles = len(self.muscles)
         activations = x[0, :muscles]
         forces = given.active[0] * activations + given.passive[0] + given.viscous[0]
-        return TensionFrame(
-            activations, forces, x[0, muscles:] * self._optimal_forces, int(status[0]), float(imbalance[0])
-        )
+        reserves = x[0, muscles:] * self._optimal_forces
+        return TensionFrame(activations, forces, reserves, given.torques[0], int(status[0]), float(imbalance[0]))

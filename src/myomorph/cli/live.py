@@ -1,0 +1,75 @@
+"""`live`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import ModelFile, given, options_class
+from myomorph.cli.output import said, warn
+from myomorph.model.errors import BadData
+from myomorph.study.live_chain import ChainOptions
+from myomorph.tension.tension import TensionOptions
+
+LiveSettings = options_class(ChainOptions, TensionOptions)
+
+
+def live_command(
+    *,
+    model: ModelFile,
+    markers: Annotated[
+        Path | None, Parameter(help="Recording to play: markers (.trc, .c3d), or coordinates (.mot, .sto).")
+    ] = None,
+    loads: Annotated[
+        Path | None,
+        Parameter(
+            help="Its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot), each given "
+            "to the foot that is nearest. A C3D file's own plates by default."
+        ),
+    ] = None,
+    speed: Annotated[float, Parameter(help="Of the recording, times real time; 0 as fast as it goes.")] = 1.0,
+    lsl_markers: Annotated[str, Parameter(help="Stream of markers of the Lab Streaming Layer.")] = "",
+    lsl_forces: Annotated[str, Parameter(help="Stream of forces of the Lab Streaming Layer.")] = "",
+    up: Annotated[
+        Literal["y", "z"], Parameter(help="Vertical axis of the streams' laboratory; the model's is y.")
+    ] = "y",
+    web: Annotated[int | None, Parameter(help="Port of a web page on this machine that shows the body.")] = None,
+    lsl_out: Annotated[str, Parameter(help="Send coordinates, torques and activations as a stream of this name.")] = "",
+    out: Annotated[
+        Path | None, Parameter(help="Folder for tables of all frames, and of how late each of them was.")
+    ] = None,
+    options: LiveSettings | None = None,  # type: ignore[valid-type]
+) -> int:
+    """Joint angles, torques and muscle activations while frames arrive."""
+    from myomorph.study.live_run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
+    from myomorph.study.settings import with_settings
+
+    if (markers is None) == (not lsl_markers):
+        raise BadData("live needs either a recording (--markers FILE) or a stream (--lsl-markers NAME)")
+    if lsl_markers and loads is not None:
+        raise BadData("--loads belongs to a recording: with --lsl-markers give --lsl-forces NAME")
+    if markers is not None and lsl_forces:
+        raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
+    frames = LiveStreams(lsl_markers, lsl_forces, up) if markers is None else LiveFiles(markers, loads, speed)
+    settings = given(options)
+    session = run_live_chain(
+        model,
+        frames,
+        LiveOutputs(web, lsl_out, out),
+        with_settings(ChainOptions(), settings),
+        with_settings(TensionOptions(), settings),
+        _told,
+    )
+    warn(session.notes)
+    for line in session.summary():
+        said(line)
+    if out is not None:
+        said(f"wrote {out}")
+    return 0
+
+
+def _told(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
