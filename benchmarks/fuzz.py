@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -23,12 +24,17 @@ AT_ONCE = 2
 CHILD = "benchmarks.fuzz_child"
 
 
-def run(seconds: float = SECONDS, names: list[str] | None = None, keep: Path | None = None) -> list[dict[str, object]]:
+def run(seconds: float = SECONDS) -> list[dict[str, object]]:
     """One row a reader, for `seconds` each."""
+    return list(rows(seconds))
+
+
+def rows(seconds: float, names: list[str] | None = None, keep: Path | None = None) -> Iterator[dict[str, object]]:
+    """Rows of all readers or of some, as they come; `keep` is a folder for what was found."""
     chosen = [one.name for one in READERS if not names or one.name in names]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(AT_ONCE) as pool:
         root = keep or Path(folder)
-        return list(pool.map(lambda name: _tried(name, root / name.replace(" ", "_"), seconds), chosen))
+        yield from pool.map(lambda name: _tried(name, root / name.replace(" ", "_"), seconds), chosen)
 
 
 def _tried(name: str, folder: Path, seconds: float) -> dict[str, object]:
@@ -78,8 +84,8 @@ def main() -> None:
     parser.add_argument("--reader", action="append", choices=[one.name for one in READERS])
     parser.add_argument("--keep", type=Path, help="folder for what was found, and for the inputs that reach new code")
     given = parser.parse_args()
-    for row in run(given.seconds, given.reader, given.keep):
-        print("; ".join(f"{key}: {value}" for key, value in row.items()))
+    for row in rows(given.seconds, given.reader, given.keep):
+        print("; ".join(f"{key}: {value}" for key, value in row.items()), flush=True)
 
 
 if __name__ == "__main__":

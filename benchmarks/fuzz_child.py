@@ -139,8 +139,15 @@ def _guide() -> Callable[[Trial, list[bytes], int], None] | None:
             return mutate(data, seeds, chance)[:most]
 
         left = max(int(trial.end - time.monotonic()), 1)
-        options = [f"-max_total_time={left}", "-timeout=0", "-rss_limit_mb=0", "-max_len=131072", "-detect_leaks=0"]
-        options += [f"-seed={seed}", "-print_final_stats=0", "-verbosity=0", "-reload=0", "-len_control=0"]
+        options = [f"-max_total_time={left}", "-timeout=3600", "-rss_limit_mb=0", "-max_len=131072", "-detect_leaks=0"]
+        options += [
+            f"-artifact_prefix={trial.folder}/",
+            f"-seed={seed}",
+            "-print_final_stats=0",
+            "-verbosity=0",
+            "-reload=0",
+            "-len_control=0",
+        ]
         atheris.Setup(["fuzz", *options, str(corpus)], trial, custom_mutator=changed)
         atheris.Fuzz()
 
