@@ -28,6 +28,8 @@ COMPARISONS = {
         "benchmarks.speed_view",
         "results in a page: from the command to the first pose, frames a second of playback",
     ),
+    "rates": ("benchmarks.speed_rates", "what steps of a study take by the size of the model: the table of a dry run"),
+    "study": ("benchmarks.speed_study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from myomorph.cli.options import OutFolder, Threads, use_threads
 from myomorph.cli.output import said
+
+if TYPE_CHECKING:
+    from myomorph.study.plan import Plan
 
 BAD_INPUT, OUR_FAULT = 2, 1
 
@@ -61,6 +64,20 @@ def demo_command(
     return 0
 
 
+def _dry_run(plan: Plan, out: Path, fresh: bool, workers: int | None) -> int:
+    """Print what a run would do."""
+    from myomorph.study.dry_run import dry_run
+    from myomorph.study.dry_run_text import dry_run_lines
+    from myomorph.study.memory import usable_cores
+
+    for remark in plan.remarks:
+        said(remark)
+    found = dry_run(plan, out, fresh, workers or usable_cores())
+    for line in dry_run_lines(found):
+        said(line)
+    return BAD_INPUT if found.problems else 0
+
+
 def run_command(
     study: Annotated[Path, Parameter(help="Study file (.toml).")],
     /,
@@ -71,6 +88,9 @@ def run_command(
     ] = False,
     fresh: Annotated[
         bool, Parameter(negative=(), help="Compute every step anew, whatever an earlier run left in the folder.")
+    ] = False,
+    dry_run: Annotated[
+        bool, Parameter(negative=(), help="Compute nothing: say what would be done, why, and how long it would take.")
     ] = False,
     workers: Annotated[
         int | None, Parameter(help="Processes that work side by side; by default as many as cores and memory allow.")
@@ -101,6 +121,8 @@ def run_command(
         study, out = study.resolve(), out.resolve()
     use_threads(threads)
     plan = read_plan(study)
+    if dry_run:
+        return _dry_run(plan, out, fresh, workers)
 
     def told(outcome: Outcome) -> None:
         name = f"{outcome.subject}/{outcome.trial}".strip("/") or "tables of the study"

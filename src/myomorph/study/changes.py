@@ -7,6 +7,9 @@ from pathlib import PurePath
 
 from myomorph.model.provenance import Provenance, Source
 
+NEVER = "is not computed yet"
+"""Why a step is computed of which there is no result."""
+
 MOST = 60
 """Longest value that is told whole [signs]."""
 

@@ -16,6 +16,14 @@ PATIENCE = 2.0
 
 Advance = Callable[[float], None]
 
+_SILENT = False
+
+
+def silence(silent: bool = True) -> None:
+    """Let `progress` say nothing in this process, because another tells how far the whole has come."""
+    global _SILENT
+    _SILENT = silent
+
 
 @contextmanager
 def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
@@ -36,7 +44,7 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
     started = time.monotonic()
     bar: Progress | None = None
     done = 0.0
-    interactive = sys.stderr.isatty()
+    interactive = sys.stderr.isatty() and not _SILENT
 
     def advance(count: float) -> None:
         nonlocal bar, done
@@ -55,7 +63,7 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
     if bar is not None:
         bar.stop()
     took = time.monotonic() - started
-    if took > PATIENCE and not interactive:
+    if took > PATIENCE and not interactive and not _SILENT:
         sys.stderr.write(f"{title}: {total} {unit} in {took:.1f} s\n")
 
 

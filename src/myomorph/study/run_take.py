@@ -15,7 +15,7 @@ import numpy as np
 
 from myomorph.model.provenance import Provenance
 from myomorph.study.ahead import compile_ahead
-from myomorph.study.changes import changes
+from myomorph.study.changes import NEVER, changes
 from myomorph.study.failures import failed
 from myomorph.study.jobs import Outcome
 from myomorph.study.kept_report import PAGE, keep_facts, report_is_made
@@ -25,7 +25,6 @@ from myomorph.study.tidy import write_trial_values
 
 PARTS = ".steps"
 PART = f"step{STORED}"
-NEVER = "is not computed yet"
 VALUES = "values.csv"
 LEFT_OUT = ("moment_arm",)
 

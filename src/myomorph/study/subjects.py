@@ -11,7 +11,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.study.body_shape import BodyShape
-from myomorph.study.changes import changes
+from myomorph.study.changes import NEVER, changes
 from myomorph.study.inputs import open_model
 from myomorph.study.made_model import PROVENANCE
 from myomorph.study.morph_files import MorphFiles
@@ -144,6 +144,35 @@ def prepare_subject(
             prepared.timed if known else (*prepared.timed, (step, seconds)),
         )
     return prepared
+
+
+def kept_subject_steps(
+    files: SubjectFiles, steps: Sequence[str], settings: Settings, folder: Path
+) -> dict[str, tuple[str, ...]]:
+    """Which steps on a subject a run would take over from results in a folder, and why it would compute the others.
+
+    Returns
+    -------
+    by step: () where it would be taken over, else why it is computed, one line each
+
+    Raises
+    ------
+    MyomorphError
+        where a file cannot be read that must be held against the results
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    prepared: Prepared | None = None
+    for step in [one for one in SUBJECT_STEPS if one in steps]:
+        out, tables = folder / MODELS[step], folder / TABLES[step]
+        earlier = _stored(tables) if out.is_file() else None
+        if earlier is None or any(found.values()):
+            found[step] = (NEVER if earlier is None else "the model that it begins with is made anew",)
+            continue
+        prepared = prepared or Prepared(files.model, made_model(files, (), folder).open())
+        found[step] = changes(earlier, _provenance(step, files, prepared, settings))
+        if not found[step]:
+            prepared = Prepared(out, made_model(files, (*found,), folder).open())
+    return found
 
 
 def _takes(files: SubjectFiles, prepared: Prepared, settings: Settings) -> list[Take]:

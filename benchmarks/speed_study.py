@@ -1,0 +1,156 @@
+"""A study of 1,000 short trials: workers side by side, memory over the run, and what a trial costs beside its steps.
+
+`python -m benchmarks study`: a recorded walk cut into short recordings, each a little different, through inverse
+kinematics and inverse dynamics; by one worker, by two, and once more where nothing has changed.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from benchmarks.cases import data_folder
+from myomorph.io.trc import write_trc
+from myomorph.study.inputs import open_trial
+from myomorph.study.jobs import Outcome
+from myomorph.study.local_workers import LocalWorkers
+from myomorph.study.plan import read_plan
+from myomorph.study.run import run_study
+
+TRIALS = 1000
+FRAMES = 30
+NOISE = 5e-4
+"""Of the markers of each trial [m]."""
+LOOK = 0.5
+"""How often memory is looked at [s]."""
+MB = 2.0**20
+
+STUDY = """[study]
+name = "short trials"
+[[subject]]
+name = "s01"
+model = '{model}'
+trials = ["trials/*.trc"]
+steps = ["ik", "id"]
+"""
+
+Row = dict[str, object]
+
+
+def run(trials: int = TRIALS) -> list[Row]:
+    """One row a run, and one that compares them."""
+    with tempfile.TemporaryDirectory() as made:
+        home = Path(made)
+        study = write_study(home, trials)
+        measured(study, home / "warm", 1, few=True)
+        one, two = (measured(study, home / f"by {count}", count) for count in (1, 2))
+        again = measured(study, home / "by 2", 2) | {"run": "2 workers, nothing has changed"}
+        ratio = float(str(two["trials/s"])) / float(str(one["trials/s"]))
+        return [one, two, again, {"throughput of 2 workers over 1": ratio, "cores": os.cpu_count()}]
+
+
+def write_study(home: Path, trials: int, few: int = 4) -> Path:
+    """A study of short recordings, and beside it one of only a few of them; returns the file of the first."""
+    data = data_folder() / "opensim-gait-subject01"
+    recorded = open_trial(data / "experiment/subject01_walk1.trc").markers
+    assert recorded is not None
+    random = np.random.default_rng(1)
+    for folder, count in (("trials", trials), ("few", few)):
+        (home / folder).mkdir()
+        for index in range(count):
+            start = index % (len(recorded.time) - FRAMES)
+            part = slice(start, start + FRAMES)
+            values = recorded.values[part] + random.normal(0.0, NOISE, recorded.values[part].shape)
+            short = replace(recorded, time=recorded.time[part], values=values)
+            write_trc(short, home / folder / f"walk{index:04d}.trc")
+    text = STUDY.format(model=data / "ref_ik/subject01_simbody.osim")
+    (home / "few.toml").write_text(text.replace("trials/*", "few/*"), encoding="utf-8")
+    (home / "study.toml").write_text(text, encoding="utf-8")
+    return home / "study.toml"
+
+
+@dataclass
+class Memory:
+    """Resident memory of this process and of its workers, at several times [bytes]."""
+
+    own: list[int] = field(default_factory=list)
+    workers: list[int] = field(default_factory=list)
+
+
+@contextmanager
+def watched(hands: LocalWorkers) -> Iterator[Memory]:
+    """Look at memory while a study runs."""
+    memory, over = Memory(), threading.Event()
+
+    def look() -> None:
+        while not over.wait(LOOK):
+            try:
+                taken = [psutil.Process(number).memory_info().rss for number in hands.processes]
+            except psutil.Error:
+                continue
+            if len(taken) == hands.count:
+                memory.own.append(psutil.Process().memory_info().rss)
+                memory.workers.append(max(taken))
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    try:
+        yield memory
+    finally:
+        over.set()
+        thread.join()
+
+
+def measured(study: Path, out: Path, count: int, few: bool = False) -> Row:
+    """A run by so many workers; the time that processes take to begin is told apart."""
+    plan = read_plan(study.with_name("few.toml") if few else study)
+    hands = LocalWorkers(count)
+    ends: list[float] = []
+
+    def said(outcome: Outcome) -> None:
+        ends.append(time.perf_counter())
+
+    own, began = time.process_time(), time.perf_counter()
+    with watched(hands) as memory:
+        outcomes = run_study(plan, out, workers=hands, said=said)
+    failures = [one.error for one in outcomes if one.error]
+    if failures:
+        raise RuntimeError(f"{len(failures)} trials failed, the first with: {failures[0]}")
+    parent = time.process_time() - own
+    # The first trials wait for the processes to begin and to load their kernels.
+    skipped = 2 * count
+    took, left = ends[-1] - ends[skipped - 1], len(ends) - skipped
+    steps = sum(seconds for one in outcomes for _, seconds in one.timed) / len(outcomes)
+    return {
+        "run": f"{count} worker{'s' if count > 1 else ''}",
+        "trials": len(outcomes),
+        "trials/s": left / took,
+        "first trial after [s]": ends[0] - began,
+        "a trial [ms]": 1e3 * count * took / left,
+        "of that its steps [ms]": 1e3 * steps,
+        "beside its steps [ms]": 1e3 * (count * took / left - steps),
+        "this process [ms a trial]": 1e3 * parent / len(outcomes),
+        **_memory("this process", memory.own),
+        **_memory("a worker", memory.workers),
+    }
+
+
+def _memory(name: str, taken: list[int]) -> Row:
+    """Memory after a fifth of the run and at its end [MB], and the most."""
+    if not taken:
+        return {}
+    early = taken[len(taken) // 5]
+    return {
+        f"{name}, early [MB]": early / MB,
+        f"{name}, end [MB]": taken[-1] / MB,
+        f"{name}, most [MB]": max(taken) / MB,
+    }
