@@ -55,8 +55,12 @@ class BodyView:
     @property
     def rounds(self) -> tuple[Solid, ...]:
         """The limbs as surfaces, for bodies that have no mesh."""
+        return self.limbs(1.0)
+
+    def limbs(self, share: float) -> tuple[Solid, ...]:
+        """The limbs as surfaces, a share as thick."""
         return tuple(
-            Solid(body, capsule(start, end, float(radius)))
+            Solid(body, capsule(start, end, share * float(radius)))
             for (body, start, end), radius in zip(self._limbs, self._radii[:, 0], strict=True)
         )
 

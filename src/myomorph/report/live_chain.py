@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time as clock
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,12 @@ DETAIL, SIMPLE, MOST_TRIANGLES = 0.003, 300, 60_000
 STRONGEST, TURNED = 8, 8
 """Muscles and torques that the table holds."""
 
+STAY, FADE = 2.0, 0.98
+"""How long the rows of the table stay where they are [s], and what is left of a largest value a frame later."""
+
+THIN = 0.4
+"""Thickness of limbs without meshes, so that muscles are seen beside them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -33,7 +41,7 @@ class Shown:
 
     Attributes
     ----------
-    coordinates : (coordinates,) NaN where unknown
+    coordinates : (coordinates,) as the markers show them, NaN where unknown
     activations, forces : (muscles,) NaN where unknown
     torques : (coordinates,) NaN where unknown
     wrenches : (bodies, 6) external moment about the ground's origin and force
@@ -96,6 +104,7 @@ class ChainViewer:
         shafts, heads = arrows(none, self._size, np.array(COLORS["measured"]) / 255.0)
         self._arrows = [self._batch("shafts", tube(), shafts), self._batch("heads", cone(), heads)] if wrenches else []
         self._text = self._server.gui.add_markdown("")
+        self._rows = Rows(model)
 
     def show(self, shown: Shown) -> None:
         """Draw one frame."""
@@ -114,7 +123,7 @@ class ChainViewer:
                     "/around/markers", seen.astype(np.float32), COLORS["recorded"], point_size=0.012,
                     point_shape="circle", precision="float32",
                 )  # fmt: skip
-            self._text.content = live_text(self._model, shown)
+            self._text.content = live_text(self._model, shown, self._rows.of(shown, clock.monotonic()))
 
     def close(self) -> None:
         """Take the page down."""
@@ -124,7 +133,7 @@ class ChainViewer:
     def _solids(self, surfaces: bool) -> tuple[Solid, ...]:
         scene = self._view.scene
         if not (surfaces or any(mesh.shape != "mesh" for body in self._model.bodies for mesh in body.meshes)):
-            return self._view.rounds
+            return self._view.limbs(THIN)
         shapes = [
             one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * self._size)
             for one in scene.solids
@@ -147,7 +156,7 @@ class ChainViewer:
             handle.batched_positions, handle.batched_wxyzs = part.positions, part.wxyzs
             handle.batched_scales = part.scales
 
-    def _batch(self, name: str, shape: Surface, shown: Tubes) -> object:
+    def _batch(self, name: str, shape: Surface, shown: Tubes) -> Any:
         return self._page.add_batched_meshes_simple(
             f"/around/{name}", shape.vertices.astype(np.float32), shape.faces.astype(np.uint32),
             batched_wxyzs=shown.wxyzs, batched_positions=shown.positions, batched_scales=shown.scales,
@@ -155,7 +164,7 @@ class ChainViewer:
         )  # fmt: skip
 
 
-def _move(handle: object, shown: Tubes) -> None:
+def _move(handle: Any, shown: Tubes) -> None:
     for name, values in (
         ("positions", shown.positions), ("wxyzs", shown.wxyzs), ("scales", shown.scales), ("colors", shown.colors)
     ):  # fmt: skip
@@ -179,21 +188,48 @@ def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Arra
     return found
 
 
-def live_text(model: Model, shown: Shown) -> str:
-    """Facts, the strongest muscles and the largest torques, as Markdown."""
+class Rows:
+    """Muscles and coordinates that a table tells of: those that were strongest of late, kept for a while."""
+
+    def __init__(self, model: Model):
+        self._turning = np.array([one.motion == "rotational" for one in model.coordinates], np.bool_)
+        self._forces, self._torques = np.zeros(len(model.muscles)), np.zeros(len(model.coordinates))
+        self._sorted = -np.inf
+        self._chosen: tuple[list[int], list[int]] = ([], [])
+
+    def of(self, shown: Shown, now: float) -> tuple[list[int], list[int]]:
+        """Indices of muscles, and of coordinates, at a time [s]."""
+        if not shown.state:
+            np.maximum(FADE * self._forces, np.nan_to_num(shown.forces), out=self._forces)
+            np.maximum(FADE * self._torques, np.abs(np.nan_to_num(shown.torques)) * self._turning, out=self._torques)
+        if not shown.state and now - self._sorted > STAY:
+            self._sorted = now
+            strongest, turned = np.argsort(-self._forces)[:STRONGEST], np.argsort(-self._torques)[:TURNED]
+            self._chosen = sorted(strongest.tolist()), sorted(turned.tolist())
+        return self._chosen
+
+
+def live_text(model: Model, shown: Shown, rows: tuple[Sequence[int], Sequence[int]]) -> str:
+    """Facts, and some muscles and coordinates by their indices, as Markdown."""
     lines = [f"{name} {value}  " for name, value in shown.facts.items()]
     if shown.state:
         lines += ["", f"**Torques unknown: {shown.state}**"]
-        return "\n".join(lines)
-    order = np.argsort(-np.nan_to_num(shown.forces))[:STRONGEST]
-    names = model.muscle_names
+    muscles, coordinates = rows
     lines += ["", "| Muscle | activation | tension |", "|---|--:|--:|"]
-    lines += [f"| {names[m]} | {shown.activations[m]:.2f} | {shown.forces[m]:.0f} N |" for m in order]
-    turning = [j for j, one in enumerate(model.coordinates) if one.motion == "rotational"]
-    largest = sorted(turning, key=lambda j: -abs(np.nan_to_num(shown.torques[j])))[:TURNED]
-    lines += ["", "| Coordinate | angle | torque |", "|---|--:|--:|"]
-    coordinates = model.coordinate_names
+    names = model.muscle_names
     lines += [
-        f"| {coordinates[j]} | {np.rad2deg(shown.coordinates[j]):.0f}° | {shown.torques[j]:.0f} N·m |" for j in largest
+        f"| {names[m]} | {_told(shown.activations[m], '.2f')} | {_told(shown.forces[m], '.0f', ' N')} |"
+        for m in muscles
+    ]
+    lines += ["", "| Coordinate | angle | torque |", "|---|--:|--:|"]
+    names = model.coordinate_names
+    lines += [
+        f"| {names[j]} | {_told(np.rad2deg(shown.coordinates[j]), '.0f', '°')} | "
+        f"{_told(shown.torques[j], '.0f', ' N·m')} |"
+        for j in coordinates
     ]
     return "\n".join(lines)
+
+
+def _told(value: float, form: str, unit: str = "") -> str:
+    return f"{value:{form}}{unit}" if np.isfinite(value) else "—"

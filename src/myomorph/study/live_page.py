@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import time as clock
 from collections.abc import Mapping
@@ -98,14 +99,13 @@ class LivePage:
         facts = {
             "Time": f"{frame.time:.2f} s",
             "Delay": f"{1e3 * late.median:.1f} ms (99 %: {1e3 * late.late:.1f} ms)",
-            "Filter": f"{1e3 * self._filter_delay:.0f} ms",
+            "Torques and tensions are older by": f"{1e3 * self._filter_delay:.0f} ms (filter)",
             "Frames dropped": f"{self._delays.dropped}",
         }
         if not self._coordinates_only:
             facts["Markers"] = f"{frame.seen} of {self._markers}, {1e3 * frame.error:.0f} mm"
-        pose = frame.coordinates if np.isfinite(frame.coordinates).all() else frame.pose
         return Shown(
-            coordinates=pose,
+            coordinates=frame.pose,
             activations=frame.tension.activations,
             forces=frame.tension.forces,
             torques=frame.torques,
@@ -130,6 +130,7 @@ class LivePage:
 
 def _serve(pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port: int, wrenches: int) -> None:
     """The page's process: draw what comes, until nothing more does."""
+    _yield_to_frames()
     try:
         viewer = ChainViewer(model, surfaces, port, wrenches)
     except MyomorphError as error:
@@ -145,3 +146,12 @@ def _serve(pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port
         pass
     finally:
         viewer.close()
+
+
+def _yield_to_frames() -> None:
+    """Let the process that computes go first where both want the same core."""
+    import psutil
+
+    lower = getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", 10)
+    with contextlib.suppress(psutil.Error, OSError):
+        psutil.Process().nice(lower)
