@@ -1,0 +1,176 @@
+"""Pictures of the tutorials, drawn from what their commands write: `python -m docs_build.pictures [NAME...]`.
+
+Every tutorial runs in a folder of its own, as in the tests, with data sets from the folder that `MYOMORPH_DATA` names.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from docs_build.examples import DOCS, run_page, working_in
+
+FOLDER = DOCS / "images" / "tutorials"
+INK, BLUE, RED, GREEN, GREY = "#222222", "#2166ac", "#b2182b", "#1b7837", "#999999"
+RIGHT, LEFT = BLUE, RED
+
+
+def walking() -> Figure:
+    """Angle and torque of both knees, and three muscles with their EMG."""
+    trial = xarray.open_dataset("tension/tension.nc")
+    time = trial.time.values
+    figure, axes = plt.subplots(5, 1, figsize=(7.0, 7.4), sharex=True, height_ratios=(2, 2, 1, 1, 1))
+    for side, color in (("r", RIGHT), ("l", LEFT)):
+        angle = np.degrees(trial.coordinate_filtered.sel(coordinate=f"knee_angle_{side}").values)
+        axes[0].plot(time, angle, color=color, label={"r": "right", "l": "left"}[side])
+        axes[1].plot(time, trial.generalized_force.sel(coordinate=f"knee_angle_{side}").values, color=color)
+    axes[0].set_ylabel("knee angle [deg]")
+    axes[1].set_ylabel("knee torque [N m]")
+    axes[1].axhline(0.0, color=GREY, lw=0.6)
+    axes[0].legend(frameon=False, ncols=2)
+    shown = (("soleus_r", "soleus"), ("gasmed_r", "gastrocnemius"), ("vaslat_r", "vastus_lateralis"))
+    for one, (muscle, channel) in zip(axes[2:], shown, strict=True):
+        envelope = trial.emg.sel(emg_channel=channel).interp(emg_time=trial.time)
+        one.fill_between(time, 0.0, envelope, color="#cccccc", lw=0, label="EMG, not used")
+        one.plot(time, trial.activation.sel(muscle=muscle).values, color=INK, label="activation")
+        one.set_ylabel(muscle)
+        one.set_ylim(0.0, 1.05)
+    axes[2].legend(frameon=False, ncols=2, loc="upper right")
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def one_body() -> Figure:
+    """Residuals of the walk with the generic masses and with those identified."""
+    from myomorph.io.loads import read_external_loads
+    from myomorph.io.models import read_model
+    from myomorph.io.sto import motion_from_table, read_sto
+    from myomorph.motion.filters import differentiate
+    from myomorph.motion.sync import resample_wrenches
+    from myomorph.rigid.dynamics import inverse_dynamics
+
+    figure, axes = plt.subplots(2, 1, figsize=(7.0, 4.4), sharex=True)
+    for file, color, words in (
+        ("subject01.osim", GREY, "generic masses"),
+        ("identified.osim", INK, "identified masses"),
+    ):
+        model = read_model(file)
+        motion = differentiate(motion_from_table(read_sto("walk1.mot"), model), cutoff=6.0)
+        loads = read_external_loads("opensim-gait-subject01/experiment/subject01_walk1_grf.xml")
+        torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time, cutoff=6.0))
+        for one, names in zip(axes, (("tx", "ty", "tz"), ("tilt", "list", "rotation")), strict=True):
+            columns = [torques.names.index(f"pelvis_{name}") for name in names]
+            one.plot(torques.time, np.linalg.norm(torques.values[:, columns], axis=1), color=color, label=words)
+    axes[0].set_ylabel("residual force [N]")
+    axes[1].set_ylabel("residual moment [N m]")
+    axes[1].set_xlabel("time [s]")
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def without_plates() -> Figure:
+    """Vertical force of each foot, estimated and measured."""
+    found = xarray.open_dataset("no_plates/tension.nc")
+    figure, axes = plt.subplots(2, 1, figsize=(7.0, 4.4), sharex=True)
+    for one, side, words in zip(axes, "rl", ("right foot", "left foot"), strict=True):
+        sites = [site for site in found.contact_site.values if site.endswith(f"_{side}")]
+        plate = list(found.external_force_body.values).index(f"calcn_{side}")
+        one.fill_between(
+            found.time,
+            0.0,
+            found.external_force_vector.values[:, plate, 1],
+            color="#cccccc",
+            lw=0,
+            label="plate, hidden",
+        )
+        estimate = found.contact_force.sel(contact_site=sites, axis="y").sum("contact_site")
+        one.plot(found.time, estimate, color={"r": RIGHT, "l": LEFT}[side], label="estimate")
+        one.set_ylabel(f"{words} [N]")
+        one.legend(frameon=False)
+    axes[1].set_xlabel("time [s]")
+    return figure
+
+
+def other_bones() -> Figure:
+    """Errors of all muscle points by the way in which they were carried."""
+    with Path("morph/errors.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    methods = [name for name in rows[0] if name.endswith("[m]")]
+    figure, axis = plt.subplots(figsize=(7.0, 3.4))
+    for place, method in enumerate(methods):
+        errors = np.sort([1000.0 * float(row[method]) for row in rows])
+        spread = 0.28 * np.sin(2.4 * np.arange(len(errors)))
+        axis.plot(errors, len(methods) - 1 - place + spread, ".", color=BLUE, ms=3, alpha=0.6)
+        axis.plot(2 * [np.median(errors)], len(methods) - 1 - place + np.array([-0.4, 0.4]), color=INK)
+    axis.set_yticks(range(len(methods)), [name.removesuffix(" [m]") for name in reversed(methods)])
+    axis.set_xlabel("distance of a muscle point from where it belongs [mm]; bars are medians")
+    axis.set_xlim(left=0.0)
+    return figure
+
+
+def mouse() -> Figure:
+    """Both ankles over a crossing, and their strikes."""
+    from myomorph.io.c3d import read_c3d
+    from myomorph.report.strides import Limb, find_strides
+
+    markers = read_c3d("mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d").markers
+    sides = (("right", "RightANKLE", RIGHT), ("left", "LeftANKLE", LEFT))
+    limbs = [Limb(side, (marker,)) for side, marker, _ in sides]
+    found = find_strides(markers, limbs, ("TAIL",), np.array([0.0, 0.0, 1.0]))
+    figure, axes = plt.subplots(2, 1, figsize=(7.0, 3.6), sharex=True)
+    for one, (side, marker, color) in zip(axes, sides, strict=True):
+        height = 1000.0 * markers.values[:, markers.names.index(marker), 2]
+        one.plot(markers.time, height, color=color)
+        for strike in found.strikes[side]:
+            one.axvline(strike, color=GREY, lw=0.8)
+        one.set_ylabel(f"{side} ankle [mm]")
+    axes[0].set_xlim(0.0, 2.9)
+    axes[1].set_xlabel("time [s]; grey lines are strikes")
+    return figure
+
+
+DRAWN: dict[str, Callable[[], Figure]] = {
+    "walking": walking,
+    "one-body": one_body,
+    "without-plates": without_plates,
+    "other-bones": other_bones,
+    "mouse": mouse,
+}
+
+
+def main(names: Sequence[str]) -> None:
+    """Run tutorials and draw their pictures; all without names."""
+    collection = Path(os.environ["MYOMORPH_DATA"])
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in names or DRAWN:
+        with tempfile.TemporaryDirectory() as folder:
+            run_page(DOCS / "tutorials" / f"{name}.md", Path(folder), collection.joinpath)
+            plt.rcParams.update({"svg.hashsalt": name, "svg.fonttype": "none", "font.size": 9, "lines.linewidth": 1.2})
+            with working_in(Path(folder)):
+                figure = DRAWN[name]()
+            for one in figure.axes:
+                _plain(one)
+            figure.tight_layout()
+            figure.savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+            plt.close(figure)
+
+
+def _plain(axis: Axes) -> None:
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
