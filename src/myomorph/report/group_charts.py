@@ -18,7 +18,14 @@ FURTHEST = 3.0
 """Effect sizes are drawn to at least, and intervals to at most, this many times the largest one."""
 
 
-def cycle_chart(one: CurveDifference, unit: str, labels: tuple[str, str], width: int = 330, height: int = 220) -> str:
+def cycle_chart(
+    one: CurveDifference,
+    unit: str,
+    labels: tuple[str, str],
+    styles: tuple[str, str] = STYLES,
+    width: int = 330,
+    height: int = 220,
+) -> str:
     """Both groups' means with their intervals, every animal's own curve, and bars below where they differ."""
     percent = np.linspace(0.0, 100.0, len(one.difference))
     own = [curve for group in one.each for curve in group]
@@ -30,12 +37,12 @@ def cycle_chart(one: CurveDifference, unit: str, labels: tuple[str, str], width:
         *across(frame),
         *percent_ticks(frame),
     ]
-    for band, style, curves in ((one.first, STYLES[0], one.each[0]), (one.second, STYLES[1], one.each[1])):
+    for band, style, curves in ((one.first, styles[0], one.each[0]), (one.second, styles[1], one.each[1])):
         x = frame.x(percent)
         for curve in curves:
             parts.append(f'<path class="line thin {style}" d="{path_data(x, frame.y(curve))}"/>')
         parts.append(f'<path class="band {style}" d="{ribbon(frame, percent, band.low, band.high)}"/>')
-    for band, style, label in ((one.first, STYLES[0], labels[0]), (one.second, STYLES[1], labels[1])):
+    for band, style, label in ((one.first, styles[0], labels[0]), (one.second, styles[1], labels[1])):
         data = path_data(frame.x(percent), frame.y(band.mean))
         parts.append(f'<path class="line {style}" data-label="{escape(label, True)}" d="{data}"/>')
     parts += _bars(frame, one)

@@ -98,7 +98,8 @@ def _scalar_sections(found: Comparison) -> list[Section]:
 def scalar_grid(found: Comparison, title: str = "") -> Grid:
     """Parameters of both groups, their differences and tests."""
     first, second = found.names
-    head = ("Parameter", first, second, "Difference", "Hedges’ g", "p", "p, Holm", "q")
+    size = "Effect size" if found.paired else "Hedges’ g"
+    head = ("Parameter", first, second, "Difference", size, "p", "p, Holm", "q")
     rows = [
         (
             one.name,
@@ -150,7 +151,7 @@ def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves in nu
         )
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in one.regions) or "–"
         rows.append((one.name, largest, _probability(one.least_p), where))
-    return Grid(("Curve", "Largest Hedges’ g", "Least p", "Differs"), tuple(rows), title, True)
+    return Grid(("Curve", "Largest effect size", "Least p", "Differs"), tuple(rows), title, True)
 
 
 def _mean(told: tuple[float, float, int]) -> str:

@@ -11,6 +11,8 @@ FAR = 3.5
 """Modified z-score from which a value is called an outlier (Iglewicz and Hoaglin 1993)."""
 FEWEST_VALUES = 5
 """Values of a kind from which on any is judged."""
+ROUNDED = 1e-6
+"""Values that differ by less, as a share of their median, are equal: what is left is rounding."""
 TO_DEVIATION = 0.6745
 """Median absolute deviation of a normal distribution, in standard deviations."""
 
@@ -18,7 +20,7 @@ TO_DEVIATION = 0.6745
 def modified_z(values: ArrayLike) -> Array:
     """0.6745 (x - median) / median absolute deviation of values (n,), NaN stays out.
 
-    All NaN with fewer than five known values, or where more than half of them are equal.
+    All NaN with fewer than five known values, or where more than half of them are equal but for rounding.
     """
     given = np.asarray(values, dtype=np.float64)
     known = given[np.isfinite(given)]
@@ -26,7 +28,7 @@ def modified_z(values: ArrayLike) -> Array:
         return np.full(given.shape, np.nan)
     middle = np.median(known)
     spread = float(np.median(np.abs(known - middle)))
-    if not spread > 1e-12 * max(abs(float(middle)), 1e-300):
+    if not spread > ROUNDED * abs(float(middle)):
         return np.full(given.shape, np.nan)
     found: Array = TO_DEVIATION * (given - middle) / spread
     return found

@@ -12,7 +12,7 @@ from myomorph.report.condition_charts import condition_chart, styled
 from myomorph.report.conditions import Condition
 from myomorph.report.dots import rank_plot
 from myomorph.report.given import Note, ReportInput
-from myomorph.report.group_charts import STYLES, cycle_chart, effect_rows
+from myomorph.report.group_charts import cycle_chart, effect_rows
 from myomorph.report.group_page import curve_grid, scalar_grid
 from myomorph.report.groups import Comparison
 from myomorph.report.outliers import FAR
@@ -217,19 +217,22 @@ def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
     names = list(reach)
     usual = [name for pair in major_muscles(names) for name in pair.names] if family.startswith("muscle") else []
 
-    def rank(name: str) -> tuple[int, float]:
-        base = split_side(name)[0].lower()
-        base = base.removesuffix("_moment").removesuffix("_force")
+    def rank(name: str) -> tuple[int, float, bool]:
+        base, side = split_side(name)
+        base = base.lower()
         if name in usual:
-            return usual.index(name), 0.0
-        known = COORDINATE_ORDER.index(base) if base in COORDINATE_ORDER else len(COORDINATE_ORDER)
-        return len(usual) + known, -reach[name]
+            return usual.index(name), 0.0, False
+        if base in COORDINATE_ORDER:
+            return len(usual) + COORDINATE_ORDER.index(base), 0.0, side == "left"
+        return len(usual) + len(COORDINATE_ORDER), -reach[name], False
 
     return sorted(names, key=rank)
 
 
 def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
     first, second = found.names
+    colors = {one.name: style for style, one in styled(given.conditions)}
+    styles = colors[first], colors[second]
     pairs = len(given.comparisons)
     lead = f"Differences are {first} less {second}. "
     if found.paired:
@@ -252,6 +255,9 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
     lead = " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in found.notes)])
     figures = []
     if any(np.isfinite(one.g) for one in found.scalars):
+        least = found.floor * sum(np.isfinite(one.p) for one in found.scalars)
+        if found.tested and least > found.options.alpha:
+            lead += f" So few subjects cannot bring Holm’s p of that many parameters below {number(min(least, 1.0))}."
         figures.append(
             Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
         )
@@ -262,9 +268,9 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         )
         unit = family.partition(" [")[2].removesuffix("]")
         different = [one for one in curves if one.regions]
-        figures += [Figure(cycle_chart(one, unit, found.names)) for one in different[:MOST_DIFFERENT]]
+        figures += [Figure(cycle_chart(one, unit, found.names, styles)) for one in different[:MOST_DIFFERENT]]
         grids.append(curve_grid(curves, f"{family.partition(' [')[0]}: {len(different)} of {len(curves)} differ"))
-    legend = tuple(zip(STYLES, found.names, strict=True))
+    legend = tuple(zip(styles, found.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
 
 

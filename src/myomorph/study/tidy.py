@@ -120,9 +120,9 @@ def trial_values(
         means = {name: statistics_of(values)["mean"] for name, values in each.items()}
         for k, name in enumerate(signal.series.names):
             for what in signal.statistics:
-                yield Value(signal.step, f"{name}{signal.ending}, {what}", float(whole[what][k]), signal.units[k])
+                yield Value(signal.step, f"{name}{signal.endings[k]}, {what}", float(whole[what][k]), signal.units[k])
             for what in signal.statistics if means else ():
-                quantity = f"{name}{signal.ending}, {what} {IN_STRIDE}"
+                quantity = f"{name}{signal.endings[k]}, {what} {IN_STRIDE}"
                 yield Value(signal.step, quantity, float(means[what][k]), signal.units[k])
     yield from _tension_values(found, model)
 

@@ -24,7 +24,8 @@ class Signals:
     Attributes
     ----------
     step : that made them
-    ending : added to the names in tables of values
+    series : named as the model names coordinates, bodies and muscles, so that sides can be told
+    endings : added to each name in tables of values
     units : of each column
     statistics : of each column that tables of values have, some of `EXTREMES`
     curve : what the curves over the cycle are called, with their unit; "" where none are drawn
@@ -34,7 +35,7 @@ class Signals:
 
     step: str
     series: Series
-    ending: str
+    endings: tuple[str, ...]
     units: tuple[str, ...]
     statistics: tuple[str, ...]
     curve: str
@@ -72,21 +73,18 @@ def _coordinates(found: Stored, model: Model) -> Signals:
     series = Series(motion.time, motion.names, motion.values * np.where(turning, 180.0 / np.pi, 1.0))
     units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
     drawn = tuple(np.flatnonzero(turning).tolist())
-    return Signals("ik", series, "", units, EXTREMES, "joint angle [°]", np.ones(len(units)), drawn)
+    return Signals("ik", series, ("",) * len(units), units, EXTREMES, "joint angle [°]", np.ones(len(units)), drawn)
 
 
 def _torques(torques: Series, model: Model, mass: float) -> Signals:
     """Named as inverse dynamics of OpenSim names them: moments about coordinates that turn, else forces."""
     turning = [model.coordinate(name).motion == "rotational" for name in torques.names]
-    names = tuple(
-        f"{name}_{'moment' if turns else 'force'}" for name, turns in zip(torques.names, turning, strict=True)
-    )
+    endings = tuple("_moment" if turns else "_force" for turns in turning)
     units = tuple("N m" if turns else "N" for turns in turning)
-    series = Series(torques.time, names, torques.values)
     drawn = tuple(np.flatnonzero(turning).tolist())
-    per = np.full(len(names), 1.0 / mass if mass > 0.0 else 1.0)
+    per = np.full(len(units), 1.0 / mass if mass > 0.0 else 1.0)
     unit = "N·m/kg" if mass > 0.0 else "N·m"
-    return Signals("id", series, "", units, EXTREMES, f"joint torque [{unit}]", per, drawn)
+    return Signals("id", torques, endings, units, EXTREMES, f"joint torque [{unit}]", per, drawn)
 
 
 def _ground_forces(found: Stored, model: Model) -> list[Signals]:
@@ -106,7 +104,7 @@ def _all_drawn(
 ) -> Signals:
     count = len(series.names)
     return Signals(
-        step, series, ending, (unit,) * count, statistics, curve, np.full(count, factor), tuple(range(count))
+        step, series, (ending,) * count, (unit,) * count, statistics, curve, np.full(count, factor), tuple(range(count))
     )
 
 
