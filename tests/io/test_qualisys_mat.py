@@ -113,3 +113,13 @@ def test_the_treadmill_mouse(data):
     apart = np.nanmedian(np.linalg.norm(trial.markers["left_hip"] - trial.markers["left_knee"], axis=1))
     assert 0.005 < apart < 0.03
     assert any("unidentified fragments" in label for label, _ in inspect(path).facts)
+
+
+@pytest.mark.parametrize("more", range(1, 8))
+def test_bytes_left_over_are_named(tmp_path, more):
+    """One to seven bytes after the last element are no element."""
+    made(tmp_path / "a.mat")
+    with (tmp_path / "a.mat").open("ab") as file:
+        file.write(b"\0" * more)
+    with pytest.raises(BadFile, match="ends early"):
+        read_qualisys_mat(tmp_path / "a.mat")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 import zlib
 from pathlib import Path
 from types import MappingProxyType
@@ -92,10 +93,10 @@ def _check(path: Path) -> None:
     order = "<" if head[126:128] == b"IM" else ">"
     at, unpacked = HEADER, 0
     while at < len(data):
-        tag = np.frombuffer(bytes(data[at : at + 8]), dtype=f"{order}u4")
-        if len(tag) < 2 or at + 8 + int(tag[1]) > len(data):
+        tag = bytes(data[at : at + 8])
+        kind, size = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, LARGEST)
+        if at + 8 + size > len(data):
             raise BadFile(path, "ends early: it was cut off or is damaged", HINT)
-        kind, size = int(tag[0]), int(tag[1])
         unpacked += _unpacked(data[at + 8 : at + 8 + size], path) if kind == COMPRESSED else size
         if unpacked > LARGEST:
             raise BadFile(path, f"holds more than {LARGEST >> 30} GB once unpacked", HINT)

@@ -227,6 +227,10 @@ class Stored:
         return self.values["time"]
 
 
+DAMAGED = (OSError, ValueError, KeyError, AttributeError, TypeError, RuntimeError, MemoryError)
+"""What HDF5 raises on a damaged file, or on one of another kind: links to nothing, groups, sizes beyond all memory."""
+
+
 def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> Stored:
     """Read a NetCDF that `new_result` wrote.
 
@@ -255,7 +259,7 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
             attributes = _attributes(file)
         marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
         made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
-    except (OSError, ValueError, KeyError) as error:
+    except DAMAGED as error:
         raise BadFile(path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote") from None
     facts = {name: text for name, text in attributes.items() if name not in marked}
     return Stored(Path(path), values, names, made, facts)
@@ -271,7 +275,7 @@ def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
         with h5py.File(path, "r") as file:
             marked = {name: text for name, text in _attributes(file).items() if name.startswith(PROVENANCE)}
         return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
-    except (OSError, ValueError):
+    except DAMAGED:
         return {}
 
 
