@@ -74,6 +74,10 @@ def one_body() -> Figure:
         for one, names in zip(axes, (("tx", "ty", "tz"), ("tilt", "list", "rotation")), strict=True):
             columns = [torques.names.index(f"pelvis_{name}") for name in names]
             one.plot(torques.time, np.linalg.norm(torques.values[:, columns], axis=1), color=color, label=words)
+    # Near its ends the filter has nothing to lean on; these frames are not used for masses.
+    axes[0].set_xlim(0.15, 2.35)
+    axes[0].set_ylim(0.0, 60.0)
+    axes[1].set_ylim(bottom=0.0)
     axes[0].set_ylabel("residual force [N]")
     axes[1].set_ylabel("residual moment [N m]")
     axes[1].set_xlabel("time [s]")
