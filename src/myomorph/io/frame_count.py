@@ -12,6 +12,7 @@ from myomorph.io.c3d_plain import BLOCK, claimed_frames
 from myomorph.io.trc import trc_head
 from myomorph.model.errors import BadFile, MyomorphError
 
+C3D_KEY = 0x50
 HEAD = 1 << 18
 """Bytes that hold the header of any recording, long lists of C3D parameters included."""
 
@@ -51,7 +52,7 @@ def count_frames(path: str | os.PathLike[str]) -> FrameCount:
     try:
         if ending == ".trc":
             return _trc(head, path)
-        if ending == ".c3d" and len(head) >= BLOCK:
+        if ending == ".c3d" and len(head) >= BLOCK and head[1] == C3D_KEY:
             return _told(*claimed_frames(head))
         if ending in (".h5", ".hdf5"):
             return _keypoints(path)

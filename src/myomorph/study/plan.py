@@ -153,6 +153,8 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     takes, conditions = with_conditions(
         found.takes, file.study.conditions, told, exclusions.found, problems, notes.remarks
     )
+    together = tuple(_together(file, takes, home, problems))
+    groups = _groups(file, found, measures, [name for name in names if name not in found.subjects], notes)
     return Plan(
         file.study.name,
         path,
@@ -161,8 +163,8 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         MappingProxyType(settings),
         tuple(dict.fromkeys(notes.remarks)),
         found.subjects,
-        tuple(_together(file, takes, home, problems)),
-        _groups(file, found, measures, [name for name in names if name not in found.subjects], notes),
+        together,
+        groups,
         conditions,
         tuple(exclusions.found),
         MappingProxyType(found.own),

@@ -38,11 +38,11 @@ def measured_groups(
     problems: list[str],
     remarks: list[str],
 ) -> dict[str, list[str]]:
-    """The two groups of the column `group` that are compared; none where it does not name two.
+    """The two groups of the column `group` that are to be compared; none where nobody asks for it.
 
     Parameters
     ----------
-    compare : which two, where there are more
+    compare : which two; () for none, since a comparison needs strides, which not every study has
     """
     found: dict[str, list[str]] = {}
     for subject in subjects:
@@ -50,12 +50,10 @@ def measured_groups(
         if group:
             found.setdefault(group, []).append(subject)
     if not compare:
-        if len(found) > 2:
-            remarks.append(
-                f"groups {', '.join(found)}: not compared, for there are {len(found)}: name two, 'compare = [...]' "
-                "under [study]"
-            )
-        return found if len(found) == 2 else {}
+        if len(found) > 1:
+            told = ", ".join(f'"{one}"' for one in list(found)[:2])
+            remarks.append(f"groups {', '.join(found)} are not compared: 'compare = [{told}]' under [study] does it")
+        return {}
     if len(compare) != 2 or compare[0] == compare[1]:
         problems.append(f"study: compare names {len(compare)} groups: expected two that differ")
     unknown = [one for one in compare if one not in found]

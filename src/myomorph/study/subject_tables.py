@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field, create_model
@@ -82,6 +83,7 @@ class ExcludeTable(Strict):
     reason: str
 
 
+@cache
 def study_tables() -> type[BaseModel]:
     """All tables of a study file, with the options that its steps have."""
     options = options_table(step_settings())

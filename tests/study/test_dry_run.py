@@ -1,0 +1,124 @@
+"""A dry run says what a run then does, and computes and writes nothing."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from identified_arm import put_on_plate
+from myomorph.study.dry_run import dry_run
+from myomorph.study.dry_run_text import dry_run_lines
+from myomorph.study.expected_time import ModelSize, StepTimes, in_words
+from myomorph.study.plan import read_plan
+from myomorph.study.run import run_study
+
+STUDY = """
+[study]
+name = "reaching"
+conditions = {slow = ["reach"], fast = ["again"]}
+[[subject]]
+name = "s01"
+model = "arm.osim"
+mass = 4.0
+trials = ["reach.trc"]
+steps = ["ik", "identify", "id"]
+[[subject]]
+name = "s02"
+model_of = "s01"
+mass = 4.0
+trials = ["again.trc", "lost.trc"]
+steps = ["ik", "id"]
+[[exclude]]
+subject = "s02"
+trial = "lost"
+reason = "the marker of the hand fell off"
+[options.identify]
+spacing = 0.02
+compare = false
+"""
+
+
+@pytest.fixture
+def study(arm):
+    put_on_plate(arm)
+    for name in ("again", "lost"):
+        shutil.copy(arm.markers, arm.folder / f"{name}.trc")
+    path = arm.folder / "study.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return path
+
+
+def looked(study, out, **told):
+    return {(row.subject, row.trial): row for row in dry_run(read_plan(study), out, **told).rows}
+
+
+def test_before_the_first_run(arm, study):
+    rows = looked(study, arm.out)
+    assert list(rows) == [("s01", ""), ("s01", "reach"), ("s02", "again")]
+    assert rows["s01", ""].computed == ("identify",)
+    assert rows["s02", "again"].computed == ("ik", "id")
+    assert {row.frames for row in rows.values()} == {61}
+    assert not rows["s01", "reach"].expected.measured
+    assert rows["s01", "reach"].expected.seconds > 0.0
+    text = "\n".join(dry_run_lines(dry_run(read_plan(study), arm.out)))
+    for words in ("2 subjects, 2 trials", "s02/lost: the marker of the hand fell off", "a guess", "reach.trc"):
+        assert words in text
+    assert not arm.out.exists()
+
+
+def test_it_says_what_a_run_then_does(arm, study):
+    run_study(read_plan(study), arm.out)
+    rows = looked(study, arm.out)
+    assert all(not row.computed for row in rows.values())
+    assert "nothing to compute" in "\n".join(dry_run_lines(dry_run(read_plan(study), arm.out)))
+    assert looked(study, arm.out, fresh=True)["s01", "reach"].computed == ("ik", "id")
+
+    study.write_text(STUDY + "[options.id]\ncutoff = 30\n", encoding="utf-8")
+    rows = looked(study, arm.out)
+    found = {one.key: one for one in run_study(read_plan(study), arm.out)}
+    # The filter is told to identification too, so the model is made anew, and with it all that uses it.
+    assert rows["s01", ""].computed == ("identify",)
+    assert rows["s02", "again"].reasons["ik"] == ("its model is made anew",)
+    assert all((found[key].kept, found[key].error) == (row.kept, "") for key, row in rows.items())
+    assert all(row.expected.measured for row in rows.values())
+
+    study.write_text(STUDY + "[options.id]\ncutoff = 30\nnet = true\n", encoding="utf-8")
+    before = {path: path.stat().st_mtime_ns for path in arm.out.rglob("*")}
+    text = "\n".join(dry_run_lines(dry_run(read_plan(study), arm.out)))
+    assert "timings.csv" in text
+    assert {path: path.stat().st_mtime_ns for path in arm.out.rglob("*")} == before
+
+
+def test_what_cannot_be_opened_is_told(arm, study):
+    run_study(read_plan(study), arm.out)
+    (arm.folder / "again.trc").write_text("no recording")
+    found = dry_run(read_plan(study), arm.out)
+    assert any("again.trc" in problem for problem in found.problems)
+    assert "cannot be looked at:" in "\n".join(dry_run_lines(found))
+
+
+def test_times_of_an_earlier_run(tmp_path):
+    path = tmp_path / "timings.csv"
+    path.write_text(
+        "subject,trial,step,frames,seconds\ns1,a,ik,100,9\ns1,b,ik,100,2\ns1,c,ik,200,4\ns1,,calibrate,0,5\ns1,b,ik,20"
+    )
+    times, size = StepTimes(path), ModelSize(23, 54)
+    assert times.expected("s1", "b", "ik", 50, size).seconds == pytest.approx(1.0)
+    assert times.expected("s1", "d", "ik", 300, size).seconds == pytest.approx(6.0)
+    assert times.expected("s2", "", "calibrate", 300, size).seconds == 5.0
+    guess = times.expected("s1", "a", "id", 300, size)
+    assert not guess.measured
+    assert guess.seconds > 0.0
+    assert times.expected("s1", "a", "id", None, size).seconds is None
+    assert times.expected("s1", "", "morph", 300, size).seconds is None
+    more = StepTimes().expected("s1", "a", "tension", 300, ModelSize(23, 500)).seconds
+    assert more > StepTimes().expected("s1", "a", "tension", 300, ModelSize(23, 50)).seconds
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.04, "0.0 s"), (9.97, "10 s"), (59.6, "1 min 0 s"), (200, "3 min 20 s"), (7501, "2 h 5 min")],
+)
+def test_times_in_words(seconds, words):
+    assert in_words(seconds) == words
