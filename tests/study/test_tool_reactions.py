@@ -53,14 +53,12 @@ def test_loads_of_pendulums_are_those_that_come_with_opensim(data, tmp_path, mod
     result = run_tool(path)
     assert [one.name for one in result.written] == [f"{name}_JointReaction_ReactionLoads.sto"]
     found = read_sto(result.written[0])
-    expected_path = data(SMALL + f"std_{model}_JointReaction_ReactionLoads{expected}.sto")
-    wanted = read_sto(expected_path)
+    wanted = read_sto(data(SMALL + f"std_{model}_JointReaction_ReactionLoads{expected}.sto"))
     assert found.names == wanted.names
     # Some files' last two frames stand at one time: OpenSim writes both.
     assert len(found) == 301
     np.testing.assert_allclose(found.values, wanted.values[:301], atol=1e-7)
-    rows = (len(path.read_text().split("endheader")[1].split("\n")) - 3 for path in (result.written[0], expected_path))
-    assert len(set(rows)) == 1
+    assert result.written[0].read_text().split("endheader")[1].strip().count("\n") == 302
 
 
 def study(data, folder, on="child", frame="child"):

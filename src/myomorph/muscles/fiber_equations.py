@@ -85,6 +85,16 @@ def _singular(muscle: Muscle) -> bool:
     return not rigid and muscle.parameters.get("fiber_damping", 0.1) < UNDAMPED
 
 
+def shortest_fiber(H: HillArrays, m: int, muscle: Muscle) -> float:
+    """Least fiber length of a muscle [m]; Millard2012EquilibriumMuscle's ends with its active force-length curve."""
+    least = float(H.shortest[m])
+    if KINDS[muscle.kind] != MILLARD:
+        return max(least, 0.0)
+    name = "min_norm_active_fiber_length"
+    end = muscle.parameters.get(f"ActiveForceLengthCurve/{name}", muscle.parameters.get(name, 0.4441))
+    return max(least, BUCKLED, end * float(H.fiber[m]))
+
+
 def pennation(H: HillArrays, m: int, fiber: Array) -> Array:
     """Angle of fibers of a length, bounded at the shortest [rad]."""
     if H.height[m] <= 0.0:
@@ -92,6 +102,11 @@ def pennation(H: HillArrays, m: int, fiber: Array) -> Array:
     most = np.arctan2(H.height[m], H.shortest_along[m])
     sine = np.minimum(H.height[m] / np.maximum(fiber, H.shortest[m]), 1.0)
     return np.where((fiber > H.shortest[m]) & (sine < np.sin(most)), np.arcsin(sine), most)
+
+
+def fiber_at(H: HillArrays, m: int, along: Array) -> Array:
+    """Length of fibers whose part along the tendon is given, not below the greatest pennation's [m]."""
+    return np.where(along >= H.shortest_along[m], np.sqrt(along**2 + H.height[m] ** 2), H.shortest[m])
 
 
 def length_factors(H: HillArrays, m: int, x: Array) -> tuple[Array, Array]:
@@ -156,11 +171,9 @@ def _clamped_fibers(
     H: HillArrays, m: int, muscle: Muscle, length: Array, speed: Array, a: Array, state: Array | None
 ) -> Fibers:
     """Thelen2003Muscle and Millard2012EquilibriumMuscle, whose fibers have a least length."""
-    shortest, slack, force = H.shortest[m], H.tendon[m], H.force[m]
+    shortest, slack, force = shortest_fiber(H, m, muscle), H.tendon[m], H.force[m]
     if state is None:
-        along = length - slack
-        bound = along >= H.shortest_along[m]
-        fiber = np.maximum(np.where(bound, np.sqrt(along**2 + H.height[m] ** 2), shortest), shortest)
+        fiber = np.maximum(fiber_at(H, m, length - slack), shortest)
     else:
         fiber = np.maximum(state, shortest)
     angle = pennation(H, m, fiber)

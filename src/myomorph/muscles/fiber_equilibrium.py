@@ -20,8 +20,10 @@ from myomorph.muscles.fiber_equations import (
     clamped_activation,
     degroote_stretch,
     degroote_velocity_factor,
+    fiber_at,
     length_factors,
     pennation,
+    shortest_fiber,
     tendon_factor,
     thelen_velocity,
 )
@@ -69,6 +71,10 @@ class _Search:
     @property
     def at_rest(self) -> bool:
         return KINDS[self.muscle.kind] == MILLARD
+
+    @property
+    def shortest(self) -> float:
+        return shortest_fiber(self.H, self.m, self.muscle)
 
     def tendon(self, fiber: Array) -> Array:
         return self.length - fiber * np.cos(pennation(self.H, self.m, fiber))
@@ -130,9 +136,7 @@ def _inverted(muscle: Muscle, a: Array, active: Array, v: Array) -> Array:
 def _fiber_length(s: _Search) -> Array:
     H, m = s.H, s.m
     s.a = np.asarray(s.a, dtype=np.float64)
-    shortest = H.shortest[m]
-    along = s.length - 1.01 * H.tendon[m]
-    fiber = np.where(along >= H.shortest_along[m], np.sqrt(along**2 + H.height[m] ** 2), shortest)
+    fiber = np.maximum(fiber_at(H, m, s.length - 1.01 * H.tendon[m]), s.shortest)
     # OpenSim's first guess of the stiffness has no force yet that turns with the fibers.
     f_v = s.shared_velocity_factor(fiber, np.ones_like(fiber), turning=False)
     error, slope = s.error(fiber, f_v), s.slope(fiber, f_v)
@@ -145,7 +149,7 @@ def _fiber_length(s: _Search) -> Array:
         # The velocity follows only now: error and slope of a step are those of the velocity before it.
         slope = s.slope(fiber, f_v)
         f_v = np.where(wanted, s.shared_velocity_factor(fiber, f_v), f_v)
-    return np.where((np.abs(error) < tolerance) | (fiber <= shortest), fiber, np.nan)
+    return np.where((np.abs(error) < tolerance) | (fiber <= s.shortest), fiber, np.nan)
 
 
 def _stepped(
@@ -158,7 +162,7 @@ def _stepped(
         step = -h * error / slope
         moved = np.where(np.abs(step) > EPS**0.875, fiber + step, fiber - np.sign(step) * NUDGE)
         stuck = np.abs(step) <= EPS**0.875
-        moved = np.maximum(moved, s.H.shortest[s.m])
+        moved = np.maximum(moved, s.shortest)
         new = np.where(open_, moved, new)
         best = np.where(open_, s.error(new, f_v), best)
         open_ = open_ & ~stuck & (np.abs(best) >= np.abs(error))

@@ -21,8 +21,9 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.spatial import Array, frozen_array
-from myomorph.muscles.fiber_equations import Fibers, fibers_of
+from myomorph.muscles.fiber_equations import Fibers, fibers_of, shortest_fiber
 from myomorph.muscles.fiber_equilibrium import equilibrium
+from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, RIGID, THELEN
 
 BUILT = (THELEN, MILLARD, DEGROOTE, RIGID)
@@ -84,12 +85,16 @@ def state_names(muscle: Muscle) -> tuple[str, ...]:
     return (*active, TENDON_FORCE if kind == DEGROOTE else FIBER_LENGTH)
 
 
-def default_state(muscle: Muscle, name: str) -> float:
-    """The value of a state where no file gives it."""
+def default_state(model: Model, m: int, name: str) -> float:
+    """The value of a state of muscle m where no file gives it."""
+    muscle = model.muscles[m]
     fallback = {ACTIVATION: 0.05, FIBER_LENGTH: 0.1, TENDON_FORCE: 0.5}[name]
     if name == ACTIVATION and KINDS[muscle.kind] == DEGROOTE:
         fallback = 0.5
-    return float(muscle.parameters.get(f"default_{name}", fallback))
+    value = float(muscle.parameters.get(f"default_{name}", fallback))
+    if name == FIBER_LENGTH and KINDS[muscle.kind] == MILLARD:
+        return max(value, shortest_fiber(compile_hill(model), m, muscle))
+    return value
 
 
 def fiber_states(
@@ -124,7 +129,7 @@ def fiber_states(
     columns: list[Fibers] = []
     for m, muscle in enumerate(model.muscles):
         for name in state_names(muscle):
-            given.setdefault((muscle.name, name), np.full(len(lengths), default_state(muscle, name)))
+            given.setdefault((muscle.name, name), np.full(len(lengths), default_state(model, m, name)))
         # Without a controller OpenSim's control is 0, which is the activation where dynamics are left out.
         a = given.get((muscle.name, ACTIVATION), np.zeros(len(lengths)))
         last = ("", *state_names(muscle))[-1]

@@ -15,7 +15,7 @@ from myomorph.io.tool_setups import AnalyzeSetup
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Array
-from myomorph.motion.filters import differentiate
+from myomorph.motion.filters import differentiate, natural_spline
 from myomorph.muscles.coupled_arms import TURNING
 from myomorph.muscles.fiber_states import FiberStates, fiber_states, state_names, without_fibers
 from myomorph.muscles.path import MuscleKinematics, muscle_kinematics
@@ -25,6 +25,9 @@ from myomorph.study.tools import indexed_frames, loads_at, needed, picked
 
 TWIN = 1e-6
 """A frame that follows within this share of the usual step stands at the time of the one before."""
+
+MOST_FRAMES = 100_000
+"""Frames that OpenSim makes of uneven ones at most, those it adds before and after included."""
 
 States = Mapping[tuple[str, str], Array]
 
@@ -128,6 +131,14 @@ def analyzed(
     kept = without_twins(everything)
     cutoff = setup.cutoff if setup.states is None else None
     recorded = picked(everything, np.flatnonzero(kept))
+    if cutoff is not None:
+        # OpenSim's filter makes uneven frames even, and what it writes has those.
+        time = even_times(recorded.time)
+        if time is not recorded.time:
+            notes.append(f"{path.name}: {len(recorded)} uneven frames became {len(time)} even ones for the filter")
+            spline = natural_spline(recorded.time, recorded.values)
+            everything = recorded = replace(recorded, time=time, values=spline(time))
+            kept = np.ones(len(time), bool)
     # As OpenSim's tool, which assembles the model in every frame; its InverseDynamicsTool does not.
     whole, told = closed_motion(model, differentiate(recorded, cutoff))
     notes += told
@@ -146,6 +157,21 @@ def analyzed(
     taking_part = without_forces(model) if setup.replace_forces else model
     balanced = setup.equilibrium
     return Analyzed(taking_part, actuators, recorded, motion, first, stored, balanced, setup.loads), notes
+
+
+def even_times(time: Array) -> Array:
+    """The times where their steps are alike, else even ones, as OpenSim's filter has them [s].
+
+    Those start half the file's frames before it, mirrored, with its smallest step, and are at most `MOST_FRAMES`.
+    """
+    step = np.diff(time)
+    if len(step) < 2 or step.max() - step.min() < 1e-3 * step.mean():
+        return time
+    pad = len(time) // 2
+    start, end = 2.0 * time[0] - time[pad], 2.0 * time[-1] - time[-1 - pad]
+    width = max(float(step.min()), (end - start) / MOST_FRAMES)
+    even = start + width * np.arange(int((end - start) / width) + 1)
+    return even[(even >= time[0]) & (even <= time[-1])]
 
 
 def stepped(first: int, count: int, step: int) -> np.ndarray:
