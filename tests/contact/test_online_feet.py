@@ -1,0 +1,96 @@
+"""Plates are given to feet as they are loaded."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from myomorph.contact.online_feet import OnlineFeet
+from myomorph.identify.online import total_wrench
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.tree import compile_tree
+
+
+@pytest.fixture(scope="module")
+def walk(data: Callable[[str], Path]) -> tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Model, coordinates and wrenches (frames, plates, 6) of a walk, and the feet on the plates."""
+    from myomorph.io.loads import read_external_loads
+    from myomorph.io.models import read_model
+    from myomorph.io.sto import motion_from_table, read_sto
+
+    model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    motion = motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model)
+    given = resample_wrenches(read_external_loads(data("rajagopal-walk-emg/grf_walk.xml")), motion.time)
+    each = total_wrench(given.forces[:, :, None], given.points[:, :, None], given.torques[:, :, None])
+    return model, compile_tree(model).coordinates_of(motion), each, given.bodies
+
+
+def followed(feet: OnlineFeet, coordinates: np.ndarray, each: np.ndarray, chunk: int = 10) -> np.ndarray:
+    parts = [
+        feet.given(each[start : start + chunk], coordinates[max(start - 1, 0)]) for start in range(0, len(each), chunk)
+    ]
+    return np.concatenate(parts)
+
+
+def test_the_foot_on_each_plate_is_found(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+    """The forces of the file, told without their bodies, come out on the bodies that the file names."""
+    model, coordinates, each, bodies = walk
+    feet = OnlineFeet(model, ("one", "two"), ("", ""))
+    found = followed(feet, coordinates, each)
+    for plate, body in enumerate(bodies):
+        loaded = np.linalg.norm(each[:, plate, 3:], axis=1) > 25.0
+        assert loaded.mean() > 0.3
+        np.testing.assert_allclose(found[loaded, feet.bodies.index(body)], each[loaded, plate])
+    assert feet.nobody.sum() == 0
+
+
+def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
+    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+) -> None:
+    model, coordinates, each, bodies = walk
+    right, left = (np.linalg.norm(each[:, plate, 3:], axis=1) for plate in range(2))
+    # Where only one foot is loaded, as on a treadmill's one plate; both together cannot be told apart.
+    one = np.where((right > left)[:, None], each[:, 0], each[:, 1])
+    one[np.minimum(right, left) > 0.0] = 0.0
+    feet = OnlineFeet(model, ("belt",), ("",))
+    found = followed(feet, coordinates, one[:, None])
+    for plate, body in enumerate(bodies):
+        mine = (np.linalg.norm(one[:, 3:], axis=1) > 25.0) & (one == each[:, plate]).all(axis=1)
+        assert mine.sum() > 20
+        np.testing.assert_allclose(found[mine, feet.bodies.index(body)], one[mine])
+
+
+def test_loads_near_no_foot_act_on_nobody(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+    model, coordinates, each, _ = walk
+    away = each.copy()
+    # The same forces three metres to the side.
+    away[..., :3] += np.cross([0.0, 0.0, 3.0], each[..., 3:])
+    feet = OnlineFeet(model, ("one", "two"), ("", ""))
+    assert not followed(feet, coordinates, away).any()
+    assert (feet.nobody > 100).all()
+
+
+def test_bodies_that_are_named_need_no_search(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+    model, _, each, _ = walk
+    feet = OnlineFeet(model, ("one", "two"), ("hand_r", "hand_r"))
+    assert feet.bodies == ("hand_r",)
+    np.testing.assert_allclose(feet.given(each, None)[:, 0], each.sum(axis=1))
+    holed = each[:5].copy()
+    holed[2, 0, 4] = np.nan
+    assert np.isnan(feet.given(holed, None)).all(axis=(1, 2)).tolist() == [False, False, True, False, False]
+
+
+def test_a_model_without_feet_is_told(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+    model = walk[0]
+    renamed = {name: name.replace("calcn", "stump") for name in model.body_names}
+    bodies = tuple(replace(one, name=renamed[one.name]) for one in model.bodies)
+    joints = tuple(
+        replace(one, child=renamed[one.child], parent=renamed.get(one.parent, one.parent)) for one in model.joints
+    )
+    bare = replace(model, bodies=bodies, joints=joints, muscles=(), markers=())
+    with pytest.raises(BadData, match=r"no body of model .* is called a foot"):
+        OnlineFeet(bare, ("plate",), ("",))

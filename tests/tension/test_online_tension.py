@@ -1,0 +1,62 @@
+"""Torques and tensions of one frame after the other are those of all frames at once."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from walking import walk
+
+from looped import four_bar
+from myomorph.identify.online import total_wrench
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.online import OnlineDynamics
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.online import OnlineTension
+from myomorph.tension.solve import solve_tension
+
+
+def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path]) -> None:
+    model, motion, wrenches = walk(data, slice(0, 1350, 25))
+    torques = inverse_dynamics(model, motion, wrenches)
+    whole = solve_tension(model, motion, torques)
+    dynamics, tension = OnlineDynamics(model, wrenches.bodies), OnlineTension(model)
+    parts = (one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    each = total_wrench(*parts)
+    moved = motion_arrays(compile_tree(model), motion)
+    assert tension.rows == whole.coordinates
+    assert tension.actuators == whole.reserve_names
+    for frame in range(len(motion)):
+        found = dynamics.solve(*(one[frame] for one in moved), each[frame])
+        np.testing.assert_allclose(found, torques.values[frame], atol=1e-8)
+        shared = tension.solve(dynamics.coordinates, dynamics.rates, dynamics.torques)
+        assert shared.status == whole.status[frame] == 0
+        np.testing.assert_allclose(shared.activations, whole.activations[frame], atol=1e-7)
+        np.testing.assert_allclose(shared.forces, whole.forces[frame], atol=1e-3)
+        np.testing.assert_allclose(shared.reserves, whole.reserves[frame], atol=1e-5)
+        np.testing.assert_allclose(shared.balanced, whole.torques[frame], atol=1e-8)
+
+
+def test_a_frame_that_cannot_be_solved_does_not_spoil_the_next(data: Callable[[str], Path]) -> None:
+    model, motion, wrenches = walk(data, slice(0, 1350, 400))
+    torques = inverse_dynamics(model, motion, wrenches)
+    dynamics, tension = OnlineDynamics(model, ()), OnlineTension(model)
+    coordinates = motion_arrays(compile_tree(model), motion)[0]
+    still = np.zeros_like(coordinates[1])
+    dynamics.solve(coordinates[1], still, still, np.zeros((0, 6)))
+    given = torques.values[1][None].copy()
+    first = tension.solve(dynamics.coordinates, dynamics.rates, given)
+    lost = tension.solve(dynamics.coordinates, dynamics.rates, np.full_like(given, np.nan))
+    assert lost.status != 0
+    assert np.isnan(lost.activations).all()
+    again = tension.solve(dynamics.coordinates, dynamics.rates, given)
+    np.testing.assert_allclose(again.activations, first.activations, atol=1e-7)
+
+
+def test_what_cannot_be_is_told(data: Callable[[str], Path]) -> None:
+    model, _, _ = walk(data, slice(0, 2))
+    with pytest.raises(UnknownName, match="'foot'"):
+        OnlineDynamics(model, ("foot",))
+    with pytest.raises(BadModel, match="closes loops"):
+        OnlineTension(four_bar())
