@@ -27,6 +27,9 @@ LIMIT = 20.0
 MEMORY = 1.5
 """Most memory that an input may take beyond what the program has at the start [GiB]."""
 
+LONGEST_MESSAGE = 10_000
+"""Letters of an error: nobody reads more."""
+
 INSTRUMENTED = ("myomorph.io.", "myomorph.study.", "myomorph.model.")
 """Where atheris looks which code is reached; compiled kernels are elsewhere."""
 
@@ -58,8 +61,8 @@ class Trial:
         try:
             self.reader.read(self._path)
         except MyomorphError as error:
-            if len(text := str(error)) > 20_000:
-                self._keep(data, ValueError(f"a message of {len(text)} letters"), "message")
+            if len(str(error)) > LONGEST_MESSAGE:
+                self._keep(data, error, "long message")
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -79,7 +82,7 @@ class Trial:
     def _keep(self, data: bytes, error: BaseException, kind: str) -> None:
         own = [one for one in traceback.extract_tb(error.__traceback__) if "myomorph" in one.filename]
         where = f"{Path(own[-1].filename).name}:{own[-1].lineno} {own[-1].name}" if own else ""
-        said = f"{type(error).__name__} {where}" + (str(error) if kind == "message" else "")
+        said = f"{type(error).__name__} {where}"
         name = "found-" + hashlib.sha256(said.encode()).hexdigest()[:12]
         if name in self._known:
             return

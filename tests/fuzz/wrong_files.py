@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import psutil
-from benchmarks.fuzz_child import LIMIT, MEMORY
+from benchmarks.fuzz_child import LIMIT, LONGEST_MESSAGE, MEMORY
 from benchmarks.fuzz_mutations import mutate
 from benchmarks.fuzz_readers import READERS, SEEDS, Reader
 from hypothesis import HealthCheck, Phase, given, settings
@@ -47,7 +47,7 @@ def wrong(reader: Reader, path: Path, examples: int) -> Callable[[], None]:
             reader.read(path)
         except MyomorphError as error:
             # A message is for a terminal: it names a few of the things that are wrong.
-            if len(str(error)) > 20_000:
+            if len(str(error)) > LONGEST_MESSAGE:
                 raise ValueError(f"a message of {len(str(error))} letters") from None
         finally:
             faulthandler.cancel_dump_traceback_later()

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, one_line
 from myomorph.study.results import STORED, ResultWriter, new_result, whole_folder
 
 MOST_WARNINGS = 5
@@ -24,7 +24,7 @@ def said(text: str) -> None:
 def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them") -> None:
     """Print what looked wrong but did not stop the work, and where all of it is told."""
     for text in warnings[:MOST_WARNINGS]:
-        sys.stderr.write(f"warning: {' '.join(text.split())}\n")
+        sys.stderr.write(f"warning: {one_line(' '.join(text.split()))}\n")
     if len(warnings) > MOST_WARNINGS:
         sys.stderr.write(f"warning: and {len(warnings) - MOST_WARNINGS} more: {where}\n")
 

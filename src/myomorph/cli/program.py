@@ -8,7 +8,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 
-from myomorph.model.errors import MyomorphError, UnknownName
+from myomorph.model.errors import MyomorphError, UnknownName, one_line
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -66,7 +66,7 @@ def _say(text: str, status: int, debug: bool = False) -> int:
     """Print one line, whatever the text holds, and return the status."""
     if debug:
         traceback.print_exc()
-    sys.stderr.write(" ".join(text.split()) + "\n")
+    sys.stderr.write(one_line(" ".join(text.split())) + "\n")
     sys.stderr.flush()
     return status
 

@@ -10,6 +10,9 @@ from myomorph.model.errors import BadFile
 from myomorph.model.series import Series
 
 TIMES = ("time", "t", "time_s", "time (s)", "time [s]")
+MOST_SIGNS = 60
+"""Of a column's name in a message."""
+
 HINT = "expected a first line of names, one of them 'time' in seconds, and numbers below"
 
 
@@ -41,7 +44,7 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
     names = [one.strip().strip('"') for one in split_cells(first, delimiter)]
     column = next((k for k, name in enumerate(names) if name.lower() in TIMES), -1)
     if column < 0 or len(names) < 2:
-        raise BadFile(path, f"begins with the columns {', '.join(names[:6])}", HINT)
+        raise BadFile(path, f"begins with the columns {', '.join(one[:MOST_SIGNS] for one in names[:6])}", HINT)
     values = quick_numbers(text[start:], delimiter, len(names))
     found: list[str] = []
     if values is None:

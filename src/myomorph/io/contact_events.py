@@ -34,6 +34,9 @@ COLUMNS = (
     "first_frame",
     "last_frame",
 )
+MOST_SIGNS = 60
+"""Of a cell in a message."""
+
 SHAPES = "columns site,start,stop or site,first_frame,last_frame or time,site,event or frame,site,event"
 
 
@@ -102,7 +105,8 @@ def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]
     times = [{"start", "stop"}, {"first_frame", "last_frame"}] if "event" not in header else [{"time"}, {"frame"}]
     unknown = [name for name in header if name not in COLUMNS]
     if unknown or not wanted <= set(header) or sum(one <= set(header) for one in times) != 1:
-        raise BadFile(path, f"has the columns {', '.join(header)}", f"expected {SHAPES}, and surface, confidence")
+        told = ", ".join(name[:MOST_SIGNS] for name in header[: 2 * len(COLUMNS)])
+        raise BadFile(path, f"has the columns {told}", f"expected {SHAPES}, and surface, confidence")
     rows = []
     for number, line in lines[1:]:
         cells = [cell.strip() for cell in next(csv.reader([line], delimiter=_delimiter(lines[0][1])))]
@@ -120,9 +124,9 @@ def _number(path: Path, row: int, name: str, cells: Mapping[str, str]) -> float:
     try:
         value = float(cells[name].replace(",", "."))
     except ValueError:
-        raise BadFile(path, f"line {row}: '{cells[name]}' is no number for {name}") from None
+        raise BadFile(path, f"line {row}: '{cells[name][:MOST_SIGNS]}' is no number for {name}") from None
     if not np.isfinite(value):
-        raise BadFile(path, f"line {row}: {name} is {cells[name]}")
+        raise BadFile(path, f"line {row}: {name} is {cells[name][:MOST_SIGNS]}")
     return value
 
 
@@ -149,7 +153,7 @@ def _mark(path: Path, row: int, cells: Mapping[str, str], rate: float | None, st
     site, surface, confidence = _site(path, row, cells)
     word = cells["event"].lower()
     if word not in (*TOUCH, *LEAVE):
-        raise BadFile(path, f"line {row}: event '{cells['event']}'", "expected touch or leave")
+        raise BadFile(path, f"line {row}: event '{cells['event'][:MOST_SIGNS]}'", "expected touch or leave")
     name, scale = ("time", 1.0) if "time" in cells else ("frame", rate or 1.0)
     return _Mark(row, start + _number(path, row, name, cells) / scale, site, word in TOUCH, surface, confidence)
 

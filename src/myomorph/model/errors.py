@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Sequence
+
+LONGEST, LAST = 20_000, 2_000
+"""Letters of a message at most, and how many of them are its end."""
+
+CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 class MyomorphError(Exception):
-    """Base of every error that is the input's fault; the command line exits 2 on it."""
+    """Base of every error that is the input's fault; the command line exits 2 on it.
+
+    Its message is one line without control signs, whatever a file holds that it tells of.
+    """
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class UnknownName(MyomorphError, KeyError):
@@ -18,7 +30,7 @@ class UnknownName(MyomorphError, KeyError):
         super().__init__(kind, name, self.existing, where)
 
     def __str__(self) -> str:
-        return f"unknown {self.kind} '{self.name}': {self.where} has {listing(self.name, self.existing)}"
+        return one_line(f"unknown {self.kind} '{self.name}': {self.where} has {listing(self.name, self.existing)}")
 
 
 class BadFile(MyomorphError):
@@ -29,7 +41,7 @@ class BadFile(MyomorphError):
         super().__init__(path, problem, hint)
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.problem}" + (f"; {self.hint}" if self.hint else "")
+        return one_line(f"{self.path}: {self.problem}" + (f"; {self.hint}" if self.hint else ""))
 
 
 class BadModel(MyomorphError):
@@ -38,6 +50,14 @@ class BadModel(MyomorphError):
 
 class BadData(MyomorphError):
     """Values that no step can use: wrong shape, not finite, no frames, no common time."""
+
+
+def one_line(text: str) -> str:
+    """A text for a terminal: control signs as blanks, and of a very long one the beginning and the end."""
+    text = CONTROL.sub(" ", text)
+    if len(text) <= LONGEST:
+        return text
+    return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} letters) ... {text[-LAST:]}"
 
 
 def listing(name: str, existing: Sequence[str], most: int = 6) -> str:
