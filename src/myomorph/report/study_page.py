@@ -116,8 +116,8 @@ def _changes(given: StudyInput) -> list[Section]:
 
 
 def _named(names: Sequence[str]) -> str:
-    told = ", ".join(names[:MOST_OF_A_KIND])
-    return told + (f", and {len(names) - MOST_OF_A_KIND} more" if len(names) > MOST_OF_A_KIND else "")
+    told = "; ".join(names[:MOST_OF_A_KIND])
+    return told + (f"; and {len(names) - MOST_OF_A_KIND} more" if len(names) > MOST_OF_A_KIND else "")
 
 
 def _quality(given: StudyInput) -> list[Section]:

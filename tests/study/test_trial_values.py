@@ -1,0 +1,140 @@
+"""Values, curves and quality of one trial: from its results, and what they say is so."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from made_walker import PERIOD, recording, walker
+
+from myomorph.io.osim_write import write_osim
+from myomorph.io.sto import read_sto
+from myomorph.io.trc import write_trc
+from myomorph.study.jobs import Outcome
+from myomorph.study.plan import read_plan
+from myomorph.study.run import run_study
+from myomorph.study.tidy import (
+    CURVES,
+    OF_STRIDE,
+    OF_TRIAL,
+    QUALITY,
+    VALUES,
+    curve_name,
+    read_curves,
+    read_quality,
+    read_values,
+    write_trial_values,
+)
+
+ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """Folder of the results of a made walk, in which both knees bend alike."""
+    home = tmp_path_factory.mktemp("walk")
+    write_osim(walker(), home / "walker.osim")
+    write_trc(recording(walker(), np.random.default_rng(5), 0.5), home / "walk.trc")
+    (home / "study.toml").write_text(
+        '[study]\nname = "one"\n[[subject]]\nname = "s"\nmodel = "walker.osim"\nmass = 60\ntrials = ["walk.trc"]\n'
+        'steps = ["ik", "id", "muscles"]\n'
+    )
+    (outcome,) = run_study(read_plan(home / "study.toml"), home / "out")
+    assert outcome.error == ""
+    return outcome.folder
+
+
+def numbers(folder):
+    return {one.quantity: one for one in read_values(folder / VALUES)}
+
+
+def test_values_are_those_of_the_tables(walk):
+    values = numbers(walk)
+    angles, torques = read_sto(walk / "coordinates.mot"), read_sto(walk / "torques.sto")
+    knee = angles["knee_angle_l"]
+    assert values["knee_angle_l, range"].value == pytest.approx(np.ptp(knee), rel=1e-5)
+    assert values["knee_angle_l, mean"].value == pytest.approx(knee.mean(), rel=1e-5)
+    assert (values["knee_angle_l, range"].unit, values["pelvis_tx, range"].unit) == ("deg", "m")
+    moment = values["knee_angle_r_moment, maximum"]
+    assert (moment.step, moment.unit) == ("id", "N m")
+    assert moment.value == pytest.approx(torques["knee_angle_r_moment"].max(), rel=1e-5)
+    assert values["pelvis_ty_force, mean"].unit == "N"
+    lengths = read_sto(walk / "muscles" / "lengths.sto")
+    assert values["rectus_r_length, minimum"].value == pytest.approx(lengths["rectus_r"].min(), rel=1e-5)
+    assert values["frames"].value == len(angles.time)
+
+
+def test_strides_are_measured_once_and_their_extremes_are_means(walk):
+    values = numbers(walk)
+    assert values["stride duration, foot_r"].value == pytest.approx(PERIOD, abs=0.01)
+    assert values["strides, foot_r"].value >= 3
+    # All strides are the same but for where frames lie in them.
+    inside, whole = (values[f"knee_angle_r, minimum{end}"].value for end in (" in a stride", ""))
+    assert inside == pytest.approx(whole, abs=1.0)
+    assert inside >= whole - 1e-9
+
+
+def test_each_side_is_cut_at_its_own_strikes(walk):
+    """The walker is its own mirror image half a cycle later: both sides' curves are alike, torques too."""
+    cycle, curves = read_curves(walk / CURVES)
+    assert cycle == OF_STRIDE
+    for family in (ANGLE, TORQUE, "muscle length [mm]"):
+        base = "rectus" if "muscle" in family else "knee_angle"
+        right, left = (curves[family][f"{base}_{side}"] for side in "rl")
+        assert len(right) == 101
+        assert np.corrcoef(right, left)[0, 1] > 0.97, family
+    assert curves[ANGLE].time[-1] == 100.0
+    # Torques per kilogram of the subject, not of the model.
+    peak = numbers(walk)["knee_angle_r_moment, maximum in a stride"].value
+    assert curves[TORQUE]["knee_angle_r"].max() == pytest.approx(peak / 60.0, rel=0.05)
+
+
+def test_quality_tells_limits(walk):
+    rows = {row["quantity"]: row for row in read_quality(walk / QUALITY)}
+    assert rows["Marker error, largest"]["limit"] == "4"
+    assert rows["Marker error, largest"]["state"] == "ok"
+    assert read_quality(walk / "nothing.csv") == []
+
+
+def test_what_was_taken_over_stays(walk):
+    class Made:
+        name = "walk"
+
+    before = (walk / VALUES).read_bytes()
+    (walk / VALUES).write_text("kept")
+    write_trial_values(Made(), Outcome("s", "walk", walk, done=("ik", "id"), kept=("ik", "id")))  # type: ignore[arg-type]
+    assert (walk / VALUES).read_text() == "kept"
+    (walk / VALUES).write_bytes(before)
+    assert not list(walk.glob(".*"))
+
+
+def test_what_is_no_walk_goes_over_the_whole_trial(arm):
+    path = arm.folder / "study.toml"
+    path.write_text(
+        '[study]\nname = "reaching"\n[[subject]]\nname = "s01"\nmodel = "arm.osim"\ntrials = ["reach.trc"]\n'
+        'steps = ["ik", "id", "muscles", "tension"]\n'
+    )
+    (outcome,) = run_study(read_plan(path), arm.out)
+    cycle, curves = read_curves(outcome.folder / CURVES)
+    assert cycle == OF_TRIAL
+    assert {ANGLE, "muscle activation", "muscle force [N]"} <= set(curves)
+    values = numbers(outcome.folder)
+    assert not any("stride" in name for name in values)
+    forces = read_sto(outcome.folder / "forces.sto")
+    assert values["flexor_force, maximum"].value == pytest.approx(forces["flexor"].max(), rel=1e-5)
+    assert values["frames not optimal"].value == 0.0
+    angles = read_sto(outcome.folder / "coordinates.mot")
+    assert curves[ANGLE]["elbow_flexion"][-1] == pytest.approx(angles["elbow_flexion"][-1], rel=1e-4)
+
+
+def test_names_of_curves_come_back(tmp_path):
+    with (tmp_path / "curves.csv").open("w", newline="", encoding="utf-8") as stream:
+        table = csv.writer(stream)
+        table.writerow([OF_TRIAL, curve_name(ANGLE, "a: b [c]"), curve_name("muscle activation", "x")])
+        table.writerow(["0", "1.5", ""])
+        table.writerow(["100", "2.5", "3"])
+    cycle, curves = read_curves(tmp_path / "curves.csv")
+    assert (cycle, list(curves)) == (OF_TRIAL, [ANGLE, "muscle activation"])
+    assert curves[ANGLE].names == ("a: b [c]",)
+    assert np.isnan(curves["muscle activation"]["x"]).tolist() == [True, False]
