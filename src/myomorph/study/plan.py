@@ -142,6 +142,10 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         if one.name not in gone:
             _add(one, found, measures, file.study.measures, settings, exclusions, notes)
     exclusions.unused(names, found.takes, problems)
+    if exclusions.found and not found.takes and not problems:
+        problems.append(
+            f"exclude: nothing is left: {len(exclusions.found)} subjects or trials are excluded, all of them"
+        )
     steps = {name: found.steps_of(name) for name in found.subjects}
     check_masses(found.subjects, problems)
     check_names(found.takes, steps, [one.name for one in file.together], problems)

@@ -64,8 +64,12 @@ def named_subjects(tables: Sequence[SubjectTable], home: Path, problems: list[st
 def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]:
     if table.name is not None:
         yield Named(table.name, home, table)
-    for name in table.names:
+    for name in dict.fromkeys(table.names):
+        if table.names.count(name) > 1:
+            problems.append(f"subject: names: '{name}' is there twice")
         yield Named(name, home, table)
+    if table.name is None and not table.names and not as_list(table.folders):
+        problems.append("subject: 'names' or 'folders' is empty: expected one or more")
     for pattern in as_list(table.folders):
         matched = is_pattern(pattern)
         folders = [one for one in globbed(home, pattern) if one.is_dir() and not _is_result(one)]
