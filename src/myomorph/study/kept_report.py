@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import h5netcdf
-
 from myomorph import __version__
-from myomorph.study.results import STORED, ResultWriter, file_name, value_source
+from myomorph.study.netcdf import open_netcdf
+from myomorph.study.results import DAMAGED, STORED, ResultWriter, file_name, value_source
 from myomorph.study.settings import plain_settings
 from myomorph.study.steps import Take, step_provenance, take_facts
 
@@ -40,7 +39,7 @@ def report_is_made(folder: Path, take: Take, done: Sequence[str]) -> bool:
     if not (folder / PAGE).is_file() or not stored.is_file():
         return False
     try:
-        with h5netcdf.File(stored, "r") as file:
-            return bool(file.attrs.get(KEY, "") == report_key(take, done))
-    except OSError:
+        with open_netcdf(stored) as file:
+            return file.attributes.get(KEY, "") == report_key(take, done)
+    except DAMAGED:
         return False

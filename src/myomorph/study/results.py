@@ -20,6 +20,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.spatial import Array
+from myomorph.study.netcdf import NetcdfFile, as_text, new_netcdf, open_netcdf
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
@@ -80,12 +81,12 @@ def made_at() -> str:
 class ResultWriter:
     """An open NetCDF file that takes named values; made by `new_result`."""
 
-    def __init__(self, file: Any, step: str = ""):
+    def __init__(self, file: NetcdfFile, step: str = ""):
         self._file, self._step = file, step
 
     def has(self, name: str) -> bool:
         """Whether a variable is there already."""
-        return name in self._file.variables
+        return name in self._file
 
     def names(self, dimension: str, names: Sequence[str]) -> None:
         """Make a dimension whose entries have names, unless it exists already; none makes none."""
@@ -100,33 +101,29 @@ class ResultWriter:
 
     def texts(self, name: str, dimension: str, texts: Sequence[str]) -> None:
         """Write a text for every entry of a dimension, unless it is there already."""
-        if name in self._file.variables or dimension not in self._file.dimensions:
-            return
-        import h5py
-
-        values = np.array(list(texts), dtype=object)
-        self._file.create_variable(name, (dimension,), h5py.string_dtype(), data=values)
+        if name not in self._file and dimension in self._file.dimensions:
+            self._file.variable(name, (dimension,), _texts(), np.array(list(texts), dtype=object))
 
     def time(self, time: Array) -> None:
         """Make the dimension of time [s]."""
         if "time" not in self._file.dimensions:
-            self._file.dimensions["time"] = len(time)
-            variable = self._file.create_variable("time", ("time",), np.float64, data=np.asarray(time))
-            variable.attrs["units"] = "s"
+            self.sizes("time", len(time))
+            self._file.variable("time", ("time",), np.float64, np.asarray(time)).attrs["units"] = "s"
 
     def create(self, name: str, dimensions: tuple[str, ...], unit: str, meaning: str, kind: Any = np.float64) -> Any:
         """Make a variable to be filled part by part: `variable[start:stop] = values`."""
-        shape = tuple(self._size(one) for one in dimensions)
+        told = {"units": unit, "long_name": meaning} | ({STEP: self._step} if self._step else {})
+        return self._create(name, dimensions, kind, told)
+
+    def _create(self, name: str, dimensions: tuple[str, ...], kind: Any, told: Mapping[str, Any]) -> Any:
+        shape = tuple(self._file.dimensions[one] for one in dimensions)
         chunks = None
         if shape and min(shape) > 0 and np.prod(shape) > BLOCK_ROWS * BLOCK_COLUMNS:
             limits = (BLOCK_ROWS, *(BLOCK_COLUMNS,) * (len(shape) - 1))
             chunks = tuple(min(size, limit) for size, limit in zip(shape, limits, strict=True))
-        filler = np.nan if np.dtype(kind).kind == "f" else None
-        variable = self._file.create_variable(name, dimensions, kind, fillvalue=filler, chunks=chunks)
-        variable.attrs["units"] = unit
-        variable.attrs["long_name"] = meaning
-        if self._step:
-            variable.attrs[STEP] = self._step
+        variable = self._file.variable(name, dimensions, kind, chunks=chunks)
+        for key, value in told.items():
+            variable.attrs[key] = value
         return variable
 
     def put(self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str) -> None:
@@ -139,62 +136,59 @@ class ResultWriter:
 
     def fact(self, name: str, value: str) -> None:
         """Write a text about the whole file."""
-        self._file.attrs[name] = value
+        self._file.attributes[name] = value
 
     def provenance(self, provenance: Provenance) -> None:
         """Write what a step's values were made from."""
-        self._file.attrs[PROVENANCE + provenance.step] = provenance.to_json()
+        self.fact(PROVENANCE + provenance.step, provenance.to_json())
 
     def copy(self, path: Path, steps: Sequence[str]) -> None:
         """Take over what some steps wrote into another result, block by block, unless it is here already."""
-        import h5netcdf
-
-        with h5netcdf.File(path, "r") as other:
-            for name, variable in other.variables.items():
-                made_by = _text(variable.attrs.get(STEP, ""))
-                if name not in self._file.variables and (not made_by or made_by in steps):
-                    self._copy_variable(name, variable)
-            for name, value in other.attrs.items():
+        with open_netcdf(path) as other:
+            for name, variable in other.variables():
+                told = other.told(variable)
+                made_by = as_text(told.get(STEP, ""))
+                if name not in self._file and (not made_by or made_by in steps):
+                    self._copy_variable(name, variable, other.dimensions(name, variable), told)
+            for name, value in other.attributes.items():
                 marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
-                if name not in self._file.attrs and not marked:
-                    self._file.attrs[name] = value
+                if name not in self._file.attributes and not marked:
+                    self.fact(name, value)
 
-    def _copy_variable(self, name: str, variable: Any) -> None:
-        for dimension, size in zip(variable.dimensions, variable.shape, strict=True):
-            if dimension not in self._file.dimensions:
-                self._file.dimensions[dimension] = size
-            elif self._size(dimension) != size:
-                raise BadData(f"'{name}' has {size} of {dimension}, what is there already {self._size(dimension)}")
-        kind = variable.dtype
-        if kind.kind in "OSU":
-            import h5py
-
-            texts = np.array([_text(one) for one in variable[...]], dtype=object)
-            copied = self._file.create_variable(name, variable.dimensions, h5py.string_dtype(), data=texts)
-        else:
-            copied = self.create(name, variable.dimensions, "", "", kind)
-            for start in range(0, variable.shape[0] if variable.shape else 0, BLOCK_ROWS):
-                copied[start : start + BLOCK_ROWS] = variable[start : start + BLOCK_ROWS]
-        for key, value in variable.attrs.items():
-            if not key.startswith("_"):
+    def _copy_variable(self, name: str, variable: Any, dimensions: tuple[str, ...], told: Mapping[str, Any]) -> None:
+        for dimension, size in zip(dimensions, variable.shape, strict=True):
+            known = self._file.dimensions.setdefault(dimension, size)
+            if known != size:
+                raise BadData(f"'{name}' has {size} of {dimension}, what is there already {known}")
+        if variable.dtype.kind in "OSU":
+            texts = np.array([as_text(one) for one in variable[...]], dtype=object)
+            copied = self._file.variable(name, dimensions, _texts(), texts)
+            for key, value in told.items():
                 copied.attrs[key] = value
+            return
+        copied = self._create(name, dimensions, variable.dtype, told)
+        if not variable.shape:
+            copied[...] = variable[...]
+        for start in range(0, variable.shape[0] if variable.shape else 0, BLOCK_ROWS):
+            copied[start : start + BLOCK_ROWS] = variable[start : start + BLOCK_ROWS]
 
-    def _size(self, dimension: str) -> int:
-        return int(self._file.dimensions[dimension].size)
+
+def _texts() -> Any:
+    """The type of texts in a file."""
+    import h5py
+
+    return h5py.string_dtype()
 
 
 @contextmanager
 def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultWriter]:
     """A NetCDF file that appears under its name only when it is whole; `step` is what makes its values."""
-    import h5netcdf
-
     path = Path(path)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     os.close(handle)
     try:
-        with h5netcdf.File(name, "w") as file:
-            file.attrs["Conventions"] = "CF-1.10"
-            file.attrs["source"] = f"myomorph {__version__}"
+        with new_netcdf(name) as file:
+            file.attributes |= {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
             yield ResultWriter(file, step)
         os.chmod(name, 0o644)
         os.replace(name, path)
@@ -243,20 +237,17 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
     BadFile
         where the file is not one
     """
-    import h5py
-
     try:
-        # Read as the HDF5 that a NetCDF is: many small variables come several times as fast.
-        with h5py.File(path, "r") as file:
+        with open_netcdf(path) as file:
             values, names = {}, {}
-            for name, variable in file.items():
-                if name in leave_out or _is_bare_dimension(variable):
+            for name, variable in file.variables():
+                if name in leave_out:
                     continue
                 if variable.dtype.kind in "OSU":
-                    names[name] = tuple(_text(one) for one in variable[...])
+                    names[name] = tuple(as_text(one) for one in variable[...])
                 else:
                     values[name] = variable[...]
-            attributes = _attributes(file)
+            attributes = file.attributes
         marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
         made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
     except DAMAGED as error:
@@ -267,13 +258,11 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
 
 def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
     """Provenance by step of a result file, empty where there is none that can be read."""
-    import h5py
-
     if not Path(path).is_file():
         return {}
     try:
-        with h5py.File(path, "r") as file:
-            marked = {name: text for name, text in _attributes(file).items() if name.startswith(PROVENANCE)}
+        with open_netcdf(path) as file:
+            marked = {name: text for name, text in file.attributes.items() if name.startswith(PROVENANCE)}
         return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
     except DAMAGED:
         return {}
@@ -316,22 +305,3 @@ def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     """Unit of each coordinate: "rad", "m", or "" where it is the file's own."""
     units = {"rotational": "rad", "translational": "m", "coupled": ""}
     return tuple(units[model.coordinate(name).motion] for name in names)
-
-
-def _attributes(file: Any) -> dict[str, str]:
-    """Texts about a whole file, without those of the format itself."""
-    return {name: _text(value) for name, value in file.attrs.items() if not name.startswith("_NC")}
-
-
-def _is_bare_dimension(variable: Any) -> bool:
-    """Whether a data set stands for a dimension whose entries have no names."""
-    return _text(variable.attrs.get("NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable")
-
-
-def _text(value: Any) -> str:
-    if getattr(value, "shape", ()) is None:
-        # Empty text, as HDF5 keeps it.
-        return ""
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    return str(value)

@@ -1,0 +1,133 @@
+"""A NetCDF-4 file as the HDF5 that it is: named dimensions are scales, and variables refer to them.
+
+Libraries for NetCDF look through the whole file for every variable they make, which for the many small ones of a short
+recording takes longer than the recording's steps.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+BARE = "This is a netCDF dimension but not a netCDF variable."
+SCALE = "DIMENSION_SCALE"
+INTERNAL = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue", "_Netcdf4Dimid", "_Netcdf4Coordinates")
+"""Attributes that belong to the format itself."""
+
+
+class NetcdfFile:
+    """An open file that takes dimensions, variables and attributes; made by `new_netcdf`."""
+
+    def __init__(self, file: Any):
+        self._file = file
+        self.dimensions: dict[str, int] = {}
+        self._variables: dict[str, tuple[Any, tuple[str, ...]]] = {}
+        self.attributes: dict[str, str] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._variables
+
+    def variable(
+        self,
+        name: str,
+        dimensions: tuple[str, ...],
+        kind: Any,
+        values: Any = None,
+        chunks: tuple[int, ...] | None = None,
+    ) -> Any:
+        """Make a variable; its values may also come later, part by part."""
+        shape = tuple(self.dimensions[one] for one in dimensions)
+        filler = np.nan if np.dtype(kind).kind == "f" and values is None else None
+        made = self._file.create_dataset(name, shape, kind, data=values, chunks=chunks, fillvalue=filler)
+        if filler is not None:
+            made.attrs["_FillValue"] = np.array([filler], kind)
+        self._variables[name] = (made, dimensions)
+        return made
+
+    def finish(self) -> None:
+        """Make the dimensions, let the variables refer to them, and write the attributes."""
+        scales = {}
+        for number, (name, size) in enumerate(self.dimensions.items()):
+            if name in self._variables:
+                scale, _ = self._variables[name]
+                scale.make_scale(name)
+            else:
+                scale = self._file.create_dataset(name, (size,), ">f4")
+                scale.make_scale(f"{BARE}{size:10d}")
+            scale.attrs["_Netcdf4Dimid"] = np.int32(number)
+            scales[name] = scale
+        for name, (variable, dimensions) in self._variables.items():
+            if name not in scales:
+                for axis, dimension in enumerate(dimensions):
+                    variable.dims[axis].attach_scale(scales[dimension])
+        for name, text in self.attributes.items():
+            self._file.attrs[name] = text
+
+
+@contextmanager
+def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
+    """A new file; where an error ends the block, it is left unfinished."""
+    import h5py
+
+    with h5py.File(path, "w", track_order=True) as file:
+        made = NetcdfFile(file)
+        yield made
+        made.finish()
+
+
+class NetcdfSource:
+    """An open file whose variables are looked up by name, as `new_netcdf` wrote it or another library."""
+
+    def __init__(self, file: Any):
+        self._file = file
+        self._names: dict[Any, str] = {}
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Texts about the whole file."""
+        return {name: as_text(value) for name, value in self._file.attrs.items() if not name.startswith("_NC")}
+
+    def variables(self) -> Iterator[tuple[str, Any]]:
+        """Name and values of every variable, in the order in which they were made where that is known."""
+        for name, variable in self._file.items():
+            if not is_bare(variable):
+                yield name, variable
+
+    def dimensions(self, name: str, variable: Any) -> tuple[str, ...]:
+        """Names of a variable's dimensions."""
+        if as_text(variable.attrs.get("CLASS", "")) == SCALE and "DIMENSION_LIST" not in variable.attrs:
+            return (name,)
+        found = []
+        for reference, *_ in variable.attrs.get("DIMENSION_LIST", ()):
+            if reference not in self._names:
+                self._names[reference] = self._file[reference].name.removeprefix("/")
+            found.append(self._names[reference])
+        return tuple(found)
+
+    @staticmethod
+    def told(variable: Any) -> Mapping[str, Any]:
+        """Attributes of a variable, without those of the format."""
+        return {name: value for name, value in variable.attrs.items() if name not in INTERNAL}
+
+
+@contextmanager
+def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
+    """A file to read from; raises `OSError` where it is none."""
+    import h5py
+
+    with h5py.File(path, "r", track_order=True) as file:
+        yield NetcdfSource(file)
+
+
+def is_bare(variable: Any) -> bool:
+    """Whether a data set stands for a dimension whose entries have no names."""
+    return as_text(variable.attrs.get("NAME", "")).startswith(BARE)
+
+
+def as_text(value: Any) -> str:
+    """A text of the file, however it is stored."""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
