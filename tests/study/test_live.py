@@ -243,6 +243,12 @@ class FakeInlet:
     def info(self, timeout: float) -> Any:
         return self._info
 
+    def open_stream(self, timeout: float) -> None:
+        pass
+
+    def time_correction(self, timeout: float) -> float:
+        return 0.0
+
     def pull_chunk(self, timeout: float, max_samples: int) -> tuple[list[list[float]], list[float]]:
         if self.sent:
             return [], []

@@ -75,7 +75,7 @@ def follow_chain(
     delays: Delays | None = None,
     now: Callable[[], float] = clock.perf_counter,
 ) -> LiveSession:
-    """Take frames from a source until it is done, or Ctrl-C where it has no end.
+    """Take frames from a source until it is done, or Ctrl-C is pressed.
 
     Parameters
     ----------

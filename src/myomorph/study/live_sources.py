@@ -266,6 +266,9 @@ class _Stream:
         flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
         self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
         info = self._inlet.info(wait)
+        # What the first sample would wait for: the connection, and a first look at the sender's clock.
+        self._inlet.open_stream(wait)
+        self._inlet.time_correction(wait)
         self.name, self.rate = name, float(info.nominal_srate())
         if self.rate <= 0.0:
             raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
