@@ -1,0 +1,288 @@
+"""Studies that are interrupted: killed, out of disk, out of workers, cut off; what is left, and whether it is equal."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from benchmarks.cluster import cluster_in, cut_off, machines, namespaces_work
+from benchmarks.interrupted_checks import (
+    computed_twice,
+    differences,
+    finished,
+    half_written,
+    left_over,
+    losses,
+    runs,
+)
+from benchmarks.interrupted_study import make_study
+
+Row = dict[str, object]
+
+TRIALS, FEW = 200, 40
+KILLS, LOSSES = 20, 10
+SETTINGS = {"SOURCE_DATE_EPOCH": "1700000000", "OPENBLAS_NUM_THREADS": "1"}
+"""A fixed date makes results that can be compared byte for byte."""
+DOUBTS: list[str] = []
+"""What was not as it should be, in words, for whoever runs this."""
+
+
+def measure() -> Iterable[Row]:
+    """A row a kind of interruption."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        many, few = make_study(folder / "many", TRIALS), make_study(folder / "few", FEW)
+        whole, took = _undisturbed(many, folder / "whole")
+        part, _ = _undisturbed(few, folder / "part")
+        yield from killed(many, whole, folder / "killed", took)
+        yield workers_killed(many, whole, folder / "workers")
+        yield started_twice(few, part, folder / "twice")
+        yield disk_full(few, part, folder / "full")
+        yield read_only(few, part, folder / "read only")
+        yield machine_cut_off(few, part, folder / "cluster")
+
+
+def _undisturbed(study: Path, out: Path) -> tuple[Path, float]:
+    started = time.monotonic()
+    code, said = end_of(begin(study, out))
+    assert code == 0, said
+    return out, time.monotonic() - started
+
+
+def begin(study: Path, out: Path, *options: str) -> subprocess.Popen:
+    """Start the program on a study, in a group of processes of its own."""
+    told = options or ("--workers", "2")
+    return subprocess.Popen(
+        (sys.executable, "-m", "myomorph", "run", str(study), "--out", str(out), *told),
+        env=os.environ | SETTINGS,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        encoding="utf-8",
+    )
+
+
+def end_of(process: subprocess.Popen) -> tuple[int, str]:
+    """Exit status of a run and what it said, once it has ended."""
+    said, _ = process.communicate()
+    return process.returncode, said
+
+
+def others_of(process: subprocess.Popen) -> list[psutil.Process]:
+    """The processes that a run has started."""
+    with suppress(psutil.Error):
+        return psutil.Process(process.pid).children(recursive=True)
+    return []
+
+
+def row(what: str, times: object, reference: Path, out: Path, half: int, said: str = "") -> Row:
+    """What became of a study in the end, held against one that nothing disturbed."""
+    files, unequal = differences(out, reference)
+    twice = computed_twice(out)
+    DOUBTS.extend(f"{what}: {one}" for one in (*unequal, *twice, *left_over(out)))
+    return {
+        "what happened": what,
+        "trials": len(list(reference.glob("*/*/*.nc"))),
+        "times": times,
+        "runs": runs(out),
+        "files compared": files,
+        "not equal": len(unequal),
+        "half-written": half,
+        "computed twice": len(twice),
+        "left over": len(left_over(out)),
+        "said": said,
+    }
+
+
+def killed(study: Path, reference: Path, out: Path, took: float, times: int = KILLS) -> Iterator[Row]:
+    """SIGKILL at random moments: of the program alone, whose workers must end themselves, or of all its processes."""
+    random = np.random.default_rng(20)
+    kills, half, longest, attempt = 0, 0, 0.0, 0
+    while True:
+        home = out / str(attempt)
+        process = begin(study, home)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(random.uniform(0.0, 2.0 * took / times + 4.0) if kills < times else None)
+        if process.poll() is None:
+            others = others_of(process)
+            process.kill()
+            if kills % 2:
+                for one in others:
+                    with suppress(psutil.Error):
+                        one.kill()
+            killed_at = time.monotonic()
+            _, alive = psutil.wait_procs(others, timeout=30)
+            longest = max(longest, time.monotonic() - killed_at)
+            DOUBTS.extend(f"killed: process {one.pid} lives on" for one in alive)
+            kills += 1
+            if home.is_dir():
+                found = half_written(home) + differences(home, reference, whole=False)[1]
+                DOUBTS.extend(f"killed: {one}" for one in found)
+                half += len(found)
+            end_of(process)
+            continue
+        code, said = end_of(process)
+        DOUBTS.extend([] if code == 0 else [f"killed: the last run ended with {code}: {said[-500:]}"])
+        told = f"workers of a killed program ended within {longest:.1f} s"
+        yield row("program killed", kills, reference, home, half, told)
+        if kills >= times:
+            return
+        attempt, times, kills = attempt + 1, times - kills, 0
+
+
+def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES) -> Row:
+    """SIGKILL of single workers at random moments of one run."""
+    random = np.random.default_rng(21)
+    process = begin(study, out)
+    kills = 0
+    while process.poll() is None and kills < times:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(random.uniform(2.0, 6.0))
+        workers = [one for one in others_of(process) if _works(one)]
+        if workers:
+            with suppress(psutil.Error):
+                workers[random.integers(len(workers))].kill()
+                kills += 1
+    code, said = end_of(process)
+    DOUBTS.extend([] if code == 0 else [f"worker killed: ended with {code}: {said[-500:]}"])
+    half = half_written(out)
+    return row("a worker killed", kills, reference, out, len(half), f"{losses(out)} jobs done again")
+
+
+def _works(process: psutil.Process) -> bool:
+    with suppress(psutil.Error):
+        return "resource_tracker" not in " ".join(process.cmdline())
+    return False
+
+
+def started_twice(study: Path, reference: Path, out: Path) -> Row:
+    """Two runs into one folder at the same moment, and a third while one of them goes on."""
+    both = [begin(study, out), begin(study, out)]
+    while all(one.poll() is None for one in both):
+        time.sleep(0.1)
+    third = end_of(begin(study, out))
+    ends = sorted([*(end_of(one) for one in both), third])
+    if [code for code, _ in ends] != [0, 2, 2]:
+        DOUBTS.append(f"started twice: {ends}")
+    refused = next(said for code, said in ends if code == 2)
+    return row("three runs at once", 1, reference, out, len(half_written(out)), _one_line(refused, out))
+
+
+def disk_full(study: Path, reference: Path, out: Path) -> Row:
+    """A disk that holds a third of the results, then room is made."""
+    size = sum(path.stat().st_size for path in finished(reference))
+    out.mkdir()
+    reason = mounted(out, f"size={size // 3}")
+    if reason:
+        return {"what happened": "disk full", "said": f"not measured: {reason}"}
+    try:
+        code, said = end_of(begin(study, out))
+        half = half_written(out) + differences(out, reference, whole=False)[1]
+        DOUBTS.extend(f"disk full: {one}" for one in half)
+        if code != 2:
+            DOUBTS.append(f"disk full: ended with {code}: {said[-500:]}")
+        told = next((line for line in said.splitlines() if "not run" in line and "FAILED" not in line), said[-200:])
+        subprocess.run(("mount", "-o", f"remount,size={4 * size}", str(out)), check=True)
+        code, said = end_of(begin(study, out))
+        DOUBTS.extend([] if code == 0 else [f"disk full, then room: ended with {code}: {said[-500:]}"])
+        return row("disk full, then room", 1, reference, out, len(half), told)
+    finally:
+        subprocess.run(("umount", str(out)), capture_output=True)
+
+
+def read_only(study: Path, reference: Path, out: Path) -> Row:
+    """A folder that cannot be written."""
+    out.mkdir()
+    reason = mounted(out, "ro")
+    if reason:
+        return {"what happened": "folder read-only", "said": f"not measured: {reason}"}
+    try:
+        code, said = end_of(begin(study, out))
+        if code != 2 or list(out.iterdir()):
+            DOUBTS.append(f"read-only: ended with {code}: {said[-500:]}")
+    finally:
+        subprocess.run(("umount", str(out)), capture_output=True)
+    return {"what happened": "folder read-only", "times": 1, "said": _one_line(said, out)}
+
+
+def mounted(folder: Path, options: str) -> str:
+    """Mount an empty file system on a folder; returns why that cannot be done, "" where it was."""
+    try:
+        told = subprocess.run(
+            ("mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)), capture_output=True, text=True
+        )
+    except OSError as error:
+        return f"mount: {error.strerror}"
+    return " ".join(told.stderr.split()) if told.returncode else ""
+
+
+def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
+    """A scheduler and two workers, each on a machine of its own; one worker's cable is pulled in the middle."""
+    what = "one of two machines cut off"
+    reason = namespaces_work()
+    if reason:
+        return {"what happened": what, "said": f"not measured: {reason}"}
+    names = ("myo-scheduler", "myo-one", "myo-two")
+    with machines(names) as hosts, cluster_in(out.with_name("machines"), SETTINGS) as cluster:
+        cluster.scheduler(hosts[names[0]], names[0])
+        for name in names[1:]:
+            cluster.worker(name, hosts[name], name)
+        process = begin(study, out, "--scheduler", cluster.address)
+        ended = _until(lambda: _ended(out) >= len(list(reference.glob("*/*/*.nc"))) // 3, process)
+        cut_off(names[2])
+        cut_at = time.monotonic()
+        _until(lambda: losses(out) > 0, process)
+        noticed = time.monotonic() - cut_at
+        code, said = end_of(process)
+        if code or not ended:
+            DOUBTS.append(f"{what}: ended with {code}: {said[-500:]}")
+        told = f"{losses(out)} jobs done again, {noticed:.0f} s after the cut"
+        return row(what, 1, reference, out, len(half_written(out)), told)
+
+
+def _ended(out: Path) -> int:
+    log = out / "study.log"
+    return len(re.findall(r"^\S+ done ", log.read_text(encoding="utf-8"), re.MULTILINE)) if log.is_file() else 0
+
+
+def _until(there: Callable[[], bool], process: subprocess.Popen) -> bool:
+    """Wait for something while a run goes on; returns whether it came."""
+    while process.poll() is None:
+        if there():
+            return True
+        time.sleep(0.2)
+    return False
+
+
+def _one_line(said: str, out: Path) -> str:
+    """The last line, without what is different each time."""
+    text = said.strip().splitlines()[-1].replace(str(out), "DIR")
+    text = re.sub(r"process \d+ on \S+,", "process ... on ...,", text)
+    return re.sub(r"since [\dT:+.-]+\d", "since ...", text)
+
+
+SECTIONS: Mapping[str, Callable[[], Iterable[Row]]] = {"interrupted": measure}
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    yield
+    for one in DOUBTS:
+        sys.stderr.write(f"{one}\n")
+
+
+if __name__ == "__main__":
+    with _told():
+        for one in measure():
+            sys.stdout.write(f"{one}\n")
+            sys.stdout.flush()

@@ -1,0 +1,150 @@
+"""Whether the folders of studies are whole and equal: every file opened, every byte or value compared."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+OWN = {"study.log", "timings.csv", "study.json"}
+"""What tells of the runs rather than of the results."""
+UNFINISHED = re.compile(r"^\..+(\.[a-z0-9_]{8}|\.part|\.lock)$|^\.seen-by-workers-|^\.study\.lock$")
+"""Names of files and folders that are not finished, and of locks."""
+
+
+def finished(folder: Path) -> Iterator[Path]:
+    """All files with a final name."""
+    for path in sorted(folder.rglob("*")):
+        parts = path.relative_to(folder).parts
+        if path.is_file() and not any(UNFINISHED.match(one) for one in parts):
+            yield path
+
+
+def half_written(folder: Path) -> list[str]:
+    """Files with a final name that are not whole, and why."""
+    found = []
+    for path in finished(folder):
+        if path.name in OWN - {"study.json"}:
+            continue
+        try:
+            READERS.get(path.suffix, _text)(path)
+        except Exception as error:
+            found.append(f"{path.relative_to(folder)}: {type(error).__name__}: {error}")
+    return found
+
+
+def _netcdf(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        file.visititems(lambda name, one: one[()] if isinstance(one, h5py.Dataset) else None)
+
+
+def _table(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    if not text.endswith("\n"):
+        raise ValueError("ends within a line")
+    rows = list(csv.reader(text.splitlines()))
+    if {len(row) for row in rows} != {len(rows[0])}:
+        raise ValueError("rows of different lengths")
+
+
+def _storage(path: Path) -> None:
+    from myomorph.io.sto import read_sto
+
+    told = re.search(r"nRows=(\d+)", path.read_text(encoding="utf-8"))
+    if told is None or len(read_sto(path)) != int(told.group(1)):
+        raise ValueError("lacks rows")
+
+
+def _page(path: Path) -> None:
+    if not path.read_text(encoding="utf-8").rstrip().endswith("</html>"):
+        raise ValueError("ends within the page")
+
+
+def _parquet(path: Path) -> None:
+    import pyarrow.parquet
+
+    pyarrow.parquet.read_table(path)
+
+
+def _text(path: Path) -> None:
+    path.read_bytes()
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    ".nc": _netcdf,
+    ".csv": _table,
+    ".sto": _storage,
+    ".mot": _storage,
+    ".html": _page,
+    ".parquet": _parquet,
+    ".json": lambda path: json.loads(path.read_text(encoding="utf-8")),
+    ".osim": etree.parse,
+    ".xml": etree.parse,
+}
+
+
+def differences(folder: Path, reference: Path, whole: bool = True) -> tuple[int, list[str]]:
+    """How many files were compared with those of another folder, and which are not equal byte for byte.
+
+    Parameters
+    ----------
+    whole : whether both must have the same files; else only trials' files that are there are compared
+    """
+    here = {path.relative_to(folder): path for path in finished(folder) if path.name not in OWN}
+    there = {path.relative_to(reference): path for path in finished(reference) if path.name not in OWN}
+    if not whole:
+        here = {name: path for name, path in here.items() if len(name.parts) > 2 and ".steps" not in name.parts}
+    told = [f"{name}: is not in the other" for name in sorted(set(here) - set(there))]
+    if whole:
+        told += [f"{name}: is missing" for name in sorted(set(there) - set(here))]
+    both = sorted(set(here) & set(there))
+    told += [f"{name}: differs" for name in both if here[name].read_bytes() != there[name].read_bytes()]
+    return len(both), told
+
+
+def left_over(folder: Path) -> list[str]:
+    """Files and folders that are not finished."""
+    return [str(path.relative_to(folder)) for path in sorted(folder.rglob("*")) if UNFINISHED.match(path.name)]
+
+
+def computed_twice(folder: Path) -> list[str]:
+    """Steps of finished trials that later runs computed again, from the times that the runs wrote."""
+    with (folder / "timings.csv").open(encoding="utf-8", newline="") as stream:
+        rows = Counter((row["subject"], row["trial"], row["step"]) for row in csv.DictReader(stream))
+    return [f"{'/'.join(key)}: {count} times" for key, count in sorted(rows.items()) if count > 1]
+
+
+def runs(folder: Path) -> int:
+    """How often the study was begun."""
+    return len(re.findall(r"^\S+ begin: ", (folder / "study.log").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def losses(folder: Path) -> int:
+    """How many workers were lost, from the log."""
+    return len(re.findall(r"^\S+ lost ", (folder / "study.log").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def largest_difference(folder: Path, reference: Path) -> float:
+    """The largest difference of a number in results that are not equal byte for byte, over its range."""
+    import h5py
+
+    largest = 0.0
+    for path in finished(folder):
+        other = reference / path.relative_to(folder)
+        if path.suffix != ".nc" or path.read_bytes() == other.read_bytes():
+            continue
+        with h5py.File(path, "r") as one, h5py.File(other, "r") as two:
+            for name, values in one.items():
+                if values.dtype.kind == "f":
+                    span = float(np.nanmax(np.abs(two[name][()]), initial=0.0)) or 1.0
+                    apart = np.abs(values[()] - two[name][()])
+                    largest = max(largest, float(np.nanmax(apart, initial=0.0)) / span)
+    return largest
