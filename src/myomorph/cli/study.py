@@ -122,7 +122,7 @@ def run_command(
     use_threads(threads)
     plan = read_plan(study)
     if dry_run:
-        return _dry_run(plan, out, fresh, workers)
+        return _dry_run(plan, out, fresh, 1 if scheduler else workers)
 
     def told(outcome: Outcome) -> None:
         name = f"{outcome.subject}/{outcome.trial}".strip("/") or "tables of the study"

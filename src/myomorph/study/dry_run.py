@@ -14,7 +14,9 @@ from myomorph.study.expected_time import Expected, ModelSize, StepTimes, togethe
 from myomorph.study.inputs import open_model
 from myomorph.study.job_plan import jobs_of
 from myomorph.study.jobs import Excluded, Key
+from myomorph.study.locks import check_age, read_mark
 from myomorph.study.plan import Plan
+from myomorph.study.progress import progress
 from myomorph.study.results import STORED, file_name
 from myomorph.study.run_take import PARTS, kept_steps
 from myomorph.study.study_log import TIMINGS
@@ -104,16 +106,24 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
     out : folder of results, which need not exist
     fresh : as if nothing could be taken over
     workers : jobs that run side by side
+
+    Raises
+    ------
+    BadFile, BadData
+        where a run would be refused, since a newer version wrote the folder
     """
+    check_age(read_mark(out))
     looked = _Looked(plan, out, fresh)
     rows: list[Row] = []
     seen: set[str] = set()
-    for files, steps in zip(plan.takes, plan.steps, strict=True):
-        for name in _makers(plan, files.subject):
-            if name not in seen:
-                rows.append(looked.subject(name))
-                seen.add(name)
-        rows.append(looked.trial(files, [step for step in steps if step not in SUBJECT_STEPS]))
+    with progress("looking at earlier results", len(plan.takes), "trials") as advance:
+        for files, steps in zip(plan.takes, plan.steps, strict=True):
+            for name in _makers(plan, files.subject):
+                if name not in seen:
+                    rows.append(looked.subject(name))
+                    seen.add(name)
+            rows.append(looked.trial(files, [step for step in steps if step not in SUBJECT_STEPS]))
+            advance(1)
     rows += [looked.joined(one.name, one.trials) for one in plan.together]
     return DryRun(plan, out, tuple(rows), plan.excluded, workers)
 
