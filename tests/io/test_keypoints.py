@@ -8,6 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
+from myomorph.io import hdf5_guard
+from myomorph.io.guard import Outcome
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
 from myomorph.model.errors import BadFile
 from myomorph.study.inputs import open_trial
@@ -120,3 +122,18 @@ def test_the_mouse_of_34_keypoints(data):
     told = read_keypoint_names(data("mouse-skeleton-keypoints/keypoint_to_body_mouse.yaml"))
     assert told.bodies["Knee_L"] == "mouse__LFemur"
     assert set(told.offsets) == set(trial.markers.names)
+
+
+@pytest.mark.parametrize(("status", "told"), [("hung", "did not end within 10 s"), ("failed", "ended with status -11")])
+def test_a_file_on_which_the_library_hangs_or_crashes_is_named(tmp_path, monkeypatch, status, told):
+    """HDF5 does so on some damaged files: they are tried in a process of their own first."""
+    made(tmp_path / "a.h5", node_names=NAMES, attributes={"units": "m"})
+    monkeypatch.setattr(hdf5_guard, "run_guarded", lambda *_: Outcome(status, told))
+    with pytest.raises(BadFile, match=f"cannot be read as HDF5 .*{told}"):
+        read_keypoints(tmp_path / "a.h5")
+
+
+def test_a_number_of_thousands_of_digits_is_named(tmp_path):
+    (tmp_path / "a.json").write_text('{"rate": ' + 5000 * "9" + "}", encoding="utf-8")
+    with pytest.raises(BadFile, match="is not JSON"):
+        read_keypoint_names(tmp_path / "a.json")

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.io.hdf5_guard import check_hdf5
 from myomorph.io.text import unique_names, without_far_away
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Trial
@@ -123,6 +124,7 @@ def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointN
 
     if not path.is_file():
         raise BadFile(path, "does not exist")
+    check_hdf5(path, HINT)
     try:
         with h5py.File(path, "r") as file:
             tracks = file.get("tracks")
@@ -143,7 +145,7 @@ def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointN
                 found.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
             values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
             own = _own_facts(file, tracks)
-    except (OSError, RuntimeError, TypeError, ValueError, KeyError) as error:
+    except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError) as error:
         raise BadFile(path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT) from None
     return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), own
 
@@ -231,7 +233,7 @@ def _parsed(text: str, path: Path) -> Any:
     if path.suffix.lower() == ".json":
         try:
             return json.loads(text)
-        except (json.JSONDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise BadFile(path, f"is not JSON ({error})") from None
     import yaml
 

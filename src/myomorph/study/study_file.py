@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,6 +36,10 @@ def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
     return create_model("StepOptions", __base__=Strict, **tables)
 
 
+MOST_PROBLEMS, MOST_SIGNS = 200, 200
+"""Problems of a file that are told, and signs of a value."""
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a study file.
 
@@ -51,7 +56,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
     except UnicodeDecodeError:
         raise BadFile(path, "is not text", "give a study file in TOML") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
+        # Not only of `tomllib`: a whole number of thousands of digits is refused by `int`.
         raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
 
 
@@ -68,7 +74,10 @@ def refuse(path: Path, problems: Sequence[str]) -> None:
     """Raise `BadFile` with all problems in one line, where there are any."""
     if problems:
         count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
-        raise BadFile(path, f"{count}: " + " | ".join(problems))
+        told = list(problems[:MOST_PROBLEMS])
+        if len(problems) > MOST_PROBLEMS:
+            told.append(f"and {len(problems) - MOST_PROBLEMS} more")
+        raise BadFile(path, f"{count}: " + " | ".join(told))
 
 
 def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> Path | None:
@@ -78,9 +87,19 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
     path = folder / name
     if _is_file(path):
         return path
-    near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if path.parent.is_dir() else []
+    near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if is_folder(path.parent) else []
     problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
     return None
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; of a name that no system can have `Path.is_file` would raise an error."""
+    return os.path.isfile(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder, as `is_file`."""
+    return os.path.isdir(path)
 
 
 def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
@@ -112,7 +131,7 @@ def globbed(folder: Path, pattern: str) -> list[Path]:
     if not is_pattern(pattern):
         path = folder / pattern
         try:
-            return [path] if pattern and path.exists() else []
+            return [path] if pattern and os.path.exists(path) else []
         except OSError:
             return []
     whole = Path(pattern)
@@ -138,7 +157,17 @@ def _sentence(error: Any, file: type[BaseModel]) -> str:
         return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
     if error["type"] == "missing":
         return f"'{name}' is missing"
-    return f"'{name}' = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+    return f"'{name}' = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _shown(given: Any) -> str:
+    """A value as the file may have it, cut short."""
+    try:
+        text = repr(given)
+    except ValueError:
+        # Hexadecimal numbers may have more digits than Python writes as decimals.
+        return "a number of thousands of digits"
+    return text if len(text) <= MOST_SIGNS else f"{text[:MOST_SIGNS]} ..."
 
 
 def _is_kind(part: str) -> bool:
