@@ -6,7 +6,7 @@ import pytest
 from docs_build.examples import DOCS, Part, pages_that_run, parts_of, run_page, was_printed
 
 # Those that take less than 10 s on a quiet machine; the others are marked long.
-SHORT = {"walking.md", "opensim-setups.md"}
+SHORT = {"walking.md", "opensim-setups.md", "studies.md"}
 
 
 def cases():
