@@ -27,11 +27,16 @@ LIMIT = 20.0
 MEMORY = 1.5
 """Most memory that an input may take beyond what the program has at the start [GiB]."""
 
-LONGEST_MESSAGE = 10_000
-"""Letters of an error: nobody reads more."""
+LONGEST_MESSAGE = 21_000
+"""Letters of an error."""
 
 INSTRUMENTED = ("myomorph.io.", "myomorph.study.", "myomorph.model.")
 """Where atheris looks which code is reached; compiled kernels are elsewhere."""
+
+
+def is_line(text: str) -> bool:
+    """Whether a text is a line that a terminal can show."""
+    return len(text) < LONGEST_MESSAGE and len(text.splitlines()) == 1 and "\0" not in text and "\x1b" not in text
 
 
 class Trial:
@@ -61,8 +66,8 @@ class Trial:
         try:
             self.reader.read(self._path)
         except MyomorphError as error:
-            if len(str(error)) > LONGEST_MESSAGE:
-                self._keep(data, error, "long message")
+            if not is_line(str(error)):
+                self._keep(data, error, "message")
         except KeyboardInterrupt:
             raise
         except BaseException as error:

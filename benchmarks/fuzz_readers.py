@@ -23,6 +23,7 @@ from myomorph.io.mesh import read_mesh
 from myomorph.io.mjcf import read_mjcf
 from myomorph.io.mjcf_guard import check_files
 from myomorph.io.osim import read_osim
+from myomorph.io.osim_write import write_osim
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.io.sto import read_sto
 from myomorph.io.tasks import read_ik_tasks
@@ -33,6 +34,8 @@ from myomorph.model.model import Model
 from myomorph.study.body_points import read_landmarks as read_skin
 from myomorph.study.contact_file import read_contacts
 from myomorph.study.ct import read_picks
+from myomorph.study.inputs import open_motion, open_trial
+from myomorph.study.inspect import inspect
 from myomorph.study.measures import read_measures
 from myomorph.study.plan import read_plan
 from myomorph.study.results import read_result
@@ -81,9 +84,15 @@ def arm() -> Model:
 
 
 def _own_c3d(path: Path) -> Any:
-    """A C3D file by our own reader, as where ezc3d refuses it."""
+    """A C3D file by our own reader, as where ezc3d refuses it, its plates as forces."""
     with patch.object(c3d, "read_c3d_ezc3d", lambda _: "refused"):
-        return c3d.read_c3d(path)
+        return open_trial(path)
+
+
+def _written_again(path: Path) -> Any:
+    """A model that is read, told of, and written."""
+    inspect(path)
+    return write_osim(read_osim(path), path.with_name("written again.osim"))
 
 
 TABLES = ("taps.csv", "taps_frames.csv", "taps_spans.csv")
@@ -92,10 +101,12 @@ LANDMARKS = ("landmarks.json", "landmarks_bodies.json", "landmarks_slicer.json")
 
 READERS = (
     Reader("OSIM", ".osim", read_osim, ("arm.osim",), "*/*.osim"),
+    Reader("OSIM, told of and written", ".osim", _written_again, ("arm.osim",), "*/*.osim"),
     Reader("MJCF", ".xml", read_mjcf, ("arm_mujoco.xml",), "mouse*/*.xml", guarded=True),
     Reader("MJCF before it is compiled", ".xml", check_files, ("arm_mujoco.xml",), "mouse*/*.xml"),
     Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),
     Reader("STO, MOT", ".sto", read_sto, ("data.sto", "forces.mot"), "**/*.[sm][to][ot]"),
+    Reader("MOT as coordinates", ".mot", lambda path: open_motion(path, arm()), ("motion.mot",)),
     Reader("C3D", ".c3d", c3d.read_c3d, (), "**/*.c3d", guarded=True),
     Reader("C3D by our own reader", ".c3d", _own_c3d, (), "**/*.c3d"),
     Reader("channels, CSV", ".csv", read_channels, ("cells.csv", "channels.csv")),
@@ -110,7 +121,7 @@ READERS = (
     Reader("measures, CSV", ".csv", lambda path: read_measures(path, [], []), ("measures.csv",)),
     Reader("names of keypoints, JSON", ".json", read_keypoint_names, ("names.json",)),
     Reader("names of keypoints, YAML", ".yaml", read_keypoint_names, ("names.yaml", "names_stac.yaml")),
-    Reader("keypoints, HDF5", ".h5", read_keypoints),
+    Reader("keypoints, HDF5", ".h5", read_keypoints, guarded=True),
     Reader("Qualisys, MAT", ".mat", read_qualisys_mat),
     Reader("WAV", ".wav", read_wav),
     Reader("OBJ", ".obj", read_mesh, ("bone.obj",), "**/*.obj"),
