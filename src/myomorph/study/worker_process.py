@@ -39,7 +39,11 @@ class _Stopping:
     def stop(self) -> None:
         """Interrupt what is done now."""
         self.asked = True
-        _thread.interrupt_main()
+        if hasattr(signal, "pthread_kill"):
+            # A real signal also ends waiting and sleeping.
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        else:
+            _thread.interrupt_main()
 
 
 def _read(descriptor: int, messages: queue.SimpleQueue[Any], stopping: _Stopping) -> None:
