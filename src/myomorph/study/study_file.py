@@ -85,7 +85,7 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
     if name is None:
         return None
     path = folder / name
-    if _is_file(path):
+    if is_file(path):
         return path
     near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if is_folder(path.parent) else []
     problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
@@ -104,21 +104,13 @@ def is_folder(path: Path) -> bool:
 
 def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
     """The files that a name or a pattern stands for."""
-    if is_pattern(pattern) and not _is_file(folder / pattern):
+    if is_pattern(pattern) and not is_file(folder / pattern):
         found = [path for path in globbed(folder, pattern) if path.is_file()]
         if not found:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")
         return found
     path = existing(folder, pattern, f"{where}: trial", problems)
     return [] if path is None else [path]
-
-
-def _is_file(path: Path) -> bool:
-    """Whether there is such a file; a name that no file can have is none."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
 
 
 def is_pattern(text: str) -> bool:
@@ -130,10 +122,7 @@ def globbed(folder: Path, pattern: str) -> list[Path]:
     """What a pattern matches, in order; a name without such signs is itself, where it exists."""
     if not is_pattern(pattern):
         path = folder / pattern
-        try:
-            return [path] if pattern and os.path.exists(path) else []
-        except OSError:
-            return []
+        return [path] if pattern and os.path.exists(path) else []
     whole = Path(pattern)
     if whole.is_absolute():
         folder, pattern = Path(whole.anchor), str(whole.relative_to(whole.anchor))
