@@ -14,6 +14,7 @@ COMPARISONS = {
     "start": ("benchmarks.start", "import, first command with compilation, later commands"),
     "qp": ("benchmarks.qp", "our tension solver against maintained QP solvers"),
     "identify": ("benchmarks.speed_identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
+    "live-delay": ("benchmarks.live_delay", "how late angles, torques and tensions are while frames arrive"),
     "live": ("benchmarks.speed_live", "frames a second that live identification can take"),
     "morph": ("benchmarks.speed_morph", "997 elements with 3,000 points over 53 bones of 2,000 features: seconds"),
     "registration": ("benchmarks.speed_registration", "non-rigid registration of a femur of 20,000 vertices"),
