@@ -17,7 +17,7 @@ from made_walker import recording, walker
 from myomorph.io.osim_write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Series
-from myomorph.study.condition_values import GrowingCondition, RunningCurves
+from myomorph.study.condition_values import GrowingCondition, RunningMeans
 from myomorph.study.plan import read_plan
 from myomorph.study.run import run_study
 from myomorph.study.study_tables import FILES, PAGE, gather_study
@@ -207,9 +207,9 @@ def test_a_study_of_which_nothing_went_well(tmp_path):
     assert "0 done, 1 failed" in (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
 
 
-def test_running_curves_are_those_of_numpy():
+def test_running_means_are_those_of_numpy():
     rng = np.random.default_rng(0)
-    running, whole = RunningCurves(), []
+    running, whole = RunningMeans(101), []
     names = [("angle", "a"), ("angle", "b"), ("torque", "a")]
     for k in range(12):
         own = [0, 1] if k < 3 else [2, 0] if k % 2 else [0, 1, 2]

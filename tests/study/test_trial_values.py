@@ -11,6 +11,7 @@ from made_walker import PERIOD, recording, walker
 from myomorph.io.osim_write import write_osim
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import write_trc
+from myomorph.model.errors import BadData
 from myomorph.study.jobs import Outcome
 from myomorph.study.plan import read_plan
 from myomorph.study.run import run_study
@@ -132,9 +133,13 @@ def test_names_of_curves_come_back(tmp_path):
     with (tmp_path / "curves.csv").open("w", newline="", encoding="utf-8") as stream:
         table = csv.writer(stream)
         table.writerow([OF_TRIAL, curve_name(ANGLE, "a: b [c]"), curve_name("muscle activation", "x")])
-        table.writerow(["0", "1.5", ""])
+        table.writerow(["0", "1.5", "nan"])
         table.writerow(["100", "2.5", "3"])
     cycle, curves = read_curves(tmp_path / "curves.csv")
     assert (cycle, list(curves)) == (OF_TRIAL, [ANGLE, "muscle activation"])
     assert curves[ANGLE].names == ("a: b [c]",)
     assert np.isnan(curves["muscle activation"]["x"]).tolist() == [True, False]
+    assert list(read_curves(tmp_path / "curves.csv", ("joint",))[1]) == [ANGLE]
+    (tmp_path / "curves.csv").write_text("time,x\n0,1\n")
+    with pytest.raises(BadData, match="run the trial again"):
+        read_curves(tmp_path / "curves.csv")

@@ -72,7 +72,10 @@ class Animal:
     def curve(self, family: str, name: str) -> Array:
         """(samples,) mean over its cycles, NaN where no cycle is known."""
         cycles = self.curves[family]
-        mean: Array = band(cycles.values[:, :, cycles.names.index(name)]).mean
+        values = cycles.values[:, :, cycles.names.index(name)]
+        known = np.isfinite(values)
+        count = known.sum(axis=0)
+        mean: Array = np.where(count > 0, np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
         return mean
 
     def scalar(self, name: str) -> float:

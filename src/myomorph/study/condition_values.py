@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -17,32 +18,38 @@ from myomorph.study.tidy import IN_STRIDE, OF_STRIDE, Value
 
 Curve = tuple[str, str]
 """Family and name."""
+Name = TypeVar("Name", bound=Hashable)
 PER_STRIDE = tuple(label.partition(" [")[0] for label, _ in PARAMETERS)
 
 
-class RunningCurves:
-    """Number, mean and sum of squared deviations of curves, one after the other (Welford 1962)."""
+class RunningMeans(Generic[Name]):
+    """Number, mean and sum of squared deviations of columns, one after the other (Welford 1962).
 
-    def __init__(self) -> None:
-        self.columns: dict[Curve, int] = {}
-        self.count = np.zeros((SAMPLES, 0))
-        self.mean = np.zeros((SAMPLES, 0))
-        self.squares = np.zeros((SAMPLES, 0))
-        self._places: dict[tuple[Curve, ...], Array] = {}
+    Attributes
+    ----------
+    columns : place of each name
+    count, mean, squares : (samples, columns)
+    """
 
-    def places(self, names: tuple[Curve, ...]) -> Array:
-        """Columns of curves; new ones are made."""
+    def __init__(self, samples: int) -> None:
+        self.columns: dict[Name, int] = {}
+        self.count, self.mean, self.squares = (np.zeros((samples, 0)) for _ in range(3))
+        self._places: dict[tuple[Name, ...], Array] = {}
+
+    def places(self, names: tuple[Name, ...]) -> Array:
+        """Columns of names; new ones are made."""
         if names not in self._places:
             for name in names:
                 self.columns.setdefault(name, len(self.columns))
-            more = len(self.columns) - self.count.shape[1]
-            for what in ("count", "mean", "squares"):
-                setattr(self, what, np.hstack([getattr(self, what), np.zeros((SAMPLES, more))]))
+            more = np.zeros((len(self.count), len(self.columns) - self.count.shape[1]))
+            self.count, self.mean, self.squares = (
+                np.hstack([part, more]) for part in (self.count, self.mean, self.squares)
+            )
             self._places[names] = np.array([self.columns[name] for name in names], dtype=np.int64)
         return self._places[names]
 
-    def add(self, names: tuple[Curve, ...], values: Array) -> None:
-        """One more of each curve (samples, names), NaN where it is not known."""
+    def add(self, names: tuple[Name, ...], values: Array) -> None:
+        """One more of each column (samples, names), NaN where it is not known."""
         own = self.places(names)
         known = np.isfinite(values)
         count = self.count[:, own] + known
@@ -51,46 +58,25 @@ class RunningCurves:
         self.squares[:, own] += away * np.where(known, values - mean, 0.0)
         self.count[:, own], self.mean[:, own] = count, mean
 
-    def families(self) -> dict[str, list[str]]:
-        """Names of the curves by family, in their first order."""
-        found: dict[str, list[str]] = {}
-        for family, name in self.columns:
-            found.setdefault(family, []).append(name)
-        return found
-
     def means(self) -> Array:
         """(samples, columns), NaN where nothing is known."""
         return np.where(self.count > 0, self.mean, np.nan)
 
 
-@dataclass
-class RunningNumber:
-    """Number, mean and sum of squared deviations of values, one after the other."""
-
-    count: int = 0
-    mean: float = 0.0
-    squares: float = 0.0
-
-    def add(self, value: float) -> None:
-        """One more value."""
-        self.count += 1
-        away = value - self.mean
-        self.mean += away / self.count
-        self.squares += away * (value - self.mean)
-
-    @property
-    def described(self) -> tuple[float, float, int]:
-        """Mean, standard deviation (ddof = 1), number."""
-        spread = float(np.sqrt(self.squares / (self.count - 1))) if self.count > 1 else float("nan")
-        return self.mean, spread, self.count
+def families_of(curves: RunningMeans[Curve]) -> dict[str, list[str]]:
+    """Names of curves by family, in their first order."""
+    found: dict[str, list[str]] = {}
+    for family, name in curves.columns:
+        found.setdefault(family, []).append(name)
+    return found
 
 
 @dataclass
 class _Subject:
     """What the trials of a subject add up to."""
 
-    curves: RunningCurves = field(default_factory=RunningCurves)
-    values: dict[str, RunningNumber] = field(default_factory=dict)
+    curves: RunningMeans[Curve] = field(default_factory=lambda: RunningMeans(SAMPLES))
+    values: RunningMeans[str] = field(default_factory=lambda: RunningMeans(1))
     strides: float = 0.0
 
 
@@ -103,8 +89,8 @@ class GrowingCondition:
         self.cycle = ""
         self.units: dict[str, str] = {}
         self.notes: list[str] = []
-        self.each = RunningCurves()
-        self._values: dict[str, RunningNumber] = {}
+        self.each: RunningMeans[Curve] = RunningMeans(SAMPLES)
+        self._values: RunningMeans[str] = RunningMeans(1)
         self._subjects: dict[str, _Subject] = {}
 
     def add(self, subject: str, trial: str, values: Sequence[Value], cycle: str, curves: Mapping[str, Series]) -> None:
@@ -114,19 +100,19 @@ class GrowingCondition:
         """
         self.trials += 1
         own = self._subjects.setdefault(subject, _Subject())
-        for one in values:
-            self.units.setdefault(one.quantity, one.unit)
-            for sums in (own.values, self._values):
-                sums.setdefault(one.quantity, RunningNumber()).add(one.value)
+        self.units |= {one.quantity: one.unit for one in values}
+        quantities, numbers = tuple(one.quantity for one in values), np.array([[one.value for one in values]])
+        for sums in (own.values, self._values):
+            sums.add(quantities, numbers)
         own.strides += max((one.value for one in values if one.quantity.startswith("strides, ")), default=0.0)
         if self.cycle and cycle != self.cycle:
             if cycle != OF_STRIDE:
                 self.notes.append(f"{subject}, {trial}: has no strides, and its curves are left out")
                 return
             self.notes.append("trials without strides come before others that have some: their curves are left out")
-            self.each = RunningCurves()
+            self.each = RunningMeans(SAMPLES)
             for one in self._subjects.values():
-                one.curves = RunningCurves()
+                one.curves = RunningMeans(SAMPLES)
         self.cycle = cycle
         names, joined = joined_curves(curves)
         if names:
@@ -135,23 +121,27 @@ class GrowingCondition:
 
     def described(self) -> dict[str, tuple[float, float, int]]:
         """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, of one subject's trials."""
-        if len(self._subjects) == 1:
-            return {quantity: one.described for quantity, one in self._values.items()}
-        found: dict[str, RunningNumber] = {}
-        for subject in self._subjects.values():
-            for quantity, one in subject.values.items():
-                found.setdefault(quantity, RunningNumber()).add(one.mean)
-        return {quantity: one.described for quantity, one in found.items()}
+        whole = self._values
+        if len(self._subjects) > 1:
+            whole = RunningMeans(1)
+            for one in self._subjects.values():
+                whole.add(tuple(one.values.columns), one.values.means())
+        count = whole.count[0]
+        spread = np.where(count > 1, np.sqrt(whole.squares[0] / np.maximum(count - 1.0, 1.0)), np.nan)
+        return {
+            quantity: (float(whole.mean[0, k]), float(spread[k]), int(count[k]))
+            for quantity, k in whole.columns.items()
+        }
 
     def finished(self) -> Condition:
         """The condition as it is compared and drawn."""
         several = len(self._subjects) > 1
-        spread = RunningCurves()
+        spread: RunningMeans[Curve] = RunningMeans(SAMPLES)
         for one in self._subjects.values() if several else ():
             if one.curves.columns:
                 spread.add(tuple(one.curves.columns), one.curves.means())
         drawn = spread if several else self.each
-        families = {family: _family(drawn, family, names) for family, names in drawn.families().items()}
+        families = {family: _family(drawn, family, names) for family, names in families_of(drawn).items()}
         moving = {(family, name) for family, curves in families.items() for name in curves.names}
         return Condition(
             self.name,
@@ -165,15 +155,15 @@ class GrowingCondition:
     def _animal(self, name: str, one: _Subject, moving: set[Curve]) -> Animal:
         """A subject: parameters of strides (else of the trial) and the means of its curves that move."""
         scalars = {
-            _with_unit(quantity, self.units[quantity]): np.array([value.mean])
-            for quantity, value in one.values.items()
+            _with_unit(quantity, self.units[quantity]): one.values.mean[:, k]
+            for quantity, k in one.values.columns.items()
             if quantity.rpartition(", ")[0] in PER_STRIDE
         }
-        if not scalars and "duration" in one.values:
-            scalars = {"duration [s]": np.array([one.values["duration"].mean])}
+        if not scalars and "duration" in one.values.columns:
+            scalars = {"duration [s]": one.values.mean[:, one.values.columns["duration"]]}
         means = one.curves.means()
         curves = {}
-        for family, names in one.curves.families().items():
+        for family, names in families_of(one.curves).items():
             kept = [each for each in names if (family, each) in moving]
             curves[family] = Cycles(tuple(kept), means[None][:, :, [one.curves.columns[family, each] for each in kept]])
         return Animal(name, scalars, curves, int(one.strides))
@@ -190,7 +180,7 @@ def joined_curves(curves: Mapping[str, Series]) -> tuple[tuple[Curve, ...], Arra
     return names, np.hstack(parts) if parts else np.zeros((SAMPLES, 0))
 
 
-def _family(running: RunningCurves, family: str, names: Sequence[str]) -> MeanCurves:
+def _family(running: RunningMeans[Curve], family: str, names: Sequence[str]) -> MeanCurves:
     """Curves of a family that change along the cycle."""
     own = [running.columns[family, name] for name in names]
     moving = [k for k in own if np.nanmax(np.abs(running.mean[:, k] - running.mean[0, k]), initial=0.0) > 1e-9]

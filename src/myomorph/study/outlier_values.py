@@ -36,10 +36,10 @@ class OutlierSearch:
     def add_curves(
         self, whose: tuple[str, str, str], condition: GrowingCondition, cycle: str, curves: Mapping[str, Series]
     ) -> None:
-        """How far the curves of a trial are from the mean of its condition, root mean square over the cycle."""
+        """How far curves of a trial are from the mean of its condition, root mean square over the cycle."""
         if cycle != condition.cycle:
             return
-        names, values = joined_curves({name: one for name, one in curves.items() if name.startswith(COMPARED)})
+        names, values = joined_curves(curves)
         if not names:
             return
         away = values - condition.each.means()[:, condition.each.places(names)]

@@ -13,13 +13,14 @@ from typing import Any
 from myomorph import __version__
 from myomorph.io.text import written
 from myomorph.report.conditions import compare_conditions
+from myomorph.report.groups import GroupOptions
 from myomorph.report.study_given import Judged, StudyInput, TrialLine
 from myomorph.report.study_page import study_page
 from myomorph.study.condition_tables import curve_rows, described, described_rows, pair_rows
 from myomorph.study.condition_values import GrowingCondition, shown_quantities
 from myomorph.study.grouping import PAGE as GROUPS_PAGE
 from myomorph.study.jobs import Outcome
-from myomorph.study.outlier_values import OutlierSearch, outlier_rows
+from myomorph.study.outlier_values import COMPARED, OutlierSearch, outlier_rows
 from myomorph.study.plan import Plan
 from myomorph.study.reporting import REPORT
 from myomorph.study.results import made_at
@@ -41,6 +42,8 @@ CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.c
 WHOSE = ("subject", "condition", "trial")
 ROWS = 1 << 16
 """Of a block of the Parquet file: the memory that gathering takes grows with it, not with the trials."""
+PERMUTATIONS = 4000
+"""Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs."""
 FILES = (
     (TIDY, "every value of every trial"),
     (PARQUET, "the same as Parquet"),
@@ -87,20 +90,19 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
     lines = _write_quality(plan, trials, out)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
     search = OutlierSearch()
-    with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as write, _parquet(out / PARQUET) as keep:
+    with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(out / PARQUET) as keep:
         for one in trials:
             if not one.has_values:
                 continue
             values = [each for each in read_values(one.outcome.folder / VALUES) if each.step in one.outcome.done]
-            for each in values:
-                write((*one.whose, each.step, each.quantity, f"{each.value:.9g}", each.unit))
+            table.writerows((*one.whose, each.step, each.quantity, f"{each.value:.9g}", each.unit) for each in values)
             keep(one.whose, values)
             condition = growing.setdefault(one.condition, GrowingCondition(one.condition))
             condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
             search.add(one.whose, values)
     for one in trials:
         if one.has_values:
-            search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES))
+            search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES, COMPARED))
     _write_conditions(plan, trials, lines, [one for one in growing.values() if one.trials], search, out)
 
 
@@ -115,7 +117,7 @@ def _write_conditions(
     """The tables of conditions, and the page."""
     found = search.found()
     conditions = tuple(one.finished() for one in growing)
-    comparisons = tuple(compare_conditions(conditions))
+    comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
     quantities = described(growing)
     for name, rows in (
         (OUTLIERS, outlier_rows(found)),
@@ -123,10 +125,8 @@ def _write_conditions(
         (CONDITION_CURVES, curve_rows(conditions)),
         (DIFFERENCES, pair_rows(comparisons)),
     ):
-        head, *body = rows
-        with _csv(out / name, head) as write:
-            for row in body:
-                write(row)
+        with _csv(out / name, next(rows)) as table:
+            table.writerows(rows)
     shown = shown_quantities([one.quantity for one in quantities])
     groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
     given = StudyInput(
@@ -160,17 +160,19 @@ def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
 def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path) -> list[TrialLine]:
     """The table of quality of all trials; also each trial as a line of the page."""
     lines: list[TrialLine] = []
-    with _csv(out / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as write:
+    with _csv(out / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as table:
         for one in trials:
             rows = read_quality(one.outcome.folder / QUALITY) if one.has_values else []
             for row in rows:
-                write((*one.whose, *(row[name] for name in QUALITY_COLUMNS)))
+                table.writerow((*one.whose, *(row[name] for name in QUALITY_COLUMNS)))
             if one.outcome.error:
-                write((*one.whose, "failed", "", "", "", "failed", "", "", one.outcome.error))
+                table.writerow((*one.whose, "failed", "", "", "", "failed", "", "", one.outcome.error))
             lines.append(_line(one, rows, out))
         for left in plan.excluded:
             condition = plan.conditions.trials.get((left.subject, left.trial), "")
-            write((left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason))
+            table.writerow(
+                (left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason)
+            )
             lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
     return lines
 
@@ -209,12 +211,12 @@ def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...
 
 
 @contextmanager
-def _csv(path: Path, head: Sequence[str]) -> Iterator[Callable[[Sequence[object]], object]]:
-    """A table that takes row after row and appears under its name when it is whole."""
+def _csv(path: Path, head: Sequence[str]) -> Iterator[Any]:
+    """A writer of `csv` whose table appears under its name when it is whole."""
     with written(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(head)
-        yield table.writerow
+        yield table
 
 
 @contextmanager
@@ -226,17 +228,19 @@ def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Va
     kinds = {name: pa.float64() if name == "value" else pa.string() for name in (*WHOSE, *VALUE_COLUMNS)}
     schema = pa.schema(list(kinds.items()))
     temporary = path.with_name(f".{path.name}.part")
-    waiting: list[tuple[Any, ...]] = []
+    waiting: list[pa.RecordBatch] = []
 
     def block(writer: Any) -> None:
-        columns = zip(*waiting, strict=True) if waiting else ([] for _ in kinds)
-        arrays = [pa.array(column, kind) for column, kind in zip(columns, kinds.values(), strict=True)]
-        writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+        writer.write_table(pa.Table.from_batches(waiting, schema=schema).combine_chunks())
         waiting.clear()
 
     def keep(whose: tuple[str, str, str], values: Sequence[Value]) -> None:
-        waiting.extend((*whose, one.step, one.quantity, one.value, one.unit) for one in values)
-        if len(waiting) >= ROWS:
+        if not values:
+            return
+        columns = [*([name] * len(values) for name in whose), *map(list, zip(*values, strict=True))]
+        arrays = [pa.array(column, kind) for column, kind in zip(columns, kinds.values(), strict=True)]
+        waiting.append(pa.RecordBatch.from_arrays(arrays, schema=schema))
+        if sum(map(len, waiting)) >= ROWS:
             block(writer)
 
     try:

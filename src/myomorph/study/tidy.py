@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,7 @@ VALUE_COLUMNS = ("step", "quantity", "value", "unit")
 QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """One number of a trial: the step it comes from, what it is, and its unit."""
 
     step: str
@@ -185,7 +184,7 @@ def _on_plates(cycles: Cycles, signal: Signals) -> Cycles:
 def _write_curves(
     path: Path, strides: TrialStrides | None, signals: Sequence[Signals], cycles: Sequence[Cycles | None]
 ) -> None:
-    """Mean over the strides of every drawn signal, one row a percent."""
+    """Mean over the strides of every drawn signal, one row a percent; nan where it is not known."""
     head = [OF_STRIDE if strides is not None else OF_TRIAL]
     columns = [np.linspace(0.0, 100.0, SAMPLES)[:, None]]
     for signal, own in zip(signals, cycles, strict=True):
@@ -194,7 +193,7 @@ def _write_curves(
         drawn = list(signal.drawn)
         head += [curve_name(signal.curve, signal.series.names[k]) for k in drawn]
         columns.append(statistics_of(own.values[:, :, drawn])["mean"] * signal.factor[drawn])
-    rows = (["" if value != value else f"{value:.6g}" for value in row] for row in np.hstack(columns).tolist())
+    rows = ([f"{value:.6g}" for value in row] for row in np.hstack(columns).tolist())
     _write_rows(path, head, rows)
 
 
@@ -210,21 +209,25 @@ def _family_and_name(heading: str) -> tuple[str, str]:
     return (f"{what} [{unit}", name) if bracket else (what, rest)
 
 
-def read_curves(path: Path) -> tuple[str, dict[str, Series]]:
+def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, Series]]:
     """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family over percents.
+
+    Parameters
+    ----------
+    only : beginnings of the families that are wanted, () for all
 
     Raises
     ------
     BadData : another kind of file
     """
     with path.open(newline="", encoding="utf-8") as stream:
-        rows = csv.reader(stream)
-        head = next(rows, [])
+        head = next(csv.reader(stream), [])
         if not head or head[0] not in (OF_STRIDE, OF_TRIAL):
             raise BadData(f"{path}: holds no curves over a cycle: run the trial again")
-        values = np.array([[float(one) if one else np.nan for one in row] for row in rows])
+        columns = [0, *(k for k, name in enumerate(head) if k and name.startswith(only or ""))]
+        values = np.loadtxt(stream, delimiter=",", usecols=columns, ndmin=2)
     families: dict[str, list[int]] = {}
-    names = [_family_and_name(one) for one in head[1:]]
+    names = [_family_and_name(head[k]) for k in columns[1:]]
     for k, (family, _) in enumerate(names):
         families.setdefault(family, []).append(k)
     return head[0], {
