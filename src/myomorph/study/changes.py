@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
@@ -32,7 +33,8 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
     for name in names:
         old, new = _option(before.options, name), _option(after.options, name)
         if old != new:
-            found.append(f"{name} {old} -> {new}")
+            short = max(len(old), len(new)) <= MOST
+            found.append(f"{name} {old} -> {new}" if short else f"{name} has changed")
     return tuple(dict.fromkeys(found)) or ("what it was made from has changed",)
 
 
@@ -70,6 +72,4 @@ def _name(source: Source) -> str:
 
 def _option(options: Mapping[str, object], name: str) -> str:
     """A value as text; stored ones were read back from JSON, so tuples and lists are the same."""
-    value = options.get(name)
-    text = f"{value:g}" if isinstance(value, float) else str(list(value) if isinstance(value, tuple) else value)
-    return text if len(text) <= MOST else text[:MOST] + "..."
+    return str(json.loads(json.dumps(options.get(name), default=str)))
