@@ -98,6 +98,12 @@ def test_what_cannot_be_opened_is_told(arm, study):
     assert "cannot be looked at:" in "\n".join(dry_run_lines(found))
 
 
+def test_a_model_that_cannot_be_read_is_told_once(arm, study):
+    arm.model.write_text("no model")
+    found = dry_run(read_plan(study), arm.out)
+    assert [arm.model.name in problem for problem in found.problems] == [True]
+
+
 def test_times_of_an_earlier_run(tmp_path):
     path = tmp_path / "timings.csv"
     path.write_text(

@@ -79,3 +79,27 @@ def test_models_in_a_circle_are_refused(study):
     study.write_text(text, encoding="utf-8")
     with pytest.raises(BadFile, match="subjects wait for each other's models: 's01' waits for 's02' waits for 's01'"):
         read_plan(study)
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ('labels = {R = "UA9"}', "labels: unknown marker 'UA9': arm.osim has 'UA2', 'UA1'"),
+        ('emg_muscles = {CH1 = ["flexr"]}', "emg_muscles: unknown muscle 'flexr': arm.osim has 'flexor'"),
+        (
+            'trials = [{markers = "reach.trc", plates = ["", "fore_r"]}]',
+            "plates: unknown body 'fore_r': arm.osim has 'fore'",
+        ),
+        (
+            'trials = [{markers = "reach.trc", loads = "reach_forces.mot", bodies = {plate_ = "uper"}}]',
+            "bodies: unknown body 'uper': arm.osim has 'upper'",
+        ),
+    ],
+)
+def test_names_that_the_model_does_not_have_are_told_before_anything_runs(arm, study, told, words):
+    kept = 'trials = ["reach.trc"]\n'
+    text = STUDY.replace(kept, told + "\n" if told.startswith("trials") else kept + told + "\n")
+    study.write_text(text, encoding="utf-8")
+    with pytest.raises(BadFile) as caught:
+        read_plan(study)
+    assert words in str(caught.value)

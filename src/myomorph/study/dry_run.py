@@ -205,9 +205,11 @@ class _Looked:
         frames = self._frames(files)
         used = (files.markers, files.loads, files.emg, files.tasks, files.actuators)
         names = tuple(path.name for path in used if path is not None)
-        return Row(
-            *key, files.condition, frames, names, reasons, self._expected(key, reasons, frames, files.model), problem
-        )
+        expected = self._expected(key, reasons, frames, files.model)
+        unread = self._models.get(files.model)
+        if isinstance(unread, MyomorphError) and not problem:
+            problem = " ".join(str(unread).split())
+        return Row(*key, files.condition, frames, names, reasons, expected, problem)
 
     def joined(self, name: str, trials: Mapping[str, str]) -> Row:
         """Trials that are solved as one; whether what is told of their contacts has changed is not looked at."""

@@ -14,6 +14,7 @@ from myomorph.study.conditions import Exclusions, with_conditions
 from myomorph.study.group_plan import GroupPlan, groups_of
 from myomorph.study.jobs import Conditions, Excluded, Key
 from myomorph.study.measures import Measures, read_measures
+from myomorph.study.model_names import check_model_names
 from myomorph.study.plan_checks import check_makers, check_masses, check_names, maker_of, makes_model
 from myomorph.study.step_settings import STEPS, check_settings, merged
 from myomorph.study.study_file import checked, existing, read_toml, refuse
@@ -153,6 +154,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     check_makers(found.subjects, steps, problems)
     if len(problems) == before:
         _with_makers(found, steps)
+    check_model_names(found.takes, problems)
     told = {name: one.table.conditions for name, one in found.tables.items() if one.table.conditions}
     takes, conditions = with_conditions(
         found.takes, file.study.conditions, told, exclusions.found, problems, notes.remarks
