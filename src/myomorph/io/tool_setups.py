@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -19,6 +19,12 @@ from myomorph.io.tasks import IkTasks, tasks_of
 from myomorph.model.errors import BadFile, listing
 
 IK_TOOLS = ("InverseKinematicsTool", "IKTool")
+MISSPELT = {"InverseKinemtaticsTool": "InverseKinematicsTool"}
+"""Names that setups in the world have, OpenSim's own examples among them, which it reads all the same."""
+
+OTHER_TOOLS = (
+    "ForwardTool", "CMCTool", "RRATool", "IMUInverseKinematicsTool", "COMAKTool", "COMAKInverseKinematicsTool",
+)  # fmt: skip
 TOOLS = (SCALE_TOOL, *IK_TOOLS, "InverseDynamicsTool", "AnalyzeTool")
 EVERY_TOOL = (
     "model_file", "results_directory", "input_directory", "output_precision", "time_range", "output_motion_file",
@@ -161,14 +167,18 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
         The file is the setup of no such tool, or a value in it makes no sense.
     """
     node = read_document(path, (), "")
-    if node.kind not in TOOLS:
-        raise BadFile(path, f"holds <{node.kind}>", f"the tools that exist are {listing(node.kind, TOOLS)}")
+    kind = MISSPELT.get(node.kind, node.kind)
+    if kind not in TOOLS:
+        what = f"holds <{kind}>" + (", a tool that is not built" if kind in OTHER_TOOLS else "")
+        raise BadFile(path, what, f"the tools that exist are {listing(kind, TOOLS)}")
     node = with_included(node)
-    if node.kind == SCALE_TOOL:
+    if kind == SCALE_TOOL:
         return scale_setup(node)
-    if node.kind in IK_TOOLS:
-        return _inverse_kinematics(node)
-    return _inverse_dynamics(node) if node.kind == "InverseDynamicsTool" else _analyze(node)
+    if kind in IK_TOOLS:
+        setup = _inverse_kinematics(node)
+        told = () if kind == node.kind else (f"<{node.kind}> was taken for <{kind}>",)
+        return replace(setup, warnings=(*told, *setup.warnings))
+    return _inverse_dynamics(node) if kind == "InverseDynamicsTool" else _analyze(node)
 
 
 def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:

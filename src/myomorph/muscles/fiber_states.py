@@ -97,6 +97,15 @@ def default_state(model: Model, m: int, name: str) -> float:
     return value
 
 
+def default_states(model: Model) -> dict[tuple[str, str], float]:
+    """The states of all muscles by muscle and name, where no file gives them."""
+    return {
+        (muscle.name, name): default_state(model, m, name)
+        for m, muscle in enumerate(model.muscles)
+        for name in state_names(muscle)
+    }
+
+
 def fiber_states(
     model: Model,
     lengths: Array,
@@ -125,11 +134,9 @@ def fiber_states(
             f"expected lengths and speeds of shape (frames, {len(model.muscles)}), but got {lengths.shape} and "
             f"{speeds.shape}"
         )
-    given = dict(states or {})
+    given = {key: np.full(len(lengths), value) for key, value in default_states(model).items()} | dict(states or {})
     columns: list[Fibers] = []
     for m, muscle in enumerate(model.muscles):
-        for name in state_names(muscle):
-            given.setdefault((muscle.name, name), np.full(len(lengths), default_state(model, m, name)))
         # Without a controller OpenSim's control is 0, which is the activation where dynamics are left out.
         a = given.get((muscle.name, ACTIVATION), np.zeros(len(lengths)))
         last = ("", *state_names(muscle))[-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.io.actuators import read_actuators
+from myomorph.io.controls_write import write_controls
 from myomorph.io.sto import write_sto
 from myomorph.io.tool_setups import Analysis, AnalyzeSetup, StaticOptimizationSettings
 from myomorph.model.errors import BadData, listing
@@ -18,7 +20,7 @@ from myomorph.model.series import Motion, Series, Table
 from myomorph.study import inputs
 from myomorph.study.progress import progress
 from myomorph.study.tool_bodies import body_kinematics, kinematics, point_kinematics
-from myomorph.study.tool_forces import actuation, net_torques, reported_states
+from myomorph.study.tool_forces import actuation, force_columns, net_torques, reported_forces, reported_states
 from myomorph.study.tool_muscles import Tables, muscle_analysis
 from myomorph.study.tool_outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.tool_reactions import joint_reaction
@@ -51,6 +53,7 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     warnings += notes
     told: list[str] = []
     tables: dict[Path, Table] = {}
+    controls: dict[Path, Table] = {}
     name = setup.name or source.stem
     for analysis in built:
         found, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
@@ -58,9 +61,12 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
         warnings += odd
         for end, table in found.items():
             tables[setup.results / f"{'_'.join(one for one in (name, analysis.name, end) if one)}.sto"] = table
+        if analysis.kind == "StaticOptimization":
+            controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = found["activation"]
     named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(one.forces for one in built))
-    check_outputs(tables, (source, model_path, *named))
+    check_outputs((*tables, *controls), (source, model_path, *named))
     writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
+    writers |= {path: partial(write_controls, one) for path, one in controls.items()}
     return ToolResult("AnalyzeTool", tuple(told), write_outputs(writers), tuple(dict.fromkeys(warnings)))
 
 
@@ -72,7 +78,10 @@ def _optimized(here: Analyzed, analysis: Analysis) -> Found:
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     settings, actuators = analysis.static_optimization, here.actuators
     found, text = static_optimization(here.model, here.motion, torques, settings, actuators, analysis.name)
-    return found, text, ()
+    forces = found["force"]
+    names, values, notes = force_columns(here, Series(forces.time, forces.names, forces.values))
+    found["force"] = replace(forces, names=names, values=values)
+    return found, text, tuple(f"{analysis.name}: {one}" for one in notes)
 
 
 def _reactions(here: Analyzed, analysis: Analysis) -> Found:
@@ -89,6 +98,7 @@ ANALYSES: dict[str, Callable[[Analyzed, Analysis], Found]] = {
     "PointKinematics": point_kinematics,
     "Kinematics": kinematics,
     "Actuation": actuation,
+    "ForceReporter": reported_forces,
     "StatesReporter": reported_states,
     "InverseDynamics": net_torques,
 }

@@ -1,4 +1,4 @@
-"""OpenSim's Actuation, StatesReporter and (of OpenSim 3) InverseDynamics analyses."""
+"""OpenSim's Actuation, ForceReporter, StatesReporter and (of OpenSim 3) InverseDynamics analyses."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import numpy as np
 
 from myomorph.io.tool_setups import Analysis
 from myomorph.model.errors import BadData
-from myomorph.model.series import Table
+from myomorph.model.passive_parts import PassiveTorque
+from myomorph.model.series import Series, Table
 from myomorph.model.spatial import Array
 from myomorph.muscles.fiber_states import state_names
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study import inputs
 from myomorph.study.steps import torque_table
@@ -57,8 +59,70 @@ def _speeds(here: Analyzed, names: tuple[str, ...]) -> tuple[Array, tuple[str, .
             found[:, k] = rates[:, model.coordinate_names.index(kinds[name].coordinate)]
         else:
             unknown.append(name)
-    notes = (f"speeds of {', '.join(unknown)} are NaN: actuators of bodies have none here",) if unknown else ()
+    notes = (f"speeds of {', '.join(unknown)} are NaN, as in OpenSim: they act on bodies",) if unknown else ()
     return found, notes
+
+
+def reported_forces(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+    """Forces of muscles, of what holds coordinates, of actuators, and external forces."""
+    if analysis.options.get("include_constraint_forces", "false").lower() in ("true", "1"):
+        told: tuple[str, ...] = (f"{analysis.name}: forces of constraints are left out",)
+    else:
+        told = ()
+    names, values, notes = force_columns(here, here.forces)
+    facts = MappingProxyType({"name": "ModelForces"})
+    table = Table(here.motion.time, names, values, facts=facts)
+    text = f"forces: {len(here.motion)} frames, {len(names)} columns"
+    return {"forces": table}, text, (*told, *(f"{analysis.name}: {one}" for one in notes))
+
+
+def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+    """All forces at each frame as OpenSim reports them: names, values (frames, columns), and what is left out.
+
+    External forces and torques are in ground, the points that they act on in the frame of their body.
+
+    Parameters
+    ----------
+    forces : of muscles and actuators
+    """
+    model, frames = here.model, len(here.motion)
+    c, rates, _ = motion_arrays(compile_tree(model), here.motion)
+    pulling = [] if forces is None else [name for name in forces.names if name in model.muscle_names]
+    found: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
+    limits = {one.name.removesuffix("_upper").removesuffix("_lower") for one in model.passive_torques if _limit(one)}
+    for one in model.passive_torques:
+        j = model.coordinate_names.index(one.coordinate)
+        name = one.name.removesuffix("_upper").removesuffix("_lower") if _limit(one) else f"{one.name}_Force"
+        found[name] = found.get(name, np.zeros(frames)) + one.total(c[:, j], rates[:, j])
+    if forces is not None:
+        found |= {name: forces[name] for name in forces.names if name not in pulling}
+    found |= _external(here)
+    notes = [f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out"] if limits else []
+    if model.bushings:
+        notes.append(f"forces of {', '.join(one.name for one in model.bushings)} are left out")
+    values = np.stack(list(found.values()), axis=1) if found else np.zeros((frames, 0))
+    return tuple(found), values, tuple(notes)
+
+
+def _limit(one: PassiveTorque) -> bool:
+    """Whether it is a side of a CoordinateLimitForce, as the reader of models names it."""
+    return one.name.endswith(("_upper", "_lower"))
+
+
+def _external(here: Analyzed) -> dict[str, Array]:
+    loads = here.wrenches
+    if loads is None:
+        return {}
+    tree = compile_tree(here.model)
+    poses = forward_kinematics(tree, tree.coordinates_of(here.motion))
+    found: dict[str, Array] = {}
+    for k, (name, body) in enumerate(zip(loads.names, loads.bodies, strict=True)):
+        b = tree.body_index[body]
+        apart = loads.points[:, k] - poses.origins[:, b]
+        point = np.einsum("fji,fj->fi", poses.rotations[:, b], apart)
+        for letter, vector in (("F", loads.forces[:, k]), ("p", point), ("T", loads.torques[:, k])):
+            found |= {f"{body}_{name}_{letter}{axis}": vector[:, i] for i, axis in enumerate("xyz")}
+    return found
 
 
 def reported_states(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:

@@ -22,6 +22,7 @@ from myomorph.model.spatial import Array
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.measurements import frames_around, measure, with_measured
 from myomorph.motion.place import Placement, place_on_pose
+from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.study import inputs
 from myomorph.study.takes import task_values, with_tasks
 from myomorph.study.tool_outputs import ToolResult, check_outputs, write_outputs
@@ -150,14 +151,17 @@ def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
 
 
 def pose_table(motion: Motion, model: Model) -> Table:
-    """A pose as a table of states at rest, as OpenSim writes the static pose [rad, m]."""
+    """A pose as a table of states at rest, as OpenSim writes the static pose [rad, m]; muscles at their defaults."""
     owner = {name: joint.name for joint in model.joints for name in joint.coordinates}
     paths = [f"/jointset/{owner[name]}/{name}" for name in motion.names]
     values = np.zeros((len(motion), len(paths), 2))
     values[:, :, 0] = motion.values
     names = tuple(f"{path}/{kind}" for path in paths for kind in ("value", "speed"))
+    states = {} if without_fibers(model) else default_states(model)
+    rest = np.tile(list(states.values()), (len(motion), 1)).reshape(len(motion), -1)
     facts = MappingProxyType({"name": "static pose"})
-    return Table(motion.time, names, values.reshape(len(motion), -1), facts=facts)
+    labels = (*names, *(f"/forceset/{muscle}/{state}" for muscle, state in states))
+    return Table(motion.time, labels, np.hstack([values.reshape(len(motion), -1), rest]), facts=facts)
 
 
 def _write_model(model: Model, warnings: list[str], path: Path) -> None:

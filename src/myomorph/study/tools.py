@@ -14,7 +14,7 @@ from myomorph.io.scale_setup import ScaleSetup
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.io.tool_setups import InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
@@ -99,6 +99,7 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     motion = indexed_frames(differentiate(recorded, setup.cutoff), setup.time_range, motion_path)
     wrenches = loads_at(setup.loads, model, recorded, motion)
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)
+    torques = torques_in_order(model, torques)
     told = f"{len(torques)} frames, {len(torques.names)} coordinates, {wrench_count(wrenches)} external forces"
     written = write_outputs(table_writers({target: torque_table(torques, model)}))
     own = (f"{model_path.name}: {text}" for text in model.warnings)
@@ -121,6 +122,18 @@ def net_torques(
     if model.muscles and not words & {"MUSCLES", "ACTUATORS"}:
         warnings.append("forces_to_exclude does not name Muscles: their forces are left out all the same")
     return replace(torques, values=torques.values - passive.values), warnings
+
+
+def torques_in_order(model: Model, torques: Series) -> Series:
+    """Generalized forces in the order of OpenSim's InverseDynamicsTool: joints by their distance from the ground."""
+    depth = {GROUND: 0}
+    for joint in model.joints:
+        depth[joint.child] = depth[joint.parent] + 1
+    joints = sorted(model.joints, key=lambda joint: depth[joint.child])
+    names = [name for joint in joints for name in joint.coordinates]
+    names += [name for name in torques.names if name not in names]
+    columns = [torques.names.index(name) for name in names]
+    return Series(torques.time, tuple(names), torques.values[:, columns])
 
 
 def needed(path: Path | None, tag: str, source: Path) -> Path:
