@@ -1,8 +1,11 @@
 """The chain while frames arrive, against the chain that has them all."""
 
 import json
+import socket
 import threading
 import time as clock
+import urllib.error
+import urllib.request
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -148,9 +151,23 @@ def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tu
     assert (found.all("state") == named.all("state")).all()
     apart = np.abs(found.all("torques") - named.all("torques"))[solved].max()
     # A plate is a foot's from 20 N on: what comes before is left out.
-    assert apart < 25.0
+    assert apart < 5.0
     with pytest.raises(BadFile, match="holds no plate"):
         plates_of_table(data(f"{WALK}/id_walk.sto"))
+
+
+@pytest.mark.parametrize("speed", ["run200", "run500"])
+def test_a_runner_on_two_belts_keeps_the_feet_apart(data: Callable[[str], Path], speed: str) -> None:
+    """Touchdowns at full speed, centers of pressure that wander: the plates named right and left stay what they are."""
+    folder = data("hamner-run-subject04")
+    model = open_model(folder / "unscaled_generic.osim")
+    markers, wrenches = open_played(model, folder / speed / "markers.trc", folder / speed / "grf.mot")
+    assert wrenches is not None
+    sides = tuple({"L": "calcn_l", "R": "calcn_r"}[name[0]] for name in wrenches.names)
+    found, named = played(model, markers, wrenches), played(model, markers, replace(wrenches, bodies=sides))
+    solved = named.all("state") == SOLVED
+    assert solved.sum() > 150
+    assert np.abs(found.all("torques") - named.all("torques"))[solved].max() < 5.0
 
 
 def test_coordinates_can_be_played(data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]) -> None:
@@ -245,6 +262,60 @@ def test_what_cannot_be_is_told_before_anything_is_written(data: Callable[[str],
     with pytest.raises(BadData, match="speed -1"):
         run_live_chain(model, LiveFiles(markers, None, -1.0), LiveOutputs(folder=out))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.long
+def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) -> None:
+    """A process of its own answers on the port, takes frames and ends with the session; a taken port is told."""
+    pytest.importorskip("viser")
+    from myomorph.study.live_page import LivePage
+
+    model, markers, wrenches = walk
+    source = Replay(markers, wrenches, 0.0)
+    chain = LiveChain(model, source)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    delays = Delays()
+    page = LivePage(model, chain, None, port, delays)
+    try:
+        assert page.port == port
+        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20).read()
+        follow_chain(chain, source, late=[page], delays=delays)
+        with pytest.raises(BadData, match=f"port {port}"):
+            LivePage(model, chain, None, port, delays)
+    finally:
+        page.close()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5)
+
+
+def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
+    """Rows stay for a while; what is unknown is a dash."""
+    from myomorph.report.live_chain import Rows, Shown, force_ends, live_text
+
+    model = walk[0]
+    count, muscles = len(model.coordinates), len(model.muscles)
+    forces = np.linspace(0.0, 1000.0, muscles)
+    shown = Shown(
+        np.zeros(count), np.full(muscles, 0.5), forces, np.linspace(0.0, 100.0, count), np.zeros((1, 6)),
+        np.zeros((0, 3)), "", {"Time": "1.00 s"},
+    )  # fmt: skip
+    rows = Rows(model)
+    chosen = rows.of(shown, 10.0)
+    assert chosen[0] == list(range(muscles - 8, muscles))
+    assert rows.of(replace(shown, forces=forces[::-1]), 10.5) == chosen
+    assert rows.of(replace(shown, forces=2.0 * forces[::-1]), 12.5)[0] == list(range(8))
+    text = live_text(model, shown, chosen)
+    assert f"| {model.muscle_names[-1]} | 0.50 | 1000 N |" in text
+    unknown = replace(shown, forces=np.full(muscles, np.nan), activations=np.full(muscles, np.nan), state="no force")
+    assert f"| {model.muscle_names[-1]} | — | — |" in live_text(model, unknown, chosen)
+    assert "Torques unknown: no force" in live_text(model, unknown, chosen)
+    # Half a body weight at (0.3, 0, 0.1), straight up: an arrow of half the length from there.
+    up = np.array([0.0, 1.0, 0.0])
+    wrench = np.r_[np.cross([0.3, 0.0, 0.1], 400.0 * up), 400.0 * up][None]
+    np.testing.assert_allclose(force_ends(wrench, up, 800.0, 1.0)[0], [[0.3, 0.0, 0.1], [0.3, 0.5, 0.1]])
+    assert np.isnan(force_ends(0.0 * wrench, up, 800.0, 1.0)).all()
 
 
 @pytest.mark.long

@@ -16,6 +16,9 @@ from myomorph.rigid.tree import compile_tree
 LOADED = 20.0
 """Force from which a plate counts as loaded [N]."""
 
+SURE = 0.2
+"""Force from which the center of pressure is trusted, as a share of body weight."""
+
 NEAR = 0.35
 """Distance of the center of pressure to a foot's heel or ball beyond which it is nobody's [m]."""
 
@@ -23,7 +26,8 @@ NEAR = 0.35
 class OnlineFeet:
     """Gives the forces of plates to bodies: to the one named, else to the foot that is nearest when the load begins.
 
-    A plate keeps its foot until its load ends. A plate that is loaded near no foot acts on no body.
+    While the load is small, the center of pressure tells little: the foot is asked for again until the load passes
+    `SURE`, and then kept until it ends. A plate that is loaded near no foot acts on no body.
 
     Parameters
     ----------
@@ -52,6 +56,7 @@ class OnlineFeet:
             )
         self.bodies = tuple(dict.fromkeys([*named, *feet]))
         self._owner = np.array([self.bodies.index(one) if one else -1 for one in bodies], np.int64)
+        self._sure = np.zeros(len(bodies), np.bool_)
         self._sought = np.array([not one for one in bodies], np.bool_)
         self._tree = compile_tree(model)
         self._feet = [self.bodies.index(one) for one in feet]
@@ -61,6 +66,7 @@ class OnlineFeet:
         gravity = np.asarray(model.gravity, dtype=np.float64)
         size = float(np.linalg.norm(gravity))
         self.up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
+        self._trusted = SURE * size * model.mass
         self.nobody = np.zeros(len(plates), np.int64)
 
     def given(self, wrenches: Array, coordinates: Array | None) -> Array:
@@ -80,16 +86,20 @@ class OnlineFeet:
             if not self._sought[plate]:
                 found[:, self._owner[plate]] += wrenches[:, plate]
                 continue
-            loaded = np.linalg.norm(wrenches[:, plate, 3:], axis=1) > LOADED
+            force = np.linalg.norm(wrenches[:, plate, 3:], axis=1)
+            loaded = force > LOADED
             edges = np.flatnonzero(np.diff(loaded)) + 1
             for first, stop in zip([0, *edges], [*edges, len(loaded)], strict=True):
                 if first == stop:
                     continue
                 if not loaded[first]:
-                    self._owner[plate] = -1
+                    self._owner[plate], self._sure[plate] = -1, False
                     continue
-                if self._owner[plate] < 0 and coordinates is not None:
-                    self._owner[plate] = self._nearest(wrenches[first, plate], coordinates)
+                if not self._sure[plate] and coordinates is not None:
+                    most = first + int(np.argmax(force[first:stop]))
+                    nearest = self._nearest(wrenches[most, plate], coordinates)
+                    self._owner[plate] = nearest if nearest >= 0 else self._owner[plate]
+                    self._sure[plate] = nearest >= 0 and bool(force[most] > self._trusted)
                 if self._owner[plate] < 0:
                     self.nobody[plate] += stop - first
                 else:
