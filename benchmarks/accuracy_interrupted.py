@@ -8,8 +8,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from benchmarks.cluster import cluster_in, cut_off, machines, namespaces_work
 from benchmarks.interrupted_checks import (
     computed_twice,
     differences,
+    ended,
     finished,
     half_written,
     left_over,
@@ -110,9 +111,12 @@ def killed(study: Path, reference: Path, out: Path, took: float, times: int = KI
     kills, half, longest, attempt = 0, 0, 0.0, 0
     while True:
         home = out / str(attempt)
+        begun = runs(home)
         process = begin(study, home)
+        if kills % 4:  # else while the program starts, reads the study or looks at what is there
+            _until(lambda home=home, begun=begun: runs(home) > begun, process)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(random.uniform(0.0, 2.0 * took / times + 4.0) if kills < times else None)
+            process.wait(random.uniform(0.0, 2.0 * took / times if kills % 4 else 4.0) if kills < times else None)
         if process.poll() is None:
             others = others_of(process)
             process.kill()
@@ -238,21 +242,16 @@ def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
         for name in names[1:]:
             cluster.worker(name, hosts[name], name)
         process = begin(study, out, "--scheduler", cluster.address)
-        ended = _until(lambda: _ended(out) >= len(list(reference.glob("*/*/*.nc"))) // 3, process)
+        reached = _until(lambda: ended(out) >= len(list(reference.glob("*/*/*.nc"))) // 3, process)
         cut_off(names[2])
         cut_at = time.monotonic()
         _until(lambda: losses(out) > 0, process)
         noticed = time.monotonic() - cut_at
         code, said = end_of(process)
-        if code or not ended:
+        if code or not reached:
             DOUBTS.append(f"{what}: ended with {code}: {said[-500:]}")
         told = f"{losses(out)} jobs done again, {noticed:.0f} s after the cut"
         return row(what, 1, reference, out, len(half_written(out)), told)
-
-
-def _ended(out: Path) -> int:
-    log = out / "study.log"
-    return len(re.findall(r"^\S+ done ", log.read_text(encoding="utf-8"), re.MULTILINE)) if log.is_file() else 0
 
 
 def _until(there: Callable[[], bool], process: subprocess.Popen) -> bool:
@@ -271,18 +270,8 @@ def _one_line(said: str, out: Path) -> str:
     return re.sub(r"since [\dT:+.-]+\d", "since ...", text)
 
 
-SECTIONS: Mapping[str, Callable[[], Iterable[Row]]] = {"interrupted": measure}
-
-
-@contextmanager
-def _told() -> Iterator[None]:
-    yield
-    for one in DOUBTS:
-        sys.stderr.write(f"{one}\n")
-
-
 if __name__ == "__main__":
-    with _told():
-        for one in measure():
-            sys.stdout.write(f"{one}\n")
-            sys.stdout.flush()
+    for found in measure():
+        sys.stdout.write(f"{found}\n")
+        sys.stdout.flush()
+    sys.stderr.writelines(f"{doubt}\n" for doubt in DOUBTS)

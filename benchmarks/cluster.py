@@ -134,7 +134,8 @@ def machines(names: tuple[str, ...]) -> Iterator[dict[str, str]]:
             )
         yield {name: f"10.77.0.{i + 2}" for i, name in enumerate(names)}
     finally:
-        for text in (f"ip link del {bridge}", *(f"ip netns del {name}" for name in names)):
+        links = [bridge, *(f"myo{i}" for i in range(len(names)))]
+        for text in (*(f"ip link del {link}" for link in links), *(f"ip netns del {name}" for name in names)):
             subprocess.run(text.split(), capture_output=True)
 
 

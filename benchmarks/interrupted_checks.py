@@ -124,12 +124,23 @@ def computed_twice(folder: Path) -> list[str]:
 
 def runs(folder: Path) -> int:
     """How often the study was begun."""
-    return len(re.findall(r"^\S+ begin: ", (folder / "study.log").read_text(encoding="utf-8"), re.MULTILINE))
+    return len(_lines(folder, "begin:"))
 
 
 def losses(folder: Path) -> int:
-    """How many workers were lost, from the log."""
-    return len(re.findall(r"^\S+ lost ", (folder / "study.log").read_text(encoding="utf-8"), re.MULTILINE))
+    """How many workers were lost."""
+    return len(_lines(folder, "lost"))
+
+
+def ended(folder: Path) -> int:
+    """How many jobs have ended well."""
+    return len(_lines(folder, "done"))
+
+
+def _lines(folder: Path, event: str) -> list[str]:
+    """Lines of the log that tell of an event."""
+    log = folder / "study.log"
+    return re.findall(rf"^\S+ {event} .*", log.read_text(encoding="utf-8"), re.MULTILINE) if log.is_file() else []
 
 
 def largest_difference(folder: Path, reference: Path) -> float:
