@@ -1,0 +1,224 @@
+"""A study again: what has changed is named and computed, the rest is taken over, and the bytes are the same."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import hashlib
+import os
+import shutil
+
+import pytest
+
+from myomorph.model.errors import BadData, BadFile
+from myomorph.study import run_take as module
+from myomorph.study import steps
+from myomorph.study.local_workers import LocalWorkers
+from myomorph.study.plan import read_plan
+from myomorph.study.run import run_study
+
+STUDY = """
+[study]
+name = "reaching"
+[[subject]]
+name = "s01"
+model = "arm.osim"
+trials = [{trials}]
+steps = [{steps}]
+[options.id]
+cutoff = {cutoff}
+[options.report]
+preset = "{preset}"
+"""
+OF_A_RUN = ("study.log", "study.json", "timings.csv")
+"""Files that tell of runs, not of results."""
+
+
+@pytest.fixture
+def dated(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+
+
+ALL = '"ik", "id", "report"'
+
+
+def run(arm, trials=1, cutoff=6, preset="", out=None, steps='"ik", "id"', **given):
+    names = [f"reach{index}" for index in range(trials)]
+    for name in names:
+        if not (arm.folder / f"{name}.trc").exists():
+            shutil.copy(arm.folder / "reach.trc", arm.folder / f"{name}.trc")
+    path = arm.folder / "study.toml"
+    path.write_text(
+        STUDY.format(
+            trials=", ".join(f'"{name}.trc"' for name in names), cutoff=cutoff, preset=preset, steps=steps
+        ).replace('[options.report]\npreset = ""\n', "")
+    )
+    return run_study(read_plan(path), out or arm.out, **given)
+
+
+def contents(out):
+    """Hash of every result, by its path."""
+    return {
+        str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and path.name not in OF_A_RUN
+    }
+
+
+def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
+    """Byte for byte, tables, results and reports."""
+    there, here = tmp_path / "there", tmp_path / "here"
+    by_workers = run(arm, 2, out=there, steps=ALL, workers=LocalWorkers(2))
+    by_this = run(arm, 2, out=here, steps=ALL)
+    assert [one.error for one in by_workers] == [one.error for one in by_this] == ["", ""]
+    assert [one.key for one in by_workers] == [one.key for one in by_this]
+    found, expected = contents(there), contents(here)
+    # Reports tell the folder of results nowhere, tables of links neither.
+    assert found == expected
+    assert not list(there.rglob(".*"))
+
+
+@pytest.mark.parametrize("stopped_in", ["id", "gather", "report"])
+def test_an_interrupted_run_ends_with_the_same_bytes(arm, dated, tmp_path, monkeypatch, stopped_in):
+    run(arm, out=tmp_path / "whole", steps=ALL)
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        if stopped_in == "id":
+            patch.setitem(steps.RUNNERS, "id", interrupted)
+        elif stopped_in == "gather":
+            patch.setattr(module.os, "replace", interrupted)
+        else:
+            patch.setattr(module, "_report", interrupted)
+        with pytest.raises((KeyboardInterrupt, BadFile)):
+            run(arm, out=tmp_path / "halves", steps=ALL)
+    (outcome,) = run(arm, out=tmp_path / "halves", steps=ALL)
+    assert outcome.error == ""
+    assert contents(tmp_path / "halves") == contents(tmp_path / "whole")
+    assert not list((tmp_path / "halves").rglob(".*"))
+
+
+def test_nothing_is_written_where_nothing_has_changed(arm):
+    run(arm, 2, steps=ALL)
+    before = {path: path.stat().st_mtime_ns for path in arm.out.rglob("*") if path.is_file() and "reach" in str(path)}
+    outcomes = run(arm, 2, steps=ALL)
+    assert [one.kept for one in outcomes] == [("ik", "id", "report")] * 2
+    assert [one.timed for one in outcomes] == [()] * 2
+    assert outcomes[0].frames == 61
+    assert outcomes[0].rms < 1e-6
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_what_changed_is_named_and_only_that_computed(arm):
+    run(arm, 2)
+    outcomes = run(arm, 2, cutoff=5)
+    assert [one.kept for one in outcomes] == [("ik",)] * 2
+    assert [one.changed for one in outcomes] == [("id.cutoff 6.0 -> 5.0",)] * 2
+    text = (arm.folder / "reach1.trc").read_text()
+    (arm.folder / "reach1.trc").write_text(text + "\n")
+    first, second = run(arm, 2, cutoff=5)
+    assert first.kept == ("ik", "id")
+    assert second.kept == ()
+    assert second.changed == ("markers reach1.trc has changed",)
+    arm.model.write_text(arm.model.read_text().replace("800", "900"))
+    outcomes = run(arm, 2, cutoff=5)
+    assert [one.changed for one in outcomes] == [("model arm.osim has changed",)] * 2
+    assert "because model arm.osim has changed" in (arm.out / "study.log").read_text(encoding="utf-8")
+
+
+def test_another_look_makes_only_the_report_again(arm):
+    run(arm, steps=ALL)
+    page = arm.out / "s01" / "reach0" / "report.html"
+    before = page.read_text(encoding="utf-8")
+    (outcome,) = run(arm, preset="gait", steps=ALL)
+    assert outcome.kept == ("ik", "id")
+    assert [step for step, _ in outcome.timed] == ["report"]
+    assert page.read_text(encoding="utf-8") != before
+    assert run(arm, preset="gait", steps=ALL)[0].kept == ("ik", "id", "report")
+
+
+def test_results_do_not_outlive_the_steps_that_now_fail(arm):
+    """What an earlier run found must not stand beside an error as if it were this run's."""
+    run(arm)
+    arm.loads.write_text(arm.loads.read_text().replace(">fore<", ">leg<"))
+    (arm.folder / "reach0_external_loads.xml").write_text(arm.loads.read_text())
+    (outcome,) = run(arm)
+    assert outcome.kept == ("ik",)
+    assert outcome.error.startswith("id: ")
+    stored = module.stored_provenance(arm.out / "s01" / "reach0" / "reach0.nc")
+    assert set(stored) == {"ik"}
+
+
+def test_fresh_computes_all(arm):
+    run(arm)
+    (outcome,) = run(arm, fresh=True)
+    assert outcome.kept == outcome.changed == ()
+
+
+def test_a_model_that_changes_while_the_study_runs(arm):
+    """Its values and its hash would not belong together."""
+
+    def change(outcome):
+        arm.model.write_text(arm.model.read_text() + "\n")
+
+    first, second = run(arm, 2, said=change)
+    assert first.error == ""
+    assert "has changed while the study ran" in second.error
+    assert all(one.error == "" for one in run(arm, 2))
+
+
+def test_leftovers_of_a_killed_process_are_removed(arm):
+    home = arm.out / "s01" / "reach0"
+    (home / ".steps" / ".ik.ab12cd3_").mkdir(parents=True)
+    (home / ".reach0.nc.q_9zz0x1").write_bytes(b"half")
+    (home / ".report.html.part").write_text("half")
+    (home / "notes.txt").write_text("the user's own")
+    (home / ".hidden").write_text("the user's own")
+    run(arm)
+    assert sorted(path.name for path in home.glob(".*")) == [".hidden"]
+    assert (home / "notes.txt").exists()
+
+
+def test_a_full_disk_stops_the_study(arm, monkeypatch):
+    run_ik = steps.RUNNERS["ik"]
+    calls = []
+
+    def full(*given):
+        calls.append(1)
+        if len(calls) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return run_ik(*given)
+
+    monkeypatch.setitem(steps.RUNNERS, "ik", full)
+    outcomes = run(arm, 3)
+    assert outcomes[0].error == ""
+    assert outcomes[1].error.startswith("ik: no space is left")
+    assert [one.error[:22] for one in outcomes[2:3]] == ["not run: no space is l"]
+    assert len(calls) == 2
+    assert not any(one.fault for one in outcomes)
+    monkeypatch.setitem(steps.RUNNERS, "ik", run_ik)
+    assert [one.error for one in run(arm, 3)] == [""] * 3
+
+
+def test_two_runs_at_once(arm):
+    def second(outcome):
+        with pytest.raises(BadData, match=f"process {os.getpid()} on"):
+            run(arm)
+
+    assert run(arm, said=second)[0].error == ""
+
+
+def test_the_log_and_the_times(arm):
+    run(arm, 2)
+    run(arm, 2, cutoff=5)
+    lines = (arm.out / "study.log").read_text(encoding="utf-8").splitlines()
+    assert sum("done s01/reach0: computed ik id;" in line for line in lines) == 1
+    assert sum("done s01/reach0: computed id; kept ik; because id.cutoff 6.0 -> 5.0" in line for line in lines) == 1
+    assert sum("(2 of 2)" in line for line in lines) >= 2
+    with (arm.out / "timings.csv").open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["step"] for row in rows if row["trial"] == "reach0"] == ["ik", "id", "id"]
+    assert {row["frames"] for row in rows} == {"61"}
+    assert all(float(row["seconds"]) >= 0.0 for row in rows)
