@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from myomorph.study.plan import Plan
 
 BAD_INPUT, OUR_FAULT = 2, 1
+MOST_REMARKS = 12
 
 
 def demo_command(
@@ -64,14 +65,21 @@ def demo_command(
     return 0
 
 
+def _say_remarks(plan: Plan) -> None:
+    """Print what is remarkable about the files of a study; of many trials the first, since they are alike."""
+    for remark in plan.remarks[:MOST_REMARKS]:
+        said(remark)
+    if len(plan.remarks) > MOST_REMARKS:
+        said(f"and {len(plan.remarks) - MOST_REMARKS} more: --dry-run lists the files of every trial")
+
+
 def _dry_run(plan: Plan, out: Path, fresh: bool, workers: int | None) -> int:
     """Print what a run would do."""
     from myomorph.study.dry_run import dry_run
     from myomorph.study.dry_run_text import dry_run_lines
     from myomorph.study.memory import usable_cores
 
-    for remark in plan.remarks:
-        said(remark)
+    _say_remarks(plan)
     found = dry_run(plan, out, fresh, workers or usable_cores())
     for line in dry_run_lines(found):
         said(line)
@@ -137,8 +145,7 @@ def run_command(
         rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
         said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
 
-    for remark in plan.remarks:
-        said(remark)
+    _say_remarks(plan)
     jobs = len(plan.takes) + len(plan.together)
     hands: Workers
     if scheduler is not None:

@@ -37,7 +37,7 @@ class Plan:
     steps : of each take, in the order in which they run
     subjects : by name, what the steps on subjects need
     together : trials of several subjects that are solved as one after their own steps
-    remarks : which files were found by the rule of names, and what is not used
+    remarks : what is not used, then which files were found by the rule of names
     groups : two groups of subjects to compare when all is done
     conditions : of the trials
     excluded : what the study file leaves out, and why
@@ -167,7 +167,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         tuple(takes),
         tuple(found.steps),
         MappingProxyType(settings),
-        tuple(dict.fromkeys(notes.remarks)),
+        tuple(dict.fromkeys((*notes.remarks, *notes.found))),
         found.subjects,
         together,
         groups,

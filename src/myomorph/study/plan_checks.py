@@ -18,12 +18,19 @@ OF_STUDY = (
     "results.parquet",
     "results_tidy.csv",
     "quality.csv",
+    "condition_curves.csv",
+    "condition_values.csv",
+    "differences.csv",
+    "outliers.csv",
     "timings.csv",
     "study.html",
     "study.json",
     "study.log",
     "study.toml",
     "groups.html",
+    "group_parameters.csv",
+    "group_curves.csv",
+    "group_strides.csv",
 )
 """Files of the results' folder, whose names no subject can have."""
 

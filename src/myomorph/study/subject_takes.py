@@ -32,11 +32,13 @@ class Notes:
     Attributes
     ----------
     problems : all of them make the file be refused
-    remarks : which files were found by the rule of names, what is not used
+    remarks : what is not used, or not as one might think
+    found : files that were found by the rule of names
     """
 
     problems: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    found: list[str] = field(default_factory=list)
 
 
 def measured(one: Named, measures: Measures | None, source: str, notes: Notes) -> tuple[SubjectTable, Path | None]:
@@ -172,14 +174,11 @@ def _take(whole: FileTake, trial: TrialTable, folder: Path, notes: Notes) -> Fil
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
     assert whole.markers is not None
-    remarks = len(notes.remarks)
     loads = _companion(folder, trial.loads, whole.markers, "loads", f"{where}: loads", notes)
-    told = notes.remarks[remarks:]
     if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
         if trial.loads is None:
-            notes.remarks[remarks:] = [
-                f"{loads.name} is not used: it does not say which bodies its forces act on" for _ in told
-            ]
+            notes.found.pop()
+            notes.remarks.append(f"{loads.name} is not used: it does not say which bodies its forces act on")
             loads = None
         else:
             problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
@@ -206,7 +205,7 @@ def _companion(folder: Path, given: str | None, markers: Path, kind: str, what: 
         return existing(folder, given, what, notes.problems)
     found = companion(markers, kind)
     if found is not None:
-        notes.remarks.append(f"{markers.name}: {kind} from {found.name}")
+        notes.found.append(f"{markers.name}: {kind} from {found.name}")
     return found
 
 
