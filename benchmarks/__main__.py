@@ -32,6 +32,7 @@ COMPARISONS = {
     "rates": ("benchmarks.speed_rates", "what steps of a study take by the size of the model: the table of a dry run"),
     "study": ("benchmarks.speed_study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
+    "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
 }
 

@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,6 +20,7 @@ from benchmarks.fuzz_readers import READERS
 
 SECONDS = 30.0
 AT_ONCE = 2
+NOTHING = {"inputs": 0, "slowest": 0.0, "seconds": 0.0}
 CHILD = "benchmarks.fuzz_child"
 
 
@@ -40,17 +40,17 @@ def rows(seconds: float, names: list[str] | None = None, keep: Path | None = Non
 def _tried(name: str, folder: Path, seconds: float) -> dict[str, object]:
     """Try a reader; a process that an input ended is followed by another."""
     folder.mkdir(parents=True, exist_ok=True)
-    inputs, slowest, runs = 0, 0.0, 0
-    start = time.monotonic()
-    while (left := seconds - (time.monotonic() - start)) > 0.5 * (runs > 0):
+    inputs, slowest, runs, spent = 0, 0.0, 0, 0.0
+    while (left := seconds - spent) > 0.5:
         runs += 1
         (folder / "state.json").unlink(missing_ok=True)
         with (folder / f"said-{runs}.txt").open("w") as said:
             command = [sys.executable, "-m", CHILD, name, str(folder), str(max(left, 1.0)), str(runs)]
             ended = subprocess.run(command, stdout=said, stderr=said, check=False)
         state = folder / "state.json"
-        told = json.loads(state.read_text(encoding="utf-8")) if state.is_file() else {"inputs": 0, "slowest": 0.0}
+        told = json.loads(state.read_text(encoding="utf-8")) if state.is_file() else NOTHING
         inputs, slowest = inputs + told["inputs"], max(slowest, told["slowest"])
+        spent += told["seconds"]
         if ended.returncode == 0:
             break
         _keep_last(folder, runs, ended.returncode)
@@ -60,7 +60,7 @@ def _tried(name: str, folder: Path, seconds: float) -> dict[str, object]:
     return {
         "reader": name,
         "inputs": inputs,
-        "seconds": round(time.monotonic() - start, 1),
+        "seconds": round(spent),
         "slowest [s]": round(slowest, 2),
         "found": len(found),
         "what": " | ".join(f"{one['kind']}: {one['said']}" for one in found),

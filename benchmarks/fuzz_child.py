@@ -30,8 +30,14 @@ MEMORY = 1.5
 LONGEST_MESSAGE = 21_000
 """Letters of an error."""
 
-INSTRUMENTED = ("myomorph.io.", "myomorph.study.", "myomorph.model.")
-"""Where atheris looks which code is reached; compiled kernels are elsewhere."""
+INSTRUMENTED = (
+    "io.",
+    *(f"study.{one}" for one in ("plan", "study_file", "subject_", "measures", "group", "contact_file")),
+)
+INSTRUMENTED += tuple(f"study.{one}" for one in ("sound_plan", "stairs_file", "viscosity_plan", "species_table", "ct"))
+INSTRUMENTED += tuple(f"study.{one}" for one in ("body_points", "results", "inputs", "inspect"))
+INSTRUMENTED = tuple(f"myomorph.{one}" for one in INSTRUMENTED)
+"""Modules, by the beginning of their names, in which atheris looks what code is reached."""
 
 
 def is_line(text: str) -> bool:
@@ -46,7 +52,8 @@ class Trial:
         from benchmarks.fuzz_readers import SEEDS, reader
 
         self.reader, self.folder = reader(name), folder
-        self.inputs, self.slowest, self.end = 0, 0.0, time.monotonic() + seconds
+        self.inputs, self.slowest, self.start = 0, 0.0, time.monotonic()
+        self.end = self.start + seconds
         self._told = 0.0
         self._state = folder / "state.json"
         self._known = {one.stem for one in folder.glob("found-*")}
@@ -82,7 +89,8 @@ class Trial:
     def tell(self) -> None:
         """Write how far it is."""
         self._told = time.monotonic()
-        self._state.write_text(json.dumps({"inputs": self.inputs, "slowest": self.slowest}), encoding="utf-8")
+        state = {"inputs": self.inputs, "slowest": self.slowest, "seconds": self._told - self.start}
+        self._state.write_text(json.dumps(state), encoding="utf-8")
 
     def _keep(self, data: bytes, error: BaseException, kind: str) -> None:
         own = [one for one in traceback.extract_tb(error.__traceback__) if "myomorph" in one.filename]
