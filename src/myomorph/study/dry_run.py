@@ -116,7 +116,7 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
     looked = _Looked(plan, out, fresh)
     rows: list[Row] = []
     seen: set[str] = set()
-    with progress("looking at earlier results", len(plan.takes), "trials") as advance:
+    with progress("looking at trials", len(plan.takes), "trials") as advance:
         for files, steps in zip(plan.takes, plan.steps, strict=True):
             for name in _makers(plan, files.subject):
                 if name not in seen:

@@ -10,7 +10,7 @@ from myomorph.study.results import file_name
 from myomorph.study.subjects import MODELS, SUBJECT_STEPS, TABLES, SubjectFiles
 from myomorph.study.takes import FileTake
 
-RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)))
+RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))
 """Names that Windows gives to devices, with any ending."""
 
 OF_STUDY = (
