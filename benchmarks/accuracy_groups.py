@@ -62,15 +62,16 @@ def measure_false() -> Iterator[Row]:
             "animals": f"{n} and {m}",
             "studies": repeats,
             "least p": p_floor(n, m, most),
-            f"{CURVES} curves, corrected [%]": _share(called["curves"], repeats),
-            "curves, each sample alone [%]": _share(called["alone"], repeats),
-            "curves, t test of each sample [%]": _share(called["t"], repeats),
-            f"{PARAMETERS} parameters, Holm [%]": _share(called["scalars"], repeats),
-            "parameters, uncorrected [%]": _share(called["raw"], repeats),
+            f"{CURVES} curves, corrected [%]": share(called["curves"], repeats),
+            "curves, each sample alone [%]": share(called["alone"], repeats),
+            "curves, t test of each sample [%]": share(called["t"], repeats),
+            f"{PARAMETERS} parameters, Holm [%]": share(called["scalars"], repeats),
+            "parameters, uncorrected [%]": share(called["raw"], repeats),
         }
 
 
-def _share(count: int, of: int) -> str:
+def share(count: int, of: int) -> str:
+    """A share [%] with its 95 % interval (Wilson)."""
     low, high = stats.binomtest(count, of).proportion_ci(method="wilson")
     return f"{100 * count / of:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
@@ -96,10 +97,10 @@ def measure_power() -> Iterator[Row]:
                 "animals in each group": n,
                 "effect [SD]": effect,
                 "studies": repeats,
-                "curve, found [%]": _share(found, repeats),
+                "curve, found [%]": share(found, repeats),
                 "its middle, mean [% of cycle]": float(np.mean(centers)) if centers else float("nan"),
-                "elsewhere, falsely [%]": _share(elsewhere, repeats),
-                "parameter, found [%]": _share(parameter, repeats),
+                "elsewhere, falsely [%]": share(elsewhere, repeats),
+                "parameter, found [%]": share(parameter, repeats),
                 "t test would find [%]": 100.0 * _t_power(effect, n),
             }
 

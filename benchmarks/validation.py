@@ -21,6 +21,7 @@ from benchmarks import (
     accuracy_calibrations,
     accuracy_certificates,
     accuracy_cohort,
+    accuracy_conditions,
     accuracy_emg,
     accuracy_groups,
     accuracy_hands,
@@ -28,6 +29,7 @@ from benchmarks import (
     accuracy_identification,
     accuracy_kernels,
     accuracy_kinematics,
+    accuracy_live,
     accuracy_loop_forces,
     accuracy_loops,
     accuracy_masspoints,
@@ -174,6 +176,8 @@ def _of_models(folder: Path) -> Sections:
         "muscles": lambda: accuracy_muscles.measure(folder),
         "tendons": accuracy_kernels.measure_tendons,
         "tension": lambda: accuracy_tension.measure(folder),
+        "live": lambda: accuracy_live.measure(folder),
+        "live_markers": lambda: accuracy_live.measure_losses(folder),
         "loop_arms": lambda: accuracy_loop_forces.measure_arms(folder),
         "loop_torques": lambda: accuracy_loop_forces.measure_torques(folder),
         "loop_static": lambda: accuracy_loop_forces.measure_static(folder),
@@ -300,6 +304,8 @@ def _of_animals(folder: Path) -> Sections:
         "stairs": lambda: accuracy_stairs.measure(folder),
         "groups_false": accuracy_groups.measure_false,
         "groups_power": accuracy_groups.measure_power,
+        "conditions_within": accuracy_conditions.measure_within,
+        "outliers": accuracy_conditions.measure_outliers,
     }
 
 

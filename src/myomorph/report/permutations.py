@@ -279,7 +279,10 @@ def paired_g_interval(g: float, pairs: int, confidence: float = 0.95) -> tuple[f
 
 
 def _noncentral(g: float, freedom: int, scale: float, confidence: float) -> tuple[float, float]:
-    """Interval of an effect size whose statistic is `scale` times as large before its bias is taken off."""
+    """Interval of the effect whose statistic is `scale` times as large, from its estimate without bias.
+
+    It is exact for the effect itself, so that the ends are not corrected for the bias of the estimate.
+    """
     t = g / _unbiased(freedom) * scale
     tail = 0.5 - 0.5 * confidence
     reach = 8.0 * np.sqrt(1.0 + t**2 / (2.0 * freedom))
@@ -291,7 +294,7 @@ def _noncentral(g: float, freedom: int, scale: float, confidence: float) -> tupl
 
     def end(share: float) -> float:
         shift = brentq(lambda shift: below(shift) - share, t - reach, t + reach)
-        return float(shift / scale * _unbiased(freedom))
+        return float(shift / scale)
 
     return end(1.0 - tail), end(tail)
 
