@@ -6,6 +6,7 @@ Every tutorial runs in a folder of its own, as in the tests, with data sets from
 from __future__ import annotations
 
 import csv
+import json
 import os
 import sys
 import tempfile
@@ -21,7 +22,7 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from docs_build.examples import DOCS, run_page, working_in
+from docs_build.examples import DOCS, run_command, run_page, working_in
 
 FOLDER = DOCS / "images" / "tutorials"
 INK, BLUE, RED, GREEN, GREY = "#222222", "#2166ac", "#b2182b", "#1b7837", "#999999"
@@ -146,12 +147,72 @@ def mouse() -> Figure:
     return figure
 
 
+def shoulder() -> Figure:
+    """Angle of the limb after its release, without muscles and with them."""
+    from myomorph.io.sto import read_sto
+
+    figure, axis = plt.subplots(figsize=(7.0, 2.8))
+    for file, color, words in (
+        ("viscosity/03/without_without_1.sto", GREY, "without muscles"),
+        ("viscosity/03/with_with_1.sto", INK, "with muscles"),
+    ):
+        swing = read_sto(file)
+        axis.plot(swing.time, np.degrees(swing.values[:, swing.names.index("angle_x")]), color=color, label=words)
+    axis.set_xlim(0.0, 10.0)
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("angle about x [deg]")
+    axis.legend(frameon=False, ncols=2)
+    return figure
+
+
+def whole_study() -> Figure:
+    """The runner's right knee over the stride at both speeds."""
+    with Path("results/condition_curves.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["curve"].startswith("knee_angle_r")]
+    figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.0))
+    for axis, kind in zip(axes, ("joint angle", "joint torque"), strict=True):
+        for condition, color in (("run, 2 m/s", BLUE), ("run, 5 m/s", RED)):
+            curve = [row for row in rows if row["condition"] == condition and row["kind"].startswith(kind)]
+            percent, mean = ([float(row[name]) for row in curve] for name in ("percent", "mean"))
+            axis.plot(percent, mean, color=color, label=condition)
+        axis.set_ylabel(curve[0]["kind"])
+        axis.set_xlabel("stride of the right foot [%]")
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def live() -> Figure:
+    """Knee torque as it was told while frames arrived, at the instant when it was told, and as computed afterwards."""
+    from myomorph.io.sto import read_sto
+
+    told = xarray.open_dataset("live/live.nc")
+    delay = json.loads(Path("live/session.json").read_text(encoding="utf-8"))["filter_delay_s"]
+    folder = "rajagopal-walk-emg"
+    model = f"{folder}/subject_walk_scaled.osim"
+    run_command(f"myomorph ik --model {model} --markers {folder}/markers_walk.trc --out walk.mot", "live")
+    loads = f"--loads {folder}/grf_walk.xml --cutoff 6"
+    run_command(f"myomorph id --model {model} --motion walk.mot {loads} --out torques.sto", "live")
+    after = read_sto("torques.sto")
+    torque = told.generalized_force.sel(coordinate="knee_angle_r").values
+    figure, axis = plt.subplots(figsize=(7.0, 2.8))
+    axis.plot(after.time, after.values[:, after.names.index("knee_angle_r_moment")], color=GREY, label="afterwards")
+    axis.plot(told.time.values + delay, torque, color=INK, label="live, when it was told")
+    axis.set_xlim(0.45, 1.8)
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("right knee torque [N m]")
+    axis.legend(frameon=False, ncols=2)
+    return figure
+
+
 DRAWN: dict[str, Callable[[], Figure]] = {
     "walking": walking,
     "one-body": one_body,
     "without-plates": without_plates,
     "other-bones": other_bones,
     "mouse": mouse,
+    "shoulder": shoulder,
+    "whole-study": whole_study,
+    "live": live,
 }
 
 
