@@ -105,7 +105,8 @@ def tables_of(document: str) -> dict[str, str]:
 
 def _document(tables: dict[str, str]) -> str:
     text = (TEXT / "head.md").read_text()
-    for name in sections():
+    # A section that was never measured has no table yet.
+    for name in (one for one in sections() if one in tables):
         text += "\n" + (TEXT / f"{name}.md").read_text() + "\n" + tables[name]
     return text
 
