@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -79,8 +80,25 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
         made.finish()
 
 
+@dataclass(frozen=True)
+class NetcdfVariable:
+    """A variable of a file that is open.
+
+    Attributes
+    ----------
+    values : the data set, read by its parts
+    told : its attributes, without those of the format
+    """
+
+    name: str
+    values: Any
+    told: Mapping[str, Any]
+    references: tuple[Any, ...]
+    is_scale: bool
+
+
 class NetcdfSource:
-    """An open file whose variables are looked up by name, as `new_netcdf` wrote it or another library."""
+    """An open file whose variables are read by name, as `new_netcdf` wrote it or another library."""
 
     def __init__(self, file: Any):
         self._file = file
@@ -91,27 +109,31 @@ class NetcdfSource:
         """Texts about the whole file."""
         return {name: as_text(value) for name, value in self._file.attrs.items() if not name.startswith("_NC")}
 
-    def variables(self) -> Iterator[tuple[str, Any]]:
-        """Name and values of every variable, in the order in which they were made where that is known."""
-        for name, variable in self._file.items():
-            if not is_bare(variable):
-                yield name, variable
+    def data(self) -> Iterator[tuple[str, Any]]:
+        """Name and data set of every variable, in the order in which they were made where that is known."""
+        for name, values in self._file.items():
+            if "NAME" not in values.attrs or not as_text(values.attrs["NAME"]).startswith(BARE):
+                yield name, values
 
-    def dimensions(self, name: str, variable: Any) -> tuple[str, ...]:
+    def variables(self) -> Iterator[NetcdfVariable]:
+        """The same with all that is told of them."""
+        for name, values in self._file.items():
+            # Attributes are slow to find: they are read once, but never the long list of who refers to a dimension.
+            attributes = {one: values.attrs[one] for one in values.attrs if one != "REFERENCE_LIST"}
+            if as_text(attributes.get("NAME", "")).startswith(BARE):
+                continue
+            told = {one: value for one, value in attributes.items() if one not in INTERNAL}
+            references = tuple(first for first, *_ in attributes.get("DIMENSION_LIST", ()))
+            yield NetcdfVariable(name, values, told, references, as_text(attributes.get("CLASS", "")) == SCALE)
+
+    def dimensions(self, variable: NetcdfVariable) -> tuple[str, ...]:
         """Names of a variable's dimensions."""
-        if as_text(variable.attrs.get("CLASS", "")) == SCALE and "DIMENSION_LIST" not in variable.attrs:
-            return (name,)
-        found = []
-        for reference, *_ in variable.attrs.get("DIMENSION_LIST", ()):
-            if reference not in self._names:
-                self._names[reference] = self._file[reference].name.removeprefix("/")
-            found.append(self._names[reference])
-        return tuple(found)
-
-    @staticmethod
-    def told(variable: Any) -> Mapping[str, Any]:
-        """Attributes of a variable, without those of the format."""
-        return {name: value for name, value in variable.attrs.items() if name not in INTERNAL}
+        if variable.is_scale and not variable.references:
+            return (variable.name,)
+        for one in variable.references:
+            if one not in self._names:
+                self._names[one] = self._file[one].name.removeprefix("/")
+        return tuple(self._names[one] for one in variable.references)
 
 
 @contextmanager
@@ -121,11 +143,6 @@ def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
 
     with h5py.File(path, "r", track_order=True) as file:
         yield NetcdfSource(file)
-
-
-def is_bare(variable: Any) -> bool:
-    """Whether a data set stands for a dimension whose entries have no names."""
-    return as_text(variable.attrs.get("NAME", "")).startswith(BARE)
 
 
 def as_text(value: Any) -> str:

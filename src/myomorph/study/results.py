@@ -20,7 +20,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.spatial import Array
-from myomorph.study.netcdf import NetcdfFile, as_text, new_netcdf, open_netcdf
+from myomorph.study.netcdf import NetcdfFile, NetcdfVariable, as_text, new_netcdf, open_netcdf
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
@@ -145,32 +145,32 @@ class ResultWriter:
     def copy(self, path: Path, steps: Sequence[str]) -> None:
         """Take over what some steps wrote into another result, block by block, unless it is here already."""
         with open_netcdf(path) as other:
-            for name, variable in other.variables():
-                told = other.told(variable)
-                made_by = as_text(told.get(STEP, ""))
-                if name not in self._file and (not made_by or made_by in steps):
-                    self._copy_variable(name, variable, other.dimensions(name, variable), told)
+            for one in other.variables():
+                made_by = as_text(one.told.get(STEP, ""))
+                if one.name not in self._file and (not made_by or made_by in steps):
+                    self._copy_variable(one, other.dimensions(one))
             for name, value in other.attributes.items():
                 marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
                 if name not in self._file.attributes and not marked:
                     self.fact(name, value)
 
-    def _copy_variable(self, name: str, variable: Any, dimensions: tuple[str, ...], told: Mapping[str, Any]) -> None:
-        for dimension, size in zip(dimensions, variable.shape, strict=True):
+    def _copy_variable(self, variable: NetcdfVariable, dimensions: tuple[str, ...]) -> None:
+        name, values = variable.name, variable.values
+        for dimension, size in zip(dimensions, values.shape, strict=True):
             known = self._file.dimensions.setdefault(dimension, size)
             if known != size:
                 raise BadData(f"'{name}' has {size} of {dimension}, what is there already {known}")
-        if variable.dtype.kind in "OSU":
-            texts = np.array([as_text(one) for one in variable[...]], dtype=object)
+        if values.dtype.kind in "OSU":
+            texts = np.array([as_text(one) for one in values[...]], dtype=object)
             copied = self._file.variable(name, dimensions, _texts(), texts)
-            for key, value in told.items():
+            for key, value in variable.told.items():
                 copied.attrs[key] = value
             return
-        copied = self._create(name, dimensions, variable.dtype, told)
-        if not variable.shape:
-            copied[...] = variable[...]
-        for start in range(0, variable.shape[0] if variable.shape else 0, BLOCK_ROWS):
-            copied[start : start + BLOCK_ROWS] = variable[start : start + BLOCK_ROWS]
+        copied = self._create(name, dimensions, values.dtype, variable.told)
+        if not values.shape:
+            copied[...] = values[...]
+        for start in range(0, values.shape[0] if values.shape else 0, BLOCK_ROWS):
+            copied[start : start + BLOCK_ROWS] = values[start : start + BLOCK_ROWS]
 
 
 def _texts() -> Any:
@@ -240,7 +240,7 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
     try:
         with open_netcdf(path) as file:
             values, names = {}, {}
-            for name, variable in file.variables():
+            for name, variable in file.data():
                 if name in leave_out:
                     continue
                 if variable.dtype.kind in "OSU":
