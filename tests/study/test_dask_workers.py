@@ -6,13 +6,15 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from benchmarks.cluster import Cluster, cluster_in
+from benchmarks.interrupted_checks import differences, left_over
 
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
@@ -105,6 +107,45 @@ def test_jobs_are_done_once_each_by_all_processes_with_a_model_that_travels_once
     # The same object for every job of one process: it was sent, and is compiled, once.
     assert len({(process, name, which) for process, name, which in told.values() if name}) <= 4
     assert workers.ended(0.1) == []
+
+
+STUDY = """
+[study]
+name = "reaching"
+[[subject]]
+name = "s01"
+model = "arm.osim"
+trials = ["reach.trc", "again.trc", "third.trc"]
+steps = ["ik", "id", "muscles", "tension"]
+"""
+
+
+def test_a_study_on_a_cluster_writes_the_bytes_of_one_process(
+    cluster: Cluster, arm: SimpleNamespace, command: Callable[..., SimpleNamespace], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    for name in ("again.trc", "third.trc"):
+        (arm.folder / name).write_bytes(arm.markers.read_bytes())
+    study = arm.folder / "study.toml"
+    study.write_text(STUDY, encoding="utf-8")
+    monkeypatch.chdir(arm.folder)
+    assert command("run", study, "--out", arm.folder / "here", "--workers", 1).status == 0
+    # What is relative here means nothing in the folder of a worker.
+    run = command("run", "study.toml", "--out", "there", "--scheduler", cluster.address)
+    assert run.status == 0, run.err
+    assert "3 of 3 trials done" in run.out
+    compared, unequal = differences(arm.folder / "there", arm.folder / "here")
+    assert compared > 20
+    assert unequal == []
+    assert left_over(arm.folder / "there") == []
+
+
+def test_workers_of_the_command_are_those_of_the_cluster(
+    arm: SimpleNamespace, command: Callable[..., SimpleNamespace]
+) -> None:
+    run = command("run", arm.folder / "study.toml", "--out", arm.out, "--scheduler", "a:1", "--workers", 2)
+    assert (run.status, arm.out.exists()) == (2, False)
+    assert "give them to 'dask worker'" in run.err
 
 
 def test_a_process_that_was_killed_is_told_of_and_another_takes_its_place(workers: DaskWorkers, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import platform
 import sys
 import threading
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,8 @@ from typing import Any
 
 from myomorph import __version__
 from myomorph.model.model import Model
-from myomorph.study.jobs import Job, Outcome
+from myomorph.study.jobs import Outcome
+from myomorph.study.progress import silence
 
 KEPT = 8
 """Models that a process keeps, as many as the compiled forms of it that are kept."""
@@ -58,13 +59,14 @@ def fitness(path: str = "", content: str = "") -> Fitness:
     return Fitness(__version__, f"{sys.version_info.major}.{sys.version_info.minor}", platform.system(), sees)
 
 
-def do_job(job: bytes, key: str = "", model: bytes = b"") -> Outcome | None:
-    """Do a job that was pickled.
+def do_job(work: bytes, key: str = "", model: bytes = b"", date: str = "") -> Outcome | None:
+    """Do what a job says, which was packed.
 
     Parameters
     ----------
-    key : of the model that the job needs, "" where it needs none
-    model : itself, where this process was not given it before
+    key : of the model that it needs, "" where it needs none
+    model : itself, packed, where this process was not given it before
+    date : that results are to bear, as SOURCE_DATE_EPOCH says it, "" for that of the clock
 
     Returns
     -------
@@ -72,12 +74,14 @@ def do_job(job: bytes, key: str = "", model: bytes = b"") -> Outcome | None:
     """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     os.environ["MYOMORPH_THREADS"] = "1"
+    os.environ["SOURCE_DATE_EPOCH"] = date
+    silence()
     value = _model(key, model)
     if key and value is None:
         return None
     with _ends_when_unwanted():
-        work: Job = pickle.loads(job)
-        return work.work(value)
+        do: Callable[[Model | None], Outcome] = pickle.loads(work)
+        return do(value)
 
 
 def _model(key: str, model: bytes) -> Model | None:

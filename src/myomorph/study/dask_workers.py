@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import pickle
+import os
 import queue
 import time
 import uuid
@@ -18,6 +18,7 @@ from myomorph.model.model import Model
 from myomorph.study.dask_cluster import connected, leave_mark, scheduler_address, unfit
 from myomorph.study.dask_job import KEPT, do_job, fitness
 from myomorph.study.jobs import Ended, Job, Outcome
+from myomorph.study.worker_messages import pack
 
 PATIENCE = 12.0
 """How long a scheduler may take to answer, and its first worker to come [s]."""
@@ -237,7 +238,8 @@ class DaskWorkers:
         content = b"" if parcel.key in process.models else parcel.content
         if parcel.key:
             process.models.add(parcel.key)
-        process.future = self._task(process.address, do_job, pickle.dumps(process.job), parcel.key, content)
+        date = os.environ.get("SOURCE_DATE_EPOCH", "")
+        process.future = self._task(process.address, do_job, pack(process.job.work), parcel.key, content, date)
 
     def _task(self, address: str, function: Any, *values: Any) -> Any:
         """A future of what a function gives in one process; the scheduler is never to repeat it elsewhere."""
@@ -289,7 +291,7 @@ class DaskWorkers:
         if model is None:
             return Parcel()
         if id(model) not in self._parcels:
-            content = pickle.dumps(model, protocol=pickle.HIGHEST_PROTOCOL)
+            content = pack(model)
             self._parcels[id(model)] = model, Parcel(hashlib.sha256(content).hexdigest(), content)
             while len(self._parcels) > KEPT:
                 self._parcels.popitem(last=False)
