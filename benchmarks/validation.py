@@ -27,6 +27,7 @@ from benchmarks import (
     accuracy_hands,
     accuracy_hidden_plates,
     accuracy_identification,
+    accuracy_interrupted,
     accuracy_kernels,
     accuracy_kinematics,
     accuracy_live,
@@ -155,7 +156,7 @@ Sections: TypeAlias = dict[str, Callable[[], Iterable[Row]]]
 def sections() -> Sections:
     """What is measured, by the name of its text, in the order of the document."""
     folder = data_folder()
-    parts = (_of_models, _of_lengths, _of_masses, _of_limbs, _of_contacts, _of_morphing, _of_animals)
+    parts = (_of_models, _of_lengths, _of_masses, _of_limbs, _of_contacts, _of_morphing, _of_animals, _of_studies)
     return {name: measure for part in parts for name, measure in part(folder).items()}
 
 
@@ -308,6 +309,11 @@ def _of_animals(folder: Path) -> Sections:
         "conditions_within": accuracy_conditions.measure_within,
         "outliers": accuracy_conditions.measure_outliers,
     }
+
+
+def _of_studies(folder: Path) -> Sections:
+    """Whole studies: what is left when they are interrupted."""
+    return {"interrupted": accuracy_interrupted.measure}
 
 
 def _of_contacts(folder: Path) -> Sections:

@@ -123,8 +123,8 @@ def run_command(
     if resume and fresh:
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
     if scheduler is not None:
-        if workers is not None or memory is not None:
-            raise BadData("--scheduler: --workers and --memory are those of the cluster: give them to 'dask worker'")
+        if (workers, memory, threads) != (None, None, None):
+            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: tell 'dask worker'")
         # Its processes are in folders of their own.
         study, out = study.resolve(), out.resolve()
     use_threads(threads)
