@@ -285,3 +285,24 @@ def test_the_model_of_a_subject_that_makes_none(folder):
 def test_absolute_patterns(folder):
     text = FOLDERS.replace('"P*"', f'"{(folder / "P*").as_posix()}"')
     assert list(plan_of(folder, text).subjects) == ["P1", "P2"]
+
+
+def test_a_folder_that_is_a_link_is_called_as_the_link(folder):
+    target = folder / "elsewhere"
+    (folder / "P2").rename(target)
+    (target / "P2 standing.trc").write_text("")
+    try:
+        (folder / "P2").symlink_to(target, target_is_directory=True)
+    except OSError:
+        pytest.skip("links cannot be made here")
+    assert list(plan_of(folder, FOLDERS).subjects) == ["P1", "P2"]
+
+
+def test_the_folder_of_the_study_itself(folder):
+    text = (
+        FOLDERS.replace('"P*"', '"."')
+        .replace('model = "../', 'model = "')
+        .replace('static = "{subject}', 'static = "P1/P1')
+    )
+    text = text.replace('["slow*.trc", "fast*.trc"]', '["P1/slow*.trc", "P1/fast*.trc"]')
+    assert list(plan_of(folder, text).subjects) == [folder.name]

@@ -77,7 +77,9 @@ def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]
             kind = "no folder matches" if matched else "there is no folder"
             problems.append(f"subject: {kind} '{pattern}' in {home}")
         for folder in folders:
-            yield Named(folder.resolve().name, folder, table, matched)
+            # A link is called as it is; "." and ".." have no name of their own.
+            name = folder.name if folder.name not in ("", "..") else folder.resolve().name
+            yield Named(name, folder, table, matched)
 
 
 def _is_result(folder: Path) -> bool:
