@@ -2,6 +2,7 @@
 
 import json
 import socket
+import sys
 import threading
 import time as clock
 import urllib.error
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from myomorph.identify.online import total_wrench
 from myomorph.io.sto import read_sto
@@ -185,6 +187,34 @@ def test_without_forces_a_floating_body_is_told(walk: tuple[Model, Markers, Wren
     session = follow_chain(LiveChain(model, source), source)
     assert any("no external forces" in one for one in session.notes)
     assert session.delays.states()[SOLVED] > 60
+
+
+def test_nothing_is_compiled_while_frames_come(walk: tuple[Model, Markers, Wrenches]) -> None:
+    """After the rehearsal no kernel gets another form, not even where markers and forces are lost and found."""
+    model, markers, wrenches = walk
+    values = np.array(markers.values)
+    values[30:40, :5] = np.nan
+    values[60:63] = np.nan
+    unnamed = replace(wrenches, bodies=("", ""))
+    source = Replay(replace(markers, values=values), unnamed, 0.0)
+    chain = LiveChain(model, source)
+    chain.rehearse()
+    before = kernel_forms()
+    assert len(before) > 100
+    session = follow_chain(chain, source)
+    assert session.delays.states()[SOLVED] > 30
+    assert {name: forms for name, forms in kernel_forms().items() if forms != before.get(name, 0)} == {}
+
+
+def kernel_forms() -> dict[str, int]:
+    """How many forms each kernel has been compiled for, or loaded from the cache in."""
+    return {
+        f"{module}.{name}": len(kernel.signatures)
+        for module, loaded in list(sys.modules.items())
+        if module.startswith("myomorph")
+        for name, kernel in vars(loaded).items()
+        if isinstance(kernel, Dispatcher)
+    }
 
 
 class Slow:

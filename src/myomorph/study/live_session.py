@@ -12,7 +12,7 @@ from typing import Protocol
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
-from myomorph.study.live_chain import STATES, ChainFrame, LiveChain
+from myomorph.study.live_chain import GAP, STATES, ChainFrame, LiveChain
 from myomorph.study.live_delays import Delays
 from myomorph.study.live_sources import Source
 
@@ -141,7 +141,8 @@ def _follow(
         if not waiting:
             continue
         time, row, taken = waiting[0]
-        if clocked and step and chain.newest_force < time - step and source.age(time) < FORCE_WAIT:
+        behind = time - chain.newest_force
+        if clocked and step and step < behind < GAP and source.age(time) < FORCE_WAIT:
             clock.sleep(PAUSE)
             continue
         waiting.popleft()

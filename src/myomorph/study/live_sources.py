@@ -102,7 +102,7 @@ class Replay:
         motion: Markers | Motion,
         wrenches: Wrenches | None,
         speed: float = 1.0,
-        now: Callable[[], float] = clock.monotonic,
+        now: Callable[[], float] = clock.perf_counter,
     ):
         if not (speed >= 0.0 and np.isfinite(speed)):
             raise BadData(f"speed {speed:g}: expected 1 for real time, more for faster, 0 for as fast as it goes")
