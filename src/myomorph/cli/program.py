@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import traceback
@@ -25,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given
     given = [one for one in given if one != "--debug"]
+    _print_what_the_terminal_cannot()
     try:
         with warnings.catch_warnings():
             if not debug:
@@ -36,6 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _closed_pipe()
     except MyomorphError as error:
         return _say(f"error: {error}", BAD_INPUT, debug)
+    except UnicodeEncodeError as error:
+        near = error.object[max(error.start - 40, 0) : error.end + 40]
+        return _say(f"error: a file's name is not UTF-8 ('{near}'): rename it", BAD_INPUT, debug)
     except OSError as error:
         return _say(f"error: {_about_file(error)}", BAD_INPUT, debug)
     except MemoryError:
@@ -44,6 +49,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = f"this is a fault of Myomorph, not of your files: {type(error).__name__}: {error}; "
         text += "please report it" + ("" if debug else ", with what the same command prints with --debug")
         return _say(text, OUR_FAULT, debug)
+
+
+def _print_what_the_terminal_cannot() -> None:
+    """Let names of files be printed where the terminal, or the file that it is sent to, has no such letters."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _run(given: list[str]) -> int:

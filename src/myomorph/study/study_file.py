@@ -108,9 +108,19 @@ def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> lis
         found = [path for path in globbed(folder, pattern) if path.is_file()]
         if not found:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")
+        problems += [f"{where}: the name of '{one.name}' is not UTF-8: rename it" for one in found if not _is_utf8(one)]
         return found
     path = existing(folder, pattern, f"{where}: trial", problems)
     return [] if path is None else [path]
+
+
+def _is_utf8(path: Path) -> bool:
+    """Whether tables and pages can hold the name: that of a file from an old Linux may be Latin-1."""
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def is_pattern(text: str) -> bool:
