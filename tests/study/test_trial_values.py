@@ -143,3 +143,19 @@ def test_names_of_curves_come_back(tmp_path):
     (tmp_path / "curves.csv").write_text("time,x\n0,1\n")
     with pytest.raises(BadData, match="run the trial again"):
         read_curves(tmp_path / "curves.csv")
+
+
+def test_values_are_made_again_when_the_subject_weighs_more(arm):
+    """No step depends on the mass, but torques per kilogram do."""
+    text = (
+        '[study]\nname = "reaching"\n[[subject]]\nname = "s01"\nmodel = "arm.osim"\nmass = {}\n'
+        'trials = ["reach.trc"]\nsteps = ["ik", "id"]\n'
+    )
+    path, peaks = arm.folder / "study.toml", []
+    for mass in (4, 8, 8):
+        path.write_text(text.format(mass))
+        (outcome,) = run_study(read_plan(path), arm.out)
+        assert outcome.error == ""
+        peaks.append(np.abs(read_curves(outcome.folder / CURVES)[1][TORQUE].values).max())
+    assert outcome.kept == ("ik", "id")
+    assert peaks[1:] == pytest.approx([0.5 * peaks[0]] * 2, rel=1e-5)

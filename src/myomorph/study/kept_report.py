@@ -35,8 +35,13 @@ def keep_facts(writer: ResultWriter, take: Take, done: Sequence[str]) -> None:
 
 def report_is_made(folder: Path, take: Take, done: Sequence[str]) -> bool:
     """Whether the report of a folder is that of its results, told what it would be told now."""
+    return (folder / PAGE).is_file() and told_the_same(folder, take, done)
+
+
+def told_the_same(folder: Path, take: Take, done: Sequence[str]) -> bool:
+    """Whether results hold what is told of the recording now, such as the subject's mass."""
     stored = folder / f"{file_name(take.name)}{STORED}"
-    if not (folder / PAGE).is_file() or not stored.is_file():
+    if not stored.is_file():
         return False
     try:
         with open_netcdf(stored) as file:

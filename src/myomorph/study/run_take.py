@@ -18,7 +18,7 @@ from myomorph.study.ahead import compile_ahead
 from myomorph.study.changes import NEVER, changes
 from myomorph.study.failures import failed
 from myomorph.study.jobs import Outcome
-from myomorph.study.kept_report import PAGE, keep_facts, report_is_made
+from myomorph.study.kept_report import PAGE, keep_facts, report_is_made, told_the_same
 from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
 from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
 from myomorph.study.tidy import write_trial_values
@@ -193,14 +193,16 @@ def _gather(take: Take, earlier: _Earlier, outcome: Outcome, steps: Sequence[str
     fresh = [step for step in outcome.done if (parts / step / PART).is_file()]
     others = [step for step in earlier.files if step not in wanted and not _reasons(step, take, earlier)]
     lost = [step for step in earlier.files if step not in outcome.done and step not in others]
-    if not fresh and not lost and ("report" not in steps or report_is_made(folder, take, outcome.done)):
+    same = report_is_made if "report" in steps else told_the_same
+    if not fresh and not lost and same(folder, take, outcome.done):
         return
     with new_result(stored) as writer:
         keep_facts(writer, take, outcome.done)
         for step in [one for one in CHAIN if one in outcome.done or one in others]:
             writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
-        # A report of the results before must not stand beside those that come now.
-        (folder / PAGE).unlink(missing_ok=True)
+        # A report and values of the results before must not stand beside those that come now.
+        for name in (PAGE, VALUES):
+            (folder / name).unlink(missing_ok=True)
     for step in fresh:
         home = folder / "muscles" if step == "muscles" else folder
         home.mkdir(exist_ok=True)
