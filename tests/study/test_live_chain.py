@@ -20,7 +20,7 @@ from myomorph.identify.online import total_wrench
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -156,6 +156,28 @@ def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tu
     assert apart < 5.0
     with pytest.raises(BadFile, match="holds no plate"):
         plates_of_table(data(f"{WALK}/id_walk.sto"))
+
+
+def test_plates_of_the_recording_itself_find_their_feet(
+    walk: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that holds markers and plates, as C3D does, needs no other; centers of pressure may be unknown."""
+    model, markers, wrenches = walk
+    corners = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, -1.0]])
+    idle = np.linalg.norm(wrenches.forces, axis=2, keepdims=True) == 0.0
+    points = np.where(idle, np.nan, wrenches.points)
+    plates = tuple(
+        ForcePlate(name, 2, corners, wrenches.forces[:, i], points[:, i], wrenches.torques[:, i])
+        for i, name in enumerate(wrenches.names)
+    )
+    trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
+    monkeypatch.setattr("myomorph.study.inputs.open_trial", lambda path: trial)
+    series, found = open_played(model, Path("walk.c3d"), None)
+    assert found is not None
+    assert found.bodies == ("", "")
+    own, named = played(model, series, found), played(model, markers, wrenches)
+    solved = named.all("state") == SOLVED
+    assert np.abs(own.all("torques") - named.all("torques"))[solved].max() < 5.0
 
 
 @pytest.mark.parametrize("speed", ["run200", "run500"])
