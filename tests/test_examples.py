@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
+import functools
+import importlib
+import re
+import textwrap
+
 import pytest
 from docs_build.examples import DOCS, Part, pages_that_run, parts_of, run_page, was_printed
 
 # Those that take less than 10 s on a quiet machine; the others are marked long.
 SHORT = {"walking.md", "opensim-setups.md", "studies.md"}
+
+STANDARD = {"replace", "Path"}
+"""Of the standard library, in blocks that leave the imports out."""
 
 
 def cases():
@@ -15,7 +25,7 @@ def cases():
         yield pytest.param(page, id=name, marks=() if page.name in SHORT else pytest.mark.long)
 
 
-@pytest.mark.parametrize("page", cases())
+@pytest.mark.parametrize("page", list(cases()))
 def test_page_runs(page, data, tmp_path):
     run_page(page, tmp_path, data)
 
@@ -51,3 +61,50 @@ def test_a_command_that_fails_is_told(tmp_path):
     page.write_text("<!-- runs -->\n```sh\nmyomorph info nothing.trc\n```\n", encoding="utf-8")
     with pytest.raises(AssertionError, match=r"page.md, line 1.*exit status 2"):
         run_page(page, tmp_path, lambda name: tmp_path)
+
+
+@functools.cache
+def package_names():
+    """Public functions and classes of the package by name: the names of their arguments, None where it takes any."""
+    found: dict[str, list[set[str] | None]] = {}
+    for file in (DOCS.parent / "src" / "myomorph").rglob("*.py"):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef):
+                given = node.args
+                named = {one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)}
+                found.setdefault(node.name, []).append(None if given.kwarg else named)
+            elif isinstance(node, ast.ClassDef):
+                fields = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign)}
+                made = [one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == "__init__"]
+                fields |= {one.arg for init in made for one in (*init.args.args, *init.args.kwonlyargs)}
+                found.setdefault(node.name, []).append(None if node.bases and not made else fields)
+    return found
+
+
+def python_blocks():
+    for page in [DOCS.parent / "README.md", *sorted(DOCS.rglob("*.md"))]:
+        text = page.read_text(encoding="utf-8")
+        for block in re.finditer(r"^( *)```python\n(.*?)^\1```", text, re.MULTILINE | re.DOTALL):
+            yield pytest.param(textwrap.dedent(block[2]), id=f"{page.name}:{text.count(chr(10), 0, block.start()) + 1}")
+
+
+@pytest.mark.parametrize("text", list(python_blocks()))
+def test_python_calls_what_exists(text):
+    """Also blocks that are parts of a program: what they import is there, what they call takes those arguments."""
+    known, tree, wrong = package_names(), ast.parse(text), []
+    bound = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+    imported = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("myomorph"):
+            module = importlib.import_module(node.module)
+            wrong += [f"{node.module}.{one.name}" for one in node.names if not hasattr(module, one.name)]
+        elif isinstance(node, ast.ImportFrom | ast.Import):
+            imported |= {(one.asname or one.name).split(".")[0] for one in node.names}
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            name = node.func.id
+            if name in bound | imported or hasattr(builtins, name) or name in STANDARD:
+                continue
+            given = {one.arg for one in node.keywords if one.arg}
+            if not any(takes is None or given <= takes for takes in known.get(name, [])):
+                wrong.append(f"{name}({', '.join(sorted(given))})")
+    assert wrong == []

@@ -1,0 +1,72 @@
+"""The README's commands do what they say on a laboratory's files of those names."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from docs_build.examples import run_command, working_in
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+ELSEWHERE = {"view", "live", "morph", "viscosity", "run", "run-tool", "demo"}
+"""What waits for a browser or for streams; and what needs other files, which other tests run."""
+
+
+def readme_commands():
+    """The commands under "With your own files", in their order."""
+    text = README.read_text(encoding="utf-8").split("## With your own files")[1].split("\n## ")[0]
+    lines = re.findall(r"^myomorph .*$", text, re.MULTILINE)
+    return [line for line in lines if line.split()[1] not in ELSEWHERE]
+
+
+@pytest.fixture
+def laboratory(data, tmp_path):
+    """A folder with a walk, its forces and EMG under the names of the README; the walk stands for the squat too."""
+    walk = data("rajagopal-walk-emg")
+    shutil.copy(first_c3d(data("c3d-gait-plugingait")), tmp_path / "walk1.c3d")
+    for source, name in (
+        ("subject_walk_scaled.osim", "generic.osim"),
+        ("raw/static_walk_1.trc", "static.trc"),
+        ("markers_walk.trc", "walk1.trc"),
+        ("markers_walk.trc", "squat1.trc"),
+        ("grf_walk.xml", "walk1_grf.xml"),
+        ("grf_walk.xml", "squat1_grf.xml"),
+        ("grf_walk.mot", "grf_walk.mot"),
+        ("electromyography.sto", "walk1_emg.sto"),
+    ):
+        shutil.copy(walk / source, tmp_path / name)
+    return tmp_path
+
+
+def first_c3d(folder):
+    return next(iter(sorted(folder.rglob("*.c3d"))))
+
+
+def test_there_are_commands():
+    assert [line.split()[1] for line in readme_commands()] == [
+        "info",
+        "calibrate",
+        "ik",
+        "id",
+        "muscles",
+        "tension",
+        "report",
+        "tension",
+        "identify",
+    ]
+
+
+@pytest.mark.long
+def test_readme_commands_run(laboratory):
+    with working_in(laboratory):
+        for line in readme_commands():
+            if line.startswith("myomorph identify"):
+                run_command("myomorph ik --model subject.osim --markers squat1.trc --out squat1.mot", "README.md")
+                # A coarse grid of mass points: the command is tried, not its numbers.
+                line += " --spacing 0.02"
+            print(run_command(line, "README.md"))
+    for name in ("subject.osim", "walk1.mot", "walk1_torques.sto", "walk1_tension/report.html", "identified.osim"):
+        assert (laboratory / name).is_file()
+    assert (laboratory / "walk1_contacts" / "contact_forces.xml").is_file()
