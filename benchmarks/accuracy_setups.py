@@ -123,7 +123,12 @@ def copied(data: Path, name: str, needs: Needs, room: Path) -> Path:
     for source, target in needs.files:
         place = folder / target
         place.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(data / source, place)
+        if source.endswith("coordinates.sto"):
+            # OpenSim's inverse dynamics takes plain names of coordinates only: with those of states the model stands.
+            text = (data / source).read_text()
+            place.write_text(re.sub(r"/jointset/\w+/(\w+)/value", r"\1", text))
+        else:
+            shutil.copyfile(data / source, place)
     for made in needs.folders:
         (folder / made).mkdir()
     setup = folder / Path(name).name
@@ -234,7 +239,7 @@ def apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Largest difference of every column over the range of the second table's, see `FLOOR`; inf where one is NaN."""
     # A pose has no range: its columns count by the largest of them.
     span = np.nanmax(y, axis=0) - np.nanmin(y, axis=0) if len(y) > 1 else np.full(y.shape[1], np.abs(y).max())
-    size = max(float(np.nanmax(span, initial=0.0)), 1e-6 * float(np.nanmax(np.abs(y), initial=0.0)), 1e-12)
+    size = max(float(np.nanmax(span, initial=0.0)), FLOOR * float(np.nanmax(np.abs(y), initial=0.0)), 1e-12)
     span = np.maximum(span, FLOOR * size)
     both = np.isnan(x) == np.isnan(y)
     found: np.ndarray = np.where(both.all(axis=0), np.nanmax(np.abs(x - y), axis=0, initial=0.0) / span, np.inf)

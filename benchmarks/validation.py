@@ -16,6 +16,7 @@ from types import CodeType
 from typing import TypeAlias
 
 from benchmarks import (
+    accuracy_analyses,
     accuracy_articular,
     accuracy_calibration,
     accuracy_calibrations,
@@ -49,6 +50,7 @@ from benchmarks import (
     accuracy_real_bones,
     accuracy_regressor,
     accuracy_scale,
+    accuracy_setups,
     accuracy_shape,
     accuracy_simulated,
     accuracy_sound,
@@ -62,6 +64,7 @@ from benchmarks import (
     accuracy_transfer,
     accuracy_trust,
     accuracy_virtual,
+    fuzz,
 )
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
 
@@ -215,6 +218,8 @@ def _of_lengths(folder: Path) -> Sections:
         "calibration_lengths": lambda: accuracy_calibration.measure_lengths(folder),
         "scale": lambda: accuracy_scale.measure(folder),
         "tools": lambda: accuracy_scale.measure_tools(folder),
+        "setups": lambda: accuracy_setups.measure_setups(folder),
+        "analyses": lambda: accuracy_analyses.measure(folder),
         "transfer": lambda: accuracy_transfer.measure(folder),
     }
 
@@ -312,8 +317,8 @@ def _of_animals(folder: Path) -> Sections:
 
 
 def _of_studies(folder: Path) -> Sections:
-    """Whole studies: what is left when they are interrupted."""
-    return {"interrupted": accuracy_interrupted.measure}
+    """Whole studies: what is left when they are interrupted, and what readers make of wrong files."""
+    return {"interrupted": accuracy_interrupted.measure, "wrong_files": fuzz.run}
 
 
 def _of_contacts(folder: Path) -> Sections:

@@ -45,6 +45,7 @@ class FiberStates:
     active_force, passive_force, fiber_force : along the fibers [N]
     tendon_force : along the tendon, what the muscle pulls with [N]
     active_power, passive_power, tendon_power, muscle_power : positive where force does work on the outside [W]
+    in_balance : False where equilibrium was asked for and none was found
     """
 
     muscles: tuple[str, ...]
@@ -63,9 +64,10 @@ class FiberStates:
     passive_power: Array
     tendon_power: Array
     muscle_power: Array
+    in_balance: np.ndarray
 
     def __post_init__(self) -> None:
-        for one in fields(self)[1:]:
+        for one in fields(Fibers):
             object.__setattr__(self, one.name, frozen_array(getattr(self, one.name), (-1, len(self.muscles))))
 
 
@@ -119,7 +121,8 @@ def fiber_states(
     ----------
     lengths, speeds : (frames, muscles) of the muscle paths [m], [m/s]
     states : (frames,) by muscle and name of `state_names`; what is missing stands at the model's default
-    balanced : take fiber lengths and tendon forces from equilibrium instead, as OpenSim finds it
+    balanced : take fiber lengths and tendon forces from equilibrium instead, as OpenSim finds it; where it finds
+        none, what was given stands
 
     Raises
     ------
@@ -136,18 +139,21 @@ def fiber_states(
         )
     given = {key: np.full(len(lengths), value) for key, value in default_states(model).items()} | dict(states or {})
     columns: list[Fibers] = []
+    in_balance = np.ones(lengths.shape, bool)
     for m, muscle in enumerate(model.muscles):
         # Without a controller OpenSim's control is 0, which is the activation where dynamics are left out.
         a = given.get((muscle.name, ACTIVATION), np.zeros(len(lengths)))
         last = ("", *state_names(muscle))[-1]
         elastic = last in (FIBER_LENGTH, TENDON_FORCE)
         if balanced and elastic:
-            given[muscle.name, last] = equilibrium(model, m, lengths[:, m], speeds[:, m], a)
+            found = equilibrium(model, m, lengths[:, m], speeds[:, m], a)
+            in_balance[:, m] = np.isfinite(found)
+            given[muscle.name, last] = np.where(in_balance[:, m], found, given[muscle.name, last])
         state = given[muscle.name, last] if elastic else None
         columns.append(fibers_of(model, m, lengths[:, m], speeds[:, m], a, state))
-    names = [one.name for one in fields(FiberStates)[1:]]
+    names = [one.name for one in fields(Fibers)]
     stacked = {name: _stacked([getattr(one, name) for one in columns], len(lengths)) for name in names}
-    return FiberStates(model.muscle_names, **stacked), given
+    return FiberStates(model.muscle_names, in_balance=in_balance, **stacked), given
 
 
 def _stacked(columns: list[Array], frames: int) -> Array:

@@ -62,6 +62,7 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
         notes.append(f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not built")
     else:
         found |= _fibers(here, columns)
+        notes += here.unbalanced
     pulls = None if here.without_fibers else here.fibers.tendon_force[:, columns]
     for name, arms in _moment_arms(here, columns, about):
         found[f"MomentArm_{name}"] = arms

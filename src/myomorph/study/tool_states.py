@@ -91,6 +91,20 @@ class Analyzed:
         return self._fibers[0]
 
     @property
+    def unbalanced(self) -> tuple[str, ...]:
+        """A line where muscles found no equilibrium."""
+        missing = ~self.fibers.in_balance
+        if not missing.any():
+            return ()
+        names = [
+            name for name, gone in zip(self.model.muscle_names, np.atleast_1d(missing.any(axis=0)), strict=True) if gone
+        ]
+        return (
+            f"no equilibrium of {', '.join(names[:5])}{', ...' if len(names) > 5 else ''} in {int(missing.sum())} "
+            f"of {missing.size} fibers and frames: there the fiber lengths stand that were given, as in OpenSim",
+        )
+
+    @property
     def states(self) -> States:
         """States of muscles by muscle and name, those in equilibrium included."""
         return self._fibers[1]
