@@ -27,7 +27,7 @@ ANALYSES = """<MuscleAnalysis name="MuscleAnalysis"/><BodyKinematics name="BodyK
 <Actuation name="Actuation"/><ForceReporter name="ForceReporter"/><StatesReporter name="StatesReporter"/>
 <JointReaction name="JointReaction"/>"""
 SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="a"><model_file>{model}</model_file>
-{forces}<results_directory>{results}</results_directory><output_precision>12</output_precision>
+<results_directory>{results}</results_directory><output_precision>12</output_precision>
 <initial_time>{start}</initial_time><final_time>{end}</final_time>
 <solve_for_equilibrium_for_auxiliary_states>{balanced}</solve_for_equilibrium_for_auxiliary_states>
 <AnalysisSet name="Analyses"><objects>{analyses}</objects></AnalysisSet>{loads}
@@ -63,7 +63,6 @@ class Case:
     balanced: bool = False
     muscles: str = ""
     loaded: bool = False
-    forces: str = ""
     cutoff: float = 6.0
 
 
@@ -81,9 +80,8 @@ CASES = (
          True),
     Case("Millard undamped (right), rigid (left), walk, equilibrium", WALKER, STATES, "states", 11.1, 11.3, "tibia_r",
          True, "undamped and rigid"),
-    Case("Millard, 10 coordinates, limit force, added actuators", f"{SPRING}subject01_adjusted_spring.osim",
-         f"{SPRING}walk_subject01_Kinematics_q.sto", "coordinates", 0.6, 0.9, "tibia_r", True,
-         forces=f"{SPRING}gait10dof_Actuators_weak.xml", cutoff=-1.0),
+    Case("Millard, 10 coordinates, limit force, actuators of bodies", f"{SPRING}subject01_adjusted_spring.osim",
+         f"{SPRING}walk_subject01_Kinematics_q.sto", "coordinates", 0.6, 0.9, "tibia_r", True, cutoff=-1.0),
     Case("Millard, shoulder with closed loops, equilibrium", f"{SHOULDER}model_rmr/TSM_subject_noWeight.osim",
          f"{SHOULDER}ik/ABD01.mot", "coordinates", 1.0, 1.2, "ulna", True),
 )  # fmt: skip
@@ -129,12 +127,11 @@ def setup_of(data: Path, case: Case, folder: Path, results: str) -> Path:
         motion = folder / "states.sto"
         write_sto(kept, motion)
     analyses = ANALYSES.format(point=POINT.format(body=case.body))
-    forces = f"<force_set_files>{data / case.forces}</force_set_files>" if case.forces else ""
     path = folder / f"{results}.xml"
     balanced = "true" if case.balanced else "false"
     path.write_text(
         SETUP.format(
-            model=model, forces=forces, results=results, start=case.start, end=case.end, balanced=balanced,
+            model=model, results=results, start=case.start, end=case.end, balanced=balanced,
             analyses=analyses, loads=loads, kind=case.kind, motion=motion, cutoff=case.cutoff,
         )
     )  # fmt: skip
