@@ -63,7 +63,7 @@ def _tried(name: str, folder: Path, seconds: float) -> dict[str, object]:
         "seconds": round(spent),
         "slowest [s]": round(slowest, 2),
         "found": len(found),
-        "what": " | ".join(f"{one['kind']}: {one['said']}" for one in found),
+        "what": ", ".join(f"{one['kind']}: {one['said']}" for one in found),
     }
 
 
