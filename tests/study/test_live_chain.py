@@ -194,6 +194,18 @@ def test_a_runner_on_two_belts_keeps_the_feet_apart(data: Callable[[str], Path],
     assert np.abs(found.all("torques") - named.all("torques"))[solved].max() < 5.0
 
 
+def test_a_long_recording_keeps_its_forces(walk: tuple[Model, Markers, Wrenches]) -> None:
+    """Played as fast as it goes, forces wait for their frames, however many come."""
+    model, markers, wrenches = walk
+    lasting = Markers(np.arange(900) / 100.0, markers.names, np.tile(markers.values[:1], (900, 1, 1)))
+    ticks = np.arange(9000) / 1000.0
+    parts = {
+        name: np.tile(getattr(wrenches, name)[1500:1501], (9000, 1, 1)) for name in ("forces", "points", "torques")
+    }
+    kept = played(model, lasting, replace(wrenches, time=ticks, **parts))
+    assert (kept.all("state")[20:] == SOLVED).all()
+
+
 def test_coordinates_can_be_played(data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]) -> None:
     model, _, _ = walk
     motion, wrenches = open_played(model, data(f"{WALK}/coordinates.sto"), data(f"{WALK}/grf_walk.xml"))
