@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import os
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +15,7 @@ from myomorph.model.errors import BadFile
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Emg, Event, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
+from myomorph.study import netcdf
 from myomorph.study import stored as store
 from myomorph.study.results import (
     file_source,
@@ -186,3 +191,25 @@ def test_key_changes_with_what_matters_only():
     assert len({made.key, *(other.key for other in others)}) == 5
     with pytest.raises(ValueError, match="not a provenance"):
         Provenance.from_json("{}")
+
+
+class FillingUp(io.FileIO):
+    """A file on a disk that is soon full."""
+
+    room = 4000
+
+    def write(self, content):
+        if self.room < len(content):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self.room -= len(content)
+        return super().write(content)
+
+
+def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path, monkeypatch):
+    """HDF5 itself may end the process where it cannot write."""
+    monkeypatch.setattr(netcdf, "open", lambda path, mode, buffering: FillingUp(path, "w+"), raising=False)
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)), new_result(tmp_path / "a.nc", "ik") as writer:
+        writer.time(np.arange(1000.0))
+        for number in range(50):
+            writer.put(f"x{number}", ("time",), np.ones(1000), "m", "a value")
+    assert list(tmp_path.iterdir()) == []

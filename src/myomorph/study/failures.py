@@ -45,6 +45,11 @@ def disk_full(error: BaseException, folder: Path) -> bool:
         return False
     if any(f"errno = {number}," in str(error) for number in FULL):
         return True
+    return no_space(folder)
+
+
+def no_space(folder: Path) -> bool:
+    """Whether there is as good as no space left where a folder lies, or will lie."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     try:

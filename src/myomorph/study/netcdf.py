@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,12 +69,80 @@ class NetcdfFile:
             self._file.attrs[name] = text
 
 
+class _Disk:
+    """A file for HDF5, which ends the whole process where a write fails: failures are kept from it and told after.
+
+    Attributes
+    ----------
+    failure : the first, None where all was written
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        # Without a buffer of Python's: what fails must fail here and not when the file is closed.
+        self._file = open(path, "w+b", buffering=0)  # noqa: SIM115 - closed by close
+        self.failure: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        """Write all bytes, or remember why not."""
+        left = memoryview(content)
+        try:
+            while left and self.failure is None:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self.failure = error
+        return len(content)
+
+    def readinto(self, content: Any) -> int:
+        """Read as many bytes as there is place for; none come after the end."""
+        size = self._file.readinto(content) or 0
+        memoryview(content)[size:] = bytes(len(content) - size)
+        return len(content)
+
+    def read(self, size: int = -1) -> bytes:
+        """Bytes from here on; `readinto` is used instead, but this is what tells a file."""
+        return self._file.read(size) or b""
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """The place."""
+        return self._file.tell()
+
+    def truncate(self, size: int | None = None) -> int:
+        """Make the file as long as this."""
+        try:
+            self._file.truncate(size)
+        except OSError as error:
+            self.failure = self.failure or error
+        return self._file.tell() if size is None else size
+
+    def flush(self) -> None:
+        """Nothing: writes are not held back."""
+
+    def close(self) -> None:
+        """Close the file; raises what failed."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self.failure = self.failure or error
+        if self.failure is not None:
+            raise self.failure
+
+
 @contextmanager
 def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
-    """A new file; where an error ends the block, it is left unfinished."""
+    """A new file; where an error ends the block, it is left unfinished.
+
+    Raises
+    ------
+    OSError
+        where not all of it could be written
+    """
     import h5py
 
-    with h5py.File(path, "w", track_order=True) as file:
+    with closing(_Disk(path)) as disk, h5py.File(disk, "w", track_order=True) as file:
         made = NetcdfFile(file)
         yield made
         made.finish()

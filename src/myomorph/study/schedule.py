@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 from myomorph.model.model import Model
-from myomorph.study.failures import failed
+from myomorph.study.failures import failed, no_space
 from myomorph.study.job_work import not_run
 from myomorph.study.jobs import Ended, Job, Key, Outcome, Workers
 
@@ -131,7 +131,8 @@ class _Loop:
             return
         self.running += 1
         self.watcher.started(job)
-        work = partial(job.work, read=read) if read else job.work
+        # Jobs with a model also take the hash of its file, so that they see where it has changed since.
+        work = partial(cast(Any, job.work), read=read) if read else job.work
         self.workers.start(replace(job, work=work), model)
 
     def _take(self, ended: Ended) -> None:
@@ -139,6 +140,9 @@ class _Loop:
         if ended.outcome is not None:
             self._end(job, ended.outcome)
             return
+        if no_space(self.homes[job.key]):
+            # A process that cannot write may end of it: nothing is gained by beginning another.
+            self.full = True
         self.losses[job.key] = self.losses.get(job.key, 0) + 1
         again = self.losses[job.key] < 2 and not self.full
         self.watcher.lost(job, ended.lost, again)
