@@ -51,10 +51,12 @@ def study_page(given: StudyInput) -> str:
         *(_family(given, family) for family in _families(given.conditions)),
         *(_comparison(one, k, given) for k, one in enumerate(given.comparisons)),
         *_outliers(given),
-        _trials(given),
+        *_trials(given),
         *_files(given),
     ]
-    return rendered(page, parts, study_references(), facts=_facts(given), tiles=_tiles(given))
+    return rendered(
+        page, parts, study_references() if given.conditions else (), facts=_facts(given), tiles=_tiles(given)
+    )
 
 
 def _facts(given: StudyInput) -> list[tuple[str, str]]:
@@ -298,12 +300,17 @@ def _outliers(given: StudyInput) -> list[Section]:
     return [Section("outliers", "Outliers", lead, grids=(grid,))]
 
 
-def _trials(given: StudyInput) -> Section:
+def _trials(given: StudyInput) -> list[Section]:
     limits = tuple(title for _, title in SHOWN_LIMITS)
     head = ("Subject", "Trial", "Condition", "Steps", "Frames", *limits, "Unsolved", "Beyond limits", "Warnings")
-    rows = tuple(_trial_row(one) for one in given.trials if one.state == "done")
+    done = given.in_state("done")
+    if not done:
+        return []
+    rows = tuple(_trial_row(one) for one in done)
     lead = "Names of trials lead to their reports. Markers: RMS of the worst frame; residuals and reserves: peaks."
-    return Section("trials", "All trials", lead, grids=(Grid(head, rows, f"{len(rows)} trials", len(rows) > 4 * LONG),))
+    return [
+        Section("trials", "All trials", lead, grids=(Grid(head, rows, f"{len(rows)} trials", len(rows) > 4 * LONG),))
+    ]
 
 
 def _trial_row(one: TrialLine) -> tuple[str | Link, ...]:

@@ -29,6 +29,8 @@ from myomorph.study.trial_signals import LOADED, Signals, signals_of, statistics
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
 OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
 IN_STRIDE = "in a stride"
+UNUSED = ("moment_arm", "coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
+"""Variables of results that no value comes from."""
 VALUE_COLUMNS = ("step", "quantity", "value", "unit")
 QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
 
@@ -55,7 +57,7 @@ def write_trial_values(take: Take, outcome: Outcome) -> None:
     steps = [step for step in outcome.done if step != "report"]
     if set(steps) <= set(outcome.kept) and all((outcome.folder / name).is_file() for name in names):
         return
-    found = read_result(outcome.folder / f"{file_name(take.name)}{STORED}", leave_out=("moment_arm",))
+    found = read_result(outcome.folder / f"{file_name(take.name)}{STORED}", leave_out=UNUSED)
     strides = strides_of(found, take.model)
     told = float(found.facts.get("mass") or 0.0)
     signals = signals_of(found, take.model, told or take.model.mass)
