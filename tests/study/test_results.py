@@ -208,8 +208,13 @@ class FillingUp(io.FileIO):
 def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path, monkeypatch):
     """HDF5 itself may end the process where it cannot write."""
     monkeypatch.setattr(netcdf, "open", lambda path, mode, buffering: FillingUp(path, "w+"), raising=False)
-    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)), new_result(tmp_path / "a.nc", "ik") as writer:
-        writer.time(np.arange(1000.0))
-        for number in range(50):
-            writer.put(f"x{number}", ("time",), np.ones(1000), "m", "a value")
+
+    def write():
+        with new_result(tmp_path / "a.nc", "ik") as writer:
+            writer.time(np.arange(1000.0))
+            for number in range(50):
+                writer.put(f"x{number}", ("time",), np.ones(1000), "m", "a value")
+
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+        write()
     assert list(tmp_path.iterdir()) == []
