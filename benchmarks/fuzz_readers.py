@@ -95,6 +95,7 @@ def _written_again(path: Path) -> Any:
     return write_osim(read_osim(path), path.with_name("written again.osim"))
 
 
+STUDIES = ("study.toml", "study_tables.toml", "study_laboratory.toml")
 TABLES = ("taps.csv", "taps_frames.csv", "taps_spans.csv")
 SETUPS = ("setup_ik.xml", "setup_id.xml", "setup_analyze.xml", "setup_scale.xml")
 LANDMARKS = ("landmarks.json", "landmarks_bodies.json", "landmarks_slicer.json")
@@ -118,7 +119,7 @@ READERS = (
     Reader("pairs of landmarks, CSV", ".csv", read_landmark_pairs, ("pairs.csv",)),
     Reader("landmarks of a skin, CSV", ".csv", read_skin, ("skin.csv",)),
     Reader("picked points, CSV", ".csv", read_picks, ("picks.csv",)),
-    Reader("measures, CSV", ".csv", lambda path: read_measures(path, [], []), ("measures.csv",)),
+    Reader("measures, CSV", ".csv", lambda path: read_measures(path, [], []), ("measures.csv", "people.csv")),
     Reader("names of keypoints, JSON", ".json", read_keypoint_names, ("names.json",)),
     Reader("names of keypoints, YAML", ".yaml", read_keypoint_names, ("names.yaml", "names_stac.yaml")),
     Reader("keypoints, HDF5", ".h5", read_keypoints, guarded=True),
@@ -128,7 +129,7 @@ READERS = (
     Reader("STL", ".stl", read_mesh, ("bone.stl",), "**/*.stl"),
     Reader("PLY", ".ply", read_mesh, ("bone.ply",), "**/*.ply"),
     Reader("VTP", ".vtp", read_mesh, ("bone.vtp",), "**/*.vtp"),
-    Reader("study, TOML", ".toml", read_plan, ("study.toml", "study_tables.toml")),
+    Reader("study, TOML", ".toml", read_plan, STUDIES),
     Reader("contacts, TOML", ".toml", lambda path: read_contacts(path, arm()), ("contacts.toml",)),
     Reader("stairs, TOML", ".toml", lambda path: read_stairs(path, arm()), ("stairs.toml",)),
     Reader("specimens, TOML", ".toml", read_viscosity_plan, ("specimens.toml",)),
