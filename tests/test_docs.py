@@ -25,7 +25,7 @@ def command_lines():
     found = []
     for page in PAGES:
         for block in blocks(page.read_text(encoding="utf-8")):
-            for line in block.splitlines():
+            for line in block.replace("\\\n", " ").splitlines():
                 for part in line.split("&&"):
                     if part.strip().startswith("myomorph "):
                         found.append((page.name, part.strip()))
