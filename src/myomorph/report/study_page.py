@@ -161,7 +161,10 @@ def _described(given: StudyInput) -> list[Section]:
     rest = [one for one in given.described if one not in first]
     grids = [
         Grid(("Quantity", *names), tuple(_described_row(one) for one in part), title, folded)
-        for part, title, folded in ((first, "Strides", False), (rest, f"All {len(rest)} others", True))
+        for part, title, folded in (
+            (first, "Strides", False),
+            (rest, f"All {len(rest)}{' others' if first else ''}", True),
+        )
         if part
     ]
     lead = (
