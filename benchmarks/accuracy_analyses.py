@@ -174,7 +174,7 @@ def rows_of(case: Case, folder: Path) -> Iterator[dict[str, object]]:
             "case": case.name,
             "analysis": analysis,
             "tables": len(files),
-            "alike in names, order and rows": alike,
+            "alike": alike,
             "frames": frames,
             "columns": len(shares),
             "median": float(np.median(shares)),

@@ -20,6 +20,7 @@ from myomorph.study.tools import run_tool
 ROOM = "p/q/r/s"
 """The setup's folder in the copy, so deep that `../../..` stays inside it."""
 
+COLUMNS = ("tables", "alike", "columns", "median", "worst", "where")
 FLOOR = 0.01
 """A column's range counts for no less than this share of the largest of its table."""
 
@@ -179,13 +180,13 @@ def measure_setups(data: Path) -> Iterator[dict[str, object]]:
                 pairs = [(rooms[0] / one, given[target], one) for one, target in named if target in given]
                 against = "table of the collection"
             row |= {"files": len(files), "against": against if pairs or theirs else ""}
-            if pairs:
-                row |= compared(pairs)
+            row |= dict.fromkeys(COLUMNS, "") | (compared(pairs) if pairs else {})
             missing = [one for one in theirs if one not in files and not one.endswith("_controls.xml")]
             row["told"] = "; ".join(
                 one
                 for one in (
                     f"refused: {refused}" if refused else "",
+                    "models: see ScaleTool" if any(one.endswith(".osim") for one in files) else "",
                     f"OpenSim: {failed[:110]}" if failed else "",
                     f"only OpenSim writes {', '.join(Path(one).name for one in missing)}" if missing and files else "",
                 )
@@ -218,7 +219,7 @@ def compared(pairs: list[tuple[Path, Path, str]]) -> dict[str, object]:
             worst = (float(share[k]), f"{table}: {common[k]}")
     return {
         "tables": len(pairs),
-        "alike in names, order and rows": same,
+        "alike": same,
         "columns": columns,
         "median": float(np.median(shares)),
         "worst": worst[0],

@@ -149,7 +149,8 @@ def _fiber_length(s: _Search) -> Array:
         # The velocity follows only now: error and slope of a step are those of the velocity before it.
         slope = s.slope(fiber, f_v)
         f_v = np.where(wanted, s.shared_velocity_factor(fiber, f_v), f_v)
-    return np.where((np.abs(error) < tolerance) | (fiber <= s.shortest), fiber, np.nan)
+    found = np.isfinite(s.length) & ((np.abs(error) < tolerance) | (fiber <= s.shortest))
+    return np.where(found, fiber, np.nan)
 
 
 def _stepped(

@@ -1,0 +1,99 @@
+"""Fibers and elastic tendons: balance of forces and powers, equilibrium, and the rigid tendon as a limit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import BadData
+from myomorph.model.functions import linear
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, Path, PathPoint
+from myomorph.model.spatial import Transform
+from myomorph.muscles.fiber_states import default_states, fiber_states, state_names, without_fibers
+from myomorph.muscles.hill import hill_forces
+
+SIZES = {"max_isometric_force": 950.0, "optimal_fiber_length": 0.09, "tendon_slack_length": 0.21}
+ELASTIC = ("Thelen2003Muscle", "Millard2012EquilibriumMuscle", "DeGrooteFregly2016Muscle")
+LENGTHS = np.linspace(0.28, 0.33, 11)[:, None]
+SPEEDS = np.linspace(-0.2, 0.2, 11)[:, None]
+
+
+def one_muscle(kind, pennation=0.2, **parameters):
+    """A model of one muscle from the ground to a block that slides."""
+    path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
+    muscle = Muscle("m", kind, path, pennation_at_optimal=pennation, parameters=parameters, **SIZES)
+    axis = Axis("translation", np.array([1.0, 0, 0]), linear(1.0), ("x",))
+    joint = Joint(
+        "slider", "SliderJoint", "ground", "block", Transform.identity(), Transform.identity(), (axis,), ("x",)
+    )
+    body = Body("block", 1.0, np.zeros(3), np.eye(3))
+    return Model("sliding", (body,), (joint,), (Coordinate("x", "translational"),), np.zeros(3), muscles=(muscle,))
+
+
+def states_of(kind, activation=0.4):
+    """States of the muscle that are not in balance."""
+    last = "normalized_tendon_force" if kind.startswith("DeGroote") else "fiber_length"
+    values = np.linspace(0.1, 0.9, 11) if kind.startswith("DeGroote") else np.linspace(0.075, 0.1, 11)
+    return {("m", "activation"): np.full(11, activation), ("m", last): values}
+
+
+@pytest.mark.parametrize("kind", ELASTIC)
+def test_fibers_pull_what_the_tendon_pulls(kind):
+    found, _ = fiber_states(one_muscle(kind), LENGTHS, SPEEDS, states_of(kind))
+    along = found.fiber_force * np.cos(found.pennation)
+    np.testing.assert_allclose(along, found.tendon_force, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(found.active_force + found.passive_force, found.fiber_force, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(found.fiber_length * np.cos(found.pennation) + found.tendon_length, LENGTHS, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ELASTIC)
+def test_powers_of_fibers_and_tendon_are_the_muscles(kind):
+    found, _ = fiber_states(one_muscle(kind), LENGTHS, SPEEDS, states_of(kind))
+    parts = found.active_power + found.passive_power + found.tendon_power
+    np.testing.assert_allclose(parts, found.muscle_power, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ELASTIC)
+def test_equilibrium_stands_still_where_the_path_does(kind):
+    model, rest = one_muscle(kind), np.zeros_like(LENGTHS)
+    found, states = fiber_states(model, LENGTHS, rest, {("m", "activation"): np.full(11, 0.5)}, balanced=True)
+    assert found.in_balance.all()
+    assert np.abs(found.normalized_velocity).max() < 1e-6
+    again, _ = fiber_states(model, LENGTHS, rest, states)
+    np.testing.assert_array_equal(again.tendon_force, found.tendon_force)
+    assert found.tendon_force.min() > 100.0
+
+
+def test_a_rigid_tendon_gives_the_rigid_tendons_forces():
+    model = one_muscle("Millard2012EquilibriumMuscle", ignore_tendon_compliance=1.0, fiber_damping=0.0)
+    found, _ = fiber_states(model, LENGTHS, SPEEDS, {("m", "activation"): np.full(11, 0.3)})
+    rigid = hill_forces(model, LENGTHS, SPEEDS)
+    np.testing.assert_allclose(found.tendon_force, 0.3 * rigid.active + rigid.passive, rtol=1e-9)
+    assert state_names(model.muscles[0]) == ("activation",)
+
+
+def test_stiff_tendons_come_near_rigid_ones():
+    """A tendon of 1 % of the usual strain: forces of the equilibrium at rest within 1 % of the rigid tendon's."""
+    stiff = one_muscle("Millard2012EquilibriumMuscle", **{"TendonForceLengthCurve/strain_at_one_norm_force": 4.9e-4})
+    rest, states = np.zeros_like(LENGTHS), {("m", "activation"): np.full(11, 0.5)}
+    found, _ = fiber_states(stiff, LENGTHS, rest, states, balanced=True)
+    rigid = hill_forces(stiff, LENGTHS, rest)
+    np.testing.assert_allclose(found.tendon_force, 0.5 * rigid.active + rigid.passive, rtol=0.01)
+
+
+def test_where_no_equilibrium_is_found_the_given_length_stands():
+    model = one_muscle("Thelen2003Muscle")
+    nowhere = np.array([[np.nan], [0.3]])
+    found, states = fiber_states(model, nowhere, np.zeros((2, 1)), balanced=True)
+    assert found.in_balance.ravel().tolist() == [False, True]
+    assert states["m", "fiber_length"][0] == default_states(model)["m", "fiber_length"]
+
+
+def test_classes_that_are_not_built_are_named():
+    model = one_muscle("Schutte1993Muscle_Deprecated")
+    assert without_fibers(model) == ("Schutte1993Muscle_Deprecated",)
+    with pytest.raises(BadData, match="fibers of Schutte1993Muscle_Deprecated are not built"):
+        fiber_states(model, LENGTHS, SPEEDS)
+    with pytest.raises(BadData, match=r"expected lengths and speeds of shape \(frames, 1\)"):
+        fiber_states(one_muscle("Thelen2003Muscle"), LENGTHS, SPEEDS[:, :0])
