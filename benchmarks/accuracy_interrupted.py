@@ -241,6 +241,7 @@ def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
         cluster.scheduler(hosts[names[0]], names[0])
         for name in names[1:]:
             cluster.worker(name, hosts[name], name)
+        cluster.await_workers(2)
         process = begin(study, out, "--scheduler", cluster.address)
         reached = _until(lambda: ended(out) >= len(list(reference.glob("*/*/*.nc"))) // 3, process)
         cut_off(names[2])

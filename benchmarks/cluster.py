@@ -56,17 +56,12 @@ class Cluster:
         size = ("--nthreads", "1", "--nworkers", "1", "--memory-limit", memory, "--no-dashboard")
         self._run(name, ("-m", "distributed.cli.dask_worker", self.address, *place, *size), namespace)
 
-    def working(self, name: str) -> psutil.Process | None:
-        """The process that a worker's nanny has started last, None where there is none now."""
-        with suppress(psutil.Error):
-            nanny = psutil.Process(self.processes[name].pid)
-            found = [one for one in nanny.children(recursive=True) if "spawn_main" in " ".join(one.cmdline())]
-            return max(found, key=lambda one: one.create_time(), default=None)
-        return None
+    def await_workers(self, count: int) -> None:
+        """Wait until so many workers have come."""
+        from distributed import Client
 
-    def said(self, name: str) -> str:
-        """What a process has written."""
-        return (self.folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+        with Client(self.address, timeout=2 * START, set_as_default=False) as client:
+            client.wait_for_workers(count, timeout=2 * START)
 
     def end(self) -> None:
         """End all processes and what they have started."""

@@ -77,6 +77,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         made.scheduler()
         made.worker("one")
         made.worker("two", host="127.0.0.2" if os.name == "posix" and os.uname().sysname == "Linux" else "127.0.0.1")
+        made.await_workers(2)
         yield made
 
 
@@ -285,6 +286,7 @@ def test_a_study_ends_where_the_scheduler_goes(tmp_path: Path, monkeypatch: pyte
     with cluster_in(tmp_path / "brief", HERE) as brief:
         brief.scheduler()
         brief.worker("one")
+        brief.await_workers(1)
         workers = DaskWorkers(brief.address, tmp_path, patience=30.0)
         workers._client._timeout = 2.0
         workers.start(Job(("s", "left"), partial(take_long, tmp_path, "left")), None)
