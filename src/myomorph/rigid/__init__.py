@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
-from myomorph.rigid.cache import forget_other_versions
+from myomorph.rigid.cache import forget_other_versions, save_in_turns
 
+save_in_turns()
 forget_other_versions(Path(__file__).resolve().parents[1])
