@@ -80,10 +80,22 @@ def write_study(home: Path, trials: int, few: int = 4) -> Path:
 
 @dataclass
 class Memory:
-    """Resident memory of this process and of its workers, at several times [bytes]."""
+    """Resident memory of this process and of its largest worker, at several times [bytes]."""
 
+    times: list[float] = field(default_factory=list)
     own: list[int] = field(default_factory=list)
     workers: list[int] = field(default_factory=list)
+
+    def rows(self, last: float) -> Row:
+        """Memory when a fifth and when all of the trials had ended [MB], before the tables of the study are made."""
+        count = sum(1 for time in self.times if time <= last)
+        told: Row = {}
+        for name, taken in (("this process", self.own[:count]), ("a worker", self.workers[:count])):
+            if taken:
+                told[f"{name}, early [MB]"] = taken[count // 5] / MB
+                told[f"{name}, end [MB]"] = taken[-1] / MB
+                told[f"{name}, most [MB]"] = max(taken) / MB
+        return told
 
 
 @contextmanager
@@ -98,6 +110,7 @@ def watched(hands: LocalWorkers) -> Iterator[Memory]:
             except psutil.Error:
                 continue
             if len(taken) == hands.count:
+                memory.times.append(time.perf_counter())
                 memory.own.append(psutil.Process().memory_info().rss)
                 memory.workers.append(max(taken))
 
@@ -139,18 +152,5 @@ def measured(study: Path, out: Path, count: int, few: bool = False) -> Row:
         "of that its steps [ms]": 1e3 * steps,
         "beside its steps [ms]": 1e3 * (count * took / left - steps),
         "this process [ms a trial]": 1e3 * parent / len(outcomes),
-        **_memory("this process", memory.own),
-        **_memory("a worker", memory.workers),
-    }
-
-
-def _memory(name: str, taken: list[int]) -> Row:
-    """Memory after a fifth of the run and at its end [MB], and the most."""
-    if not taken:
-        return {}
-    early = taken[len(taken) // 5]
-    return {
-        f"{name}, early [MB]": early / MB,
-        f"{name}, end [MB]": taken[-1] / MB,
-        f"{name}, most [MB]": max(taken) / MB,
+        **memory.rows(ends[-1]),
     }

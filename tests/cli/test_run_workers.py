@@ -1,0 +1,55 @@
+"""`myomorph run`: workers of this machine, what is taken over, and what is refused in one line."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+STUDY = """
+[study]
+name = "reaching"
+[[subject]]
+name = "s01"
+model = "arm.osim"
+trials = ["reach.trc", "again.trc"]
+steps = ["ik"]
+"""
+
+
+@pytest.fixture
+def study(arm):
+    (arm.folder / "again.trc").write_text((arm.folder / "reach.trc").read_text())
+    path = arm.folder / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_workers_and_again(arm, study, command):
+    first = command("run", study, "--out", arm.out, "--workers", 2, "--memory", 2)
+    assert (first.status, first.err) == (0, "")
+    assert "2 of 2 trials done" in first.out
+    assert "2 workers, 1.86 GiB of memory each" in (arm.out / "study.log").read_text(encoding="utf-8")
+    with (arm.out / "results.csv").open(newline="", encoding="utf-8") as stream:
+        assert [row["trial"] for row in csv.DictReader(stream)] == ["reach", "again"]
+    text = study.read_text() + "[options.ik]\ntolerance = 1e-5\n"
+    study.write_text(text)
+    second = command("run", study, "--out", arm.out, "--workers", 1)
+    assert second.status == 0
+    assert "(again, because ik.tolerance " in second.out
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (("--workers", 0), "workers 0: expected 1 or more"),
+        (("--memory", 0.001), "less holds no model"),
+        (("--fresh", "--resume"), "--resume and --fresh exclude each other"),
+    ],
+)
+def test_what_is_refused(arm, study, command, given, told):
+    found = command("run", study, "--out", arm.out, *given)
+    assert found.status == 2
+    assert told in found.err
+    assert found.err.count("\n") == 1
+    assert not arm.out.exists()
