@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -76,7 +77,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     with cluster_in(tmp_path_factory.mktemp("cluster"), HERE) as made:
         made.scheduler()
         made.worker("one")
-        made.worker("two", host="127.0.0.2" if os.name == "posix" and os.uname().sysname == "Linux" else "127.0.0.1")
+        made.worker("two", host="127.0.0.2" if sys.platform == "linux" else "127.0.0.1")
         made.await_workers(2)
         yield made
 
