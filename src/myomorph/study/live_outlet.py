@@ -60,8 +60,11 @@ class LabOutlet:
         self._row[:n], self._row[n : 2 * n], self._row[2 * n :] = (
             frame.coordinates, frame.torques, frame.tension.activations
         )  # fmt: skip
-        age = self._source.age(frame.time)
-        stamp = self._lsl.local_clock() - (age if np.isfinite(age) else 0.0)
+        # A stream's frames have its clock already; those of a recording were due some time ago.
+        stamp = frame.time
+        if self._source.duration is not None:
+            age = self._source.age(frame.time)
+            stamp = self._lsl.local_clock() - (age if np.isfinite(age) else 0.0)
         self._outlet.push_sample(self._row, stamp - self._delay)
 
     def close(self) -> None:
