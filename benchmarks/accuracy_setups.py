@@ -99,7 +99,7 @@ NEEDS = {
     ),
     f"{SMALL}arm26_Setup_StaticOptimization.xml": Needs(
         expected=tuple(
-            (f"arm26_StaticOptimization_{kind}.sto", f"{SMALL}std_arm26_StaticOptimization_{kind}.sto")
+            (f"arm26_StaticOptimization_{kind}.sto", f"{SMALL}std_Thelen2003Muscle_arm26_StaticOptimization_{kind}.sto")
             for kind in ("activation", "force")
         )
     ),

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.io.tool_setups import Analysis
 from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Actuator
 from myomorph.model.passive_parts import PassiveTorque
 from myomorph.model.series import Series, Table
 from myomorph.model.spatial import Array
 from myomorph.muscles.fiber_states import state_names
+from myomorph.rigid.body_motion import BodyMotion, body_motion
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -32,7 +35,7 @@ def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[st
     forces = here.forces
     if forces is None:
         raise BadData(f"{analysis.name}: model '{here.model.name}' has no muscles and no actuators")
-    speeds, notes = _speeds(here, forces.names)
+    speeds = _speeds(here, forces.names)
     # OpenSim's speed of a muscle is that of its lengthening.
     signs = np.array([-1.0 if name in here.model.muscle_names else 1.0 for name in forces.names])
     found = {"force": forces.values, "speed": speeds, "power": signs * forces.values * speeds}
@@ -41,26 +44,48 @@ def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[st
         name: Table(here.motion.time, forces.names, values, facts=MappingProxyType({"name": titles[name]}))
         for name, values in found.items()
     }
-    return tables, f"actuation: {len(here.motion)} frames, {len(forces.names)} actuators", notes
+    return tables, f"actuation: {len(here.motion)} frames, {len(forces.names)} actuators", ()
 
 
-def _speeds(here: Analyzed, names: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
+def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
     """How fast muscles lengthen and actuators move, (frames, actuators) [m/s or rad/s]."""
-    model = here.model
+    model, tree = here.model, compile_tree(here.model)
     found = np.full((len(here.motion), len(names)), np.nan)
-    _, rates, _ = motion_arrays(compile_tree(model), here.motion)
-    kinds = {one.name: one for one in (*model.actuators, *here.actuators)}
-    unknown = []
+    arrays = motion_arrays(tree, here.motion)
+    actuators = {one.name: one for one in (*model.actuators, *here.actuators)}
+    moved: BodyMotion | None = None
     for k, name in enumerate(names):
         if name in model.muscle_names:
             assert here.paths.velocities is not None
             found[:, k] = here.paths.velocities[:, model.muscle_names.index(name)]
-        elif kinds[name].kind == "coordinate":
-            found[:, k] = rates[:, model.coordinate_names.index(kinds[name].coordinate)]
+        elif actuators[name].kind == "coordinate":
+            found[:, k] = arrays[1][:, model.coordinate_names.index(actuators[name].coordinate)]
         else:
-            unknown.append(name)
-    notes = (f"speeds of {', '.join(unknown)} are NaN, as in OpenSim: they act on bodies",) if unknown else ()
-    return found, notes
+            moved = body_motion(tree, *arrays) if moved is None else moved
+            found[:, k] = _speed_on_bodies(actuators[name], moved, tree.body_index)
+    return found
+
+
+def _speed_on_bodies(one: Actuator, moved: BodyMotion, numbers: Mapping[str, int]) -> Array:
+    """OpenSim's speed of an actuator between bodies: of a point without sign, of a torque about its axis in ground."""
+    body, other = (numbers[name or GROUND] for name in (one.body, one.other_body))
+    if one.kind == "torque":
+        axis = one.direction / (np.linalg.norm(one.direction) or 1.0)
+        turning = moved.angular_velocities[:, body] - moved.angular_velocities[:, other]
+        return np.asarray(turning @ axis)
+
+    def place(number: int, point: Array) -> tuple[Array, Array]:
+        arm = point - moved.origins[:, number] if one.point_is_global else moved.rotations[:, number] @ point
+        return moved.origins[:, number] + arm, moved.velocities[:, number] + np.cross(
+            moved.angular_velocities[:, number], arm
+        )
+
+    at, velocity = place(body, one.point)
+    if one.kind == "point":
+        return np.asarray(np.linalg.norm(velocity, axis=1))
+    end, back = place(other, one.other_point)
+    apart = at - end
+    return np.asarray(np.einsum("fi,fi->f", velocity - back, apart) / np.linalg.norm(apart, axis=1))
 
 
 def reported_forces(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
