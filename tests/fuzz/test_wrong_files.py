@@ -27,9 +27,9 @@ def tried(folder: Path, examples: int) -> None:
 
 
 def test_a_few_wrong_files(tmp_path: Path) -> None:
-    tried(tmp_path, 20)
+    tried(tmp_path, 10)
 
 
 @pytest.mark.long
 def test_many_wrong_files(tmp_path: Path) -> None:
-    tried(tmp_path, 300)
+    tried(tmp_path, 40)

@@ -26,7 +26,7 @@ trials = ["{trial}"]
 steps = ["ik", "id", "report"]
 """
 
-FOLDERS = ["with  blanks ", "Ärzte für 歩行", "100% [x] {y} $HOME ~ #1 'q' ;&", "-o", "n" * 120]
+FOLDERS = ["Ärzte für  歩行 ", "100% [x] {y} $HOME ~ #1 'q' ;&", "-" + "n" * 120]
 
 
 @pytest.mark.parametrize("name", FOLDERS)
