@@ -114,8 +114,8 @@ def machines(names: tuple[str, ...]) -> Iterator[dict[str, str]]:
 
     This process is on the switch, too, at 10.77.0.1. `cut_off` takes one of them off it.
     """
-    run = _commands
-    bridge = "myobr0"
+    run, bridge = _commands, "myobr0"
+    _remove(names, bridge)  # what a run that was killed has left
     try:
         run(f"ip link add {bridge} type bridge", f"ip addr add 10.77.0.1/24 dev {bridge}", f"ip link set {bridge} up")
         for i, name in enumerate(names):
@@ -129,9 +129,13 @@ def machines(names: tuple[str, ...]) -> Iterator[dict[str, str]]:
             )
         yield {name: f"10.77.0.{i + 2}" for i, name in enumerate(names)}
     finally:
-        links = [bridge, *(f"myo{i}" for i in range(len(names)))]
-        for text in (*(f"ip link del {link}" for link in links), *(f"ip netns del {name}" for name in names)):
-            subprocess.run(text.split(), capture_output=True)
+        _remove(names, bridge)
+
+
+def _remove(names: tuple[str, ...], bridge: str) -> None:
+    links = [bridge, *(f"myo{i}" for i in range(len(names)))]
+    for text in (*(f"ip link del {link}" for link in links), *(f"ip netns del {name}" for name in names)):
+        subprocess.run(text.split(), capture_output=True)
 
 
 def cut_off(name: str) -> None:
