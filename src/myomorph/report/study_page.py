@@ -20,7 +20,7 @@ from myomorph.report.page import Tile, rendered
 from myomorph.report.references import study_references
 from myomorph.report.section import Figure, Grid, Link, Section
 from myomorph.report.selection import COORDINATE_ORDER, major_muscles
-from myomorph.report.study_given import Described, Outlier, StudyInput, TrialLine
+from myomorph.report.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
 
 MOST_OPEN, MOST_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
@@ -71,18 +71,23 @@ def _title(one: Condition) -> str:
     return one.name or "all trials"
 
 
+def _whole_trials(given: StudyInput, state: TrialState) -> tuple[TrialLine, ...]:
+    """Trials in a state, without the lines of steps that are about a whole subject."""
+    return tuple(one for one in given.in_state(state) if one.trial)
+
+
 def _counted(given: StudyInput) -> str:
-    parts = [f"{len(given.in_state('done'))} done"]
-    for state in ("failed", "left out"):
-        own = given.in_state(state)
+    parts = [f"{len(_whole_trials(given, 'done'))} done"]
+    for state, own in (("failed", _whole_trials(given, "failed")), ("left out", given.in_state("left out"))):
         parts += [f"{len(own)} {state}"] if own else []
     return ", ".join(parts)
 
 
 def _tiles(given: StudyInput) -> list[Tile]:
-    done, failed = given.in_state("done"), given.in_state("failed")
+    done, failed = _whole_trials(given, "done"), _whole_trials(given, "failed")
     over = sum(one.over > 0 for one in done)
-    tiles = [Tile(f"{len(done)} / {len(done) + len(failed)}", "trials done", "over" if failed else "ok")]
+    state = "over" if given.in_state("failed") else "ok"
+    tiles = [Tile(f"{len(done)} / {len(done) + len(failed)}", "trials done", state)]
     if any(one.judged for one in done):
         tiles.append(
             Tile(f"{over} of {len(done)}", "trials with a quantity beyond its limit", "note" if over else "ok")
