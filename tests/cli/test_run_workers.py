@@ -6,6 +6,8 @@ import csv
 
 import pytest
 
+from myomorph.study.local_workers import InProcess
+
 STUDY = """
 [study]
 name = "reaching"
@@ -53,3 +55,16 @@ def test_what_is_refused(arm, study, command, given, told):
     assert told in found.err
     assert found.err.count("\n") == 1
     assert not arm.out.exists()
+
+
+def test_threads_are_those_of_each_process(arm, study, command, monkeypatch):
+    given = []
+
+    def workers(*told):
+        given.append(told)
+        return InProcess()
+
+    monkeypatch.setenv("MYOMORPH_THREADS", "1")
+    monkeypatch.setattr("myomorph.study.local_workers.local_workers", workers)
+    assert command("run", study, "--out", arm.out, "--workers", 2, "--threads", 3).status == 0
+    assert given == [(2, None, 2, 3)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,6 +13,7 @@ from myomorph.cli.options import OutFolder, Threads, use_threads
 from myomorph.cli.output import said
 
 if TYPE_CHECKING:
+    from myomorph.study.jobs import Outcome
     from myomorph.study.plan import Plan
 
 BAD_INPUT, OUR_FAULT = 2, 1
@@ -114,11 +116,10 @@ def run_command(
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
     from myomorph.model.errors import BadData
-    from myomorph.study.jobs import Outcome, Workers
+    from myomorph.study.jobs import Workers
     from myomorph.study.local_workers import local_workers
     from myomorph.study.plan import read_plan
     from myomorph.study.run import run_study
-    from myomorph.study.schedule import FULL
 
     if resume and fresh:
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
@@ -133,11 +134,11 @@ def run_command(
         return _dry_run(plan, out, fresh, 1 if scheduler else workers)
 
     def told(outcome: Outcome) -> None:
-        name = f"{outcome.subject}/{outcome.trial}".strip("/") or "tables of the study"
+        name = _named(outcome)
         if outcome.error:
             said(f"{name}: FAILED in {outcome.error}")
             return
-        kept = f" ({len(outcome.kept)} steps unchanged)" if outcome.kept else ""
+        kept = f" ({len(outcome.kept)} step{'s' if len(outcome.kept) != 1 else ''} unchanged)" if outcome.kept else ""
         again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
         if not outcome.trial:
             said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
@@ -155,14 +156,32 @@ def run_command(
         for text in cluster.refused.values():
             said(f"{text}; it gets no work")
     else:
-        hands = local_workers(workers, None if memory is None else int(memory * 1e9), jobs)
+        hands = local_workers(workers, None if memory is None else int(memory * 1e9), jobs, threads)
     outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=told)
+    return _ended(outcomes, out)
+
+
+def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
+    """Say what a run came to, where its results are and what failed where; the exit status."""
+    from myomorph.study.schedule import FULL
+    from myomorph.study.study_tables import PAGE
+
     trials = [one for one in outcomes if one.trial]
-    done = sum(1 for one in trials if not one.error)
-    said(f"{done} of {len(trials)} trials done; table: {out / 'results.csv'}")
+    failed = [one for one in outcomes if one.error]
+    said(f"{sum(1 for one in trials if not one.error)} of {len(trials)} trials done; table: {out / 'results.csv'}")
     full = sum(1 for one in trials if one.error.startswith("not run:") and FULL in one.error)
     if full:
         said(f"{full} trials were not run: {FULL}")
+    if failed:
+        names = [_named(one) for one in failed[:MOST_REMARKS]]
+        more = f" and {len(failed) - len(names)} more" if len(failed) > len(names) else ""
+        said(f"failed: {', '.join(names)}{more}; why stands in results.csv and study.log")
+    if (out / PAGE).is_file() and not any(one.error for one in outcomes if not one.subject):
+        said(f"page: {(out / PAGE).resolve()}")
     if any(one.fault for one in outcomes):
         return OUR_FAULT
-    return BAD_INPUT if any(one.error for one in outcomes) else 0
+    return BAD_INPUT if failed else 0
+
+
+def _named(outcome: Outcome) -> str:
+    return f"{outcome.subject}/{outcome.trial}".strip("/") or "tables of the study"

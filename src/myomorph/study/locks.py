@@ -173,7 +173,10 @@ def folder_lock(folder: Path, mark: RunMark | None = None, patience: float = PAT
 
 
 def _let_go(lock: FileLock) -> None:
-    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it before."""
+    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it before.
+
+    Whoever waits for a file that is removed meanwhile sees that and begins anew: filelock does so since 3.24.
+    """
     path = Path(lock.lock_file)
     try:
         path.unlink(missing_ok=True)
