@@ -29,7 +29,20 @@ STEPS = 64
 
 @dataclass(frozen=True, eq=False)
 class Fibers:
-    """One muscle over time, every array (frames,); see `fiber_states.FiberStates`."""
+    """One muscle over time, every array (frames,); several muscles are a `fiber_states.FiberStates`.
+
+    Attributes
+    ----------
+    activation : as the class clamps it
+    fiber_length, tendon_length : [m]
+    pennation : angle between fibers and tendon [rad]
+    fiber_velocity : lengthening [m/s]
+    normalized_velocity : by the maximum contraction velocity
+    pennation_velocity : [rad/s]
+    active_force, passive_force, fiber_force : along the fibers [N]
+    tendon_force : along the tendon, what the muscle pulls with [N]
+    active_power, passive_power, tendon_power, muscle_power : positive where force does work on the outside [W]
+    """
 
     activation: Array
     fiber_length: Array

@@ -31,39 +31,15 @@ ACTIVATION, FIBER_LENGTH, TENDON_FORCE = "activation", "fiber_length", "normaliz
 
 
 @dataclass(frozen=True, eq=False)
-class FiberStates:
+class FiberStates(Fibers):
     """Fibers and tendons over time, every array (frames, muscles).
 
     Attributes
     ----------
-    activation : as the class clamps it
-    fiber_length, tendon_length : [m]
-    pennation : angle between fibers and tendon [rad]
-    fiber_velocity : lengthening [m/s]
-    normalized_velocity : by the maximum contraction velocity
-    pennation_velocity : [rad/s]
-    active_force, passive_force, fiber_force : along the fibers [N]
-    tendon_force : along the tendon, what the muscle pulls with [N]
-    active_power, passive_power, tendon_power, muscle_power : positive where force does work on the outside [W]
     in_balance : False where equilibrium was asked for and none was found
     """
 
     muscles: tuple[str, ...]
-    activation: Array
-    fiber_length: Array
-    tendon_length: Array
-    pennation: Array
-    fiber_velocity: Array
-    normalized_velocity: Array
-    pennation_velocity: Array
-    active_force: Array
-    passive_force: Array
-    fiber_force: Array
-    tendon_force: Array
-    active_power: Array
-    passive_power: Array
-    tendon_power: Array
-    muscle_power: Array
     in_balance: np.ndarray
 
     def __post_init__(self) -> None:
@@ -153,7 +129,7 @@ def fiber_states(
         columns.append(fibers_of(model, m, lengths[:, m], speeds[:, m], a, state))
     names = [one.name for one in fields(Fibers)]
     stacked = {name: _stacked([getattr(one, name) for one in columns], len(lengths)) for name in names}
-    return FiberStates(model.muscle_names, in_balance=in_balance, **stacked), given
+    return FiberStates(**stacked, muscles=model.muscle_names, in_balance=in_balance), given
 
 
 def _stacked(columns: list[Array], frames: int) -> Array:

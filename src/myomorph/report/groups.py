@@ -324,19 +324,38 @@ def _curves(
 
 
 def _curve(family: str, name: str, one: Array, other: Array, p: Array, options: GroupOptions) -> CurveDifference:
-    difference, low, high = _welch(one, other, options.confidence)
     g = hedges_g(one, other)
+    bounds = g_curve_interval(g, len(one), len(other), options.confidence)
+    return curve_difference(
+        (family, name), one, other, _welch(one, other, options.confidence), (g, *bounds), p, options
+    )
+
+
+def curve_difference(
+    named: tuple[str, str],
+    one: Array,
+    other: Array,
+    difference: tuple[Array, Array, Array],
+    effect: tuple[Array, Array, Array],
+    p: Array,
+    options: GroupOptions,
+) -> CurveDifference:
+    """A curve of two groups or conditions beside each other.
+
+    Parameters
+    ----------
+    named : family and name
+    one, other : (animals, samples)
+    difference, effect : (samples,) each, with its lower and its upper bound
+    p : (samples,) corrected
+    """
     return CurveDifference(
-        family,
-        name,
+        *named,
         band(one, options.confidence),
         band(other, options.confidence),
         (one, other),
-        difference,
-        low,
-        high,
-        g,
-        *g_curve_interval(g, len(one), len(other), options.confidence),
+        *difference,
+        *effect,
         p,
         regions(p < options.alpha),
     )

@@ -10,7 +10,6 @@ from scipy.stats import t as student
 
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
-from myomorph.report.cycles import band
 from myomorph.report.groups import (
     Animal,
     Comparison,
@@ -19,8 +18,8 @@ from myomorph.report.groups import (
     GroupOptions,
     ScalarDifference,
     common_names,
+    curve_difference,
     described,
-    regions,
 )
 from myomorph.report.permutations import (
     FEWEST,
@@ -144,19 +143,8 @@ def _curves(pairs: Pairs, options: GroupOptions, tested: bool, notes: list[str])
 
 
 def _curve(family: str, name: str, one: Array, other: Array, p: Array, options: GroupOptions) -> CurveDifference:
-    difference, low, high = _interval(one - other, options.confidence)
     g = paired_g(one - other)
-    return CurveDifference(
-        family,
-        name,
-        band(one, options.confidence),
-        band(other, options.confidence),
-        (one, other),
-        difference,
-        low,
-        high,
-        g,
-        *paired_g_curve_interval(g, len(one), options.confidence),
-        p,
-        regions(p < options.alpha),
+    bounds = paired_g_curve_interval(g, len(one), options.confidence)
+    return curve_difference(
+        (family, name), one, other, _interval(one - other, options.confidence), (g, *bounds), p, options
     )
