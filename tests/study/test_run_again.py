@@ -222,3 +222,10 @@ def test_the_log_and_the_times(arm):
     assert [row["step"] for row in rows if row["trial"] == "reach0"] == ["ik", "id", "id"]
     assert {row["frames"] for row in rows} == {"61"}
     assert all(float(row["seconds"]) >= 0.0 for row in rows)
+
+
+def test_steps_held_in_memory_give_the_same_bytes(arm, dated, tmp_path, monkeypatch):
+    run(arm, out=tmp_path / "held", steps=ALL)
+    monkeypatch.setattr(module, "HELD_FRAMES", 0)
+    run(arm, out=tmp_path / "written", steps=ALL)
+    assert contents(tmp_path / "held") == contents(tmp_path / "written")

@@ -7,7 +7,7 @@ recording takes longer than the recording's steps.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +25,7 @@ class NetcdfFile:
 
     def __init__(self, file: Any):
         self._file = file
+        self._write_text = _texts_of()
         self.dimensions: dict[str, int] = {}
         self._variables: dict[str, tuple[Any, tuple[str, ...]]] = {}
         self.attributes: dict[str, str] = {}
@@ -49,6 +50,14 @@ class NetcdfFile:
         self._variables[name] = (made, dimensions)
         return made
 
+    def tell(self, variable: Any, told: Mapping[str, Any]) -> None:
+        """Write attributes of a variable that was made just now."""
+        for name, value in told.items():
+            if isinstance(value, str):
+                self._write_text(variable, name, value)
+            else:
+                variable.attrs[name] = value
+
     def finish(self) -> None:
         """Make the dimensions, let the variables refer to them, and write the attributes."""
         scales = {}
@@ -66,7 +75,19 @@ class NetcdfFile:
                 for axis, dimension in enumerate(dimensions):
                     variable.dims[axis].attach_scale(scales[dimension])
         for name, text in self.attributes.items():
-            self._file.attrs[name] = text
+            self._write_text(self._file, name, text)
+
+
+def _texts_of() -> Callable[[Any, str, str], None]:
+    """A function that writes a new attribute, as the library does, but without looking for it first: there are many."""
+    import h5py
+
+    kind, space = h5py.h5t.py_create(h5py.string_dtype(), logical=True), h5py.h5s.create(h5py.h5s.SCALAR)
+
+    def write(owner: Any, name: str, text: str) -> None:
+        h5py.h5a.create(owner.id, name.encode(), kind, space).write(np.array(text, dtype=object))
+
+    return write
 
 
 class _Disk:
@@ -194,7 +215,7 @@ class NetcdfSource:
             references = tuple(first for first, *_ in attributes.get("DIMENSION_LIST", ()))
             yield NetcdfVariable(name, values, told, references, as_text(attributes.get("CLASS", "")) == SCALE)
 
-    def dimensions(self, variable: NetcdfVariable) -> tuple[str, ...]:
+    def dimensions_of(self, variable: NetcdfVariable) -> tuple[str, ...]:
         """Names of a variable's dimensions."""
         if variable.is_scale and not variable.references:
             return (variable.name,)

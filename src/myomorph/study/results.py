@@ -6,6 +6,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,12 +21,19 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.spatial import Array
-from myomorph.study.netcdf import NetcdfFile, NetcdfVariable, as_text, new_netcdf, open_netcdf
+from myomorph.study.netcdf import NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
+from myomorph.study.netcdf_memory import HeldFile
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
 STEP = "step"
 BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
+WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
+"""What every result file tells first."""
+SETTLED = 10.0
+"""A file is taken to be the same while its size and times are, if it has not been touched for so long [s]."""
+LARGE, MOST_HASHES = 1 << 16, 256
+_HASHES: dict[tuple[int, ...], str] = {}
 
 
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
@@ -36,14 +44,29 @@ def file_source(role: str, path: str | os.PathLike[str]) -> Source:
     BadFile
         where it cannot be read
     """
-    digest = hashlib.sha256()
     try:
-        with open(path, "rb") as stream:
-            for block in iter(lambda: stream.read(1 << 20), b""):
-                digest.update(block)
+        return Source(role, str(path), _hash_of(path))
     except OSError as error:
         raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-    return Source(role, str(path), digest.hexdigest())
+
+
+def _hash_of(path: str | os.PathLike[str]) -> str:
+    """Hash of a file's bytes; a large file that has not been touched since is read only once."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as stream:
+        told = os.fstat(stream.fileno())
+        look = (told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns)
+        # One that was written just now could be written again without its time telling.
+        settled = time.time() - max(told.st_mtime, told.st_ctime) > SETTLED
+        if settled and look in _HASHES:
+            return _HASHES[look]
+        for block in iter(lambda: stream.read(1 << 20), b""):
+            digest.update(block)
+    if settled and told.st_size > LARGE:
+        while len(_HASHES) >= MOST_HASHES:
+            _HASHES.pop(next(iter(_HASHES)), None)
+        _HASHES[look] = digest.hexdigest()
+    return digest.hexdigest()
 
 
 def value_source(role: str, name: str, *values: object) -> Source:
@@ -79,9 +102,9 @@ def made_at() -> str:
 
 
 class ResultWriter:
-    """An open NetCDF file that takes named values; made by `new_result`."""
+    """An open NetCDF file that takes named values, made by `new_result`, or one that is held in memory."""
 
-    def __init__(self, file: NetcdfFile, step: str = ""):
+    def __init__(self, file: NetcdfFile | HeldFile, step: str = ""):
         self._file, self._step = file, step
 
     def has(self, name: str) -> bool:
@@ -122,8 +145,7 @@ class ResultWriter:
             limits = (BLOCK_ROWS, *(BLOCK_COLUMNS,) * (len(shape) - 1))
             chunks = tuple(min(size, limit) for size, limit in zip(shape, limits, strict=True))
         variable = self._file.variable(name, dimensions, kind, chunks=chunks)
-        for key, value in told.items():
-            variable.attrs[key] = value
+        self._file.tell(variable, told)
         return variable
 
     def put(self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str) -> None:
@@ -145,14 +167,18 @@ class ResultWriter:
     def copy(self, path: Path, steps: Sequence[str]) -> None:
         """Take over what some steps wrote into another result, block by block, unless it is here already."""
         with open_netcdf(path) as other:
-            for one in other.variables():
-                made_by = as_text(one.told.get(STEP, ""))
-                if one.name not in self._file and (not made_by or made_by in steps):
-                    self._copy_variable(one, other.dimensions(one))
-            for name, value in other.attributes.items():
-                marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
-                if name not in self._file.attributes and not marked:
-                    self.fact(name, value)
+            self.take(other, steps)
+
+    def take(self, other: NetcdfSource | HeldFile, steps: Sequence[str]) -> None:
+        """The same from a file that is open, or held in memory."""
+        for one in other.variables():
+            made_by = as_text(one.told.get(STEP, ""))
+            if one.name not in self._file and (not made_by or made_by in steps):
+                self._copy_variable(one, other.dimensions_of(one))
+        for name, value in other.attributes.items():
+            marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
+            if name not in self._file.attributes and not marked:
+                self.fact(name, value)
 
     def _copy_variable(self, variable: NetcdfVariable, dimensions: tuple[str, ...]) -> None:
         name, values = variable.name, variable.values
@@ -163,8 +189,7 @@ class ResultWriter:
         if values.dtype.kind in "OSU":
             texts = np.array([as_text(one) for one in values[...]], dtype=object)
             copied = self._file.variable(name, dimensions, _texts(), texts)
-            for key, value in variable.told.items():
-                copied.attrs[key] = value
+            self._file.tell(copied, variable.told)
             return
         copied = self._create(name, dimensions, values.dtype, variable.told)
         if not values.shape:
@@ -188,7 +213,7 @@ def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultW
     os.close(handle)
     try:
         with new_netcdf(name) as file:
-            file.attributes |= {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
+            file.attributes |= WHOSE
             yield ResultWriter(file, step)
         os.chmod(name, 0o644)
         os.replace(name, path)
@@ -239,19 +264,24 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
     """
     try:
         with open_netcdf(path) as file:
-            values, names = {}, {}
-            for name, variable in file.data():
-                if name in leave_out:
-                    continue
-                if variable.dtype.kind in "OSU":
-                    names[name] = tuple(as_text(one) for one in variable[...])
-                else:
-                    values[name] = variable[...]
-            attributes = file.attributes
-        marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
-        made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
+            return stored_values(path, file, leave_out)
     except DAMAGED as error:
         raise BadFile(path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote") from None
+
+
+def stored_values(path: str | os.PathLike[str], file: NetcdfSource | HeldFile, leave_out: Sequence[str] = ()) -> Stored:
+    """What a file holds that is open, or in memory until it has that path; for `leave_out` see `read_result`."""
+    values, names = {}, {}
+    for name, variable in file.data():
+        if name in leave_out:
+            continue
+        if variable.dtype.kind in "OSU":
+            names[name] = tuple(as_text(one) for one in variable[...])
+        else:
+            values[name] = variable[...]
+    attributes = dict(file.attributes)
+    marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
+    made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
     facts = {name: text for name, text in attributes.items() if name not in marked}
     return Stored(Path(path), values, names, made, facts)
 

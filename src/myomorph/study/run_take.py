@@ -7,7 +7,8 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,7 +20,19 @@ from myomorph.study.changes import NEVER, changes
 from myomorph.study.failures import failed
 from myomorph.study.jobs import Outcome
 from myomorph.study.kept_report import PAGE, keep_facts, report_is_made, told_the_same
-from myomorph.study.results import STORED, file_name, new_result, read_result, stored_provenance, whole_folder
+from myomorph.study.netcdf_memory import HeldFile
+from myomorph.study.results import (
+    STORED,
+    WHOSE,
+    ResultWriter,
+    Stored,
+    file_name,
+    new_result,
+    read_result,
+    stored_provenance,
+    stored_values,
+    whole_folder,
+)
 from myomorph.study.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
 from myomorph.study.tidy import write_trial_values
 
@@ -27,6 +40,10 @@ PARTS = ".steps"
 PART = f"step{STORED}"
 VALUES = "values.csv"
 LEFT_OUT = ("moment_arm",)
+HELD_FRAMES = 1000
+"""Steps of longer recordings go to disk as they are computed, however fast that is: they may not fit in memory."""
+HELD_SECONDS = 1.0
+"""Steps that took longer go to disk at once, so that a process that is killed leaves them."""
 
 _LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
 
@@ -109,6 +126,7 @@ def run_take(
     changed = [text for step in computed for text in reasons[step] if text != NEVER]
     outcome = Outcome(take.subject, take.name, folder, changed=tuple(dict.fromkeys(changed)))
     chain = _Chain(take, found or Found(), earlier)
+    held = _Held(parts, _is_short(take) and not earlier.files and not _stored(take, folder).exists())
     ahead = compile_ahead(wanted) if computed else None
     try:
         for step in wanted:
@@ -121,7 +139,7 @@ def run_take(
             if ahead is not None:
                 ahead.wait(step)
             started = time.monotonic()
-            with whole_folder(parts / step) as temporary, new_result(temporary / PART, step) as writer:
+            with whole_folder(parts / step) as temporary, held.writer(step, temporary) as writer:
                 chain.found = run_step(step, take, chain.reached(), writer, temporary)
             timed = (*outcome.timed, (step, time.monotonic() - started))
             outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
@@ -129,18 +147,24 @@ def run_take(
         chain.reached("ik")
     except Exception as error:
         outcome = failed(outcome, error, _next(wanted, outcome.done))
+    except BaseException:
+        held.keep()
+        raise
     finally:
         if ahead is not None:
             ahead.stop()
     if not outcome.done:
         return outcome
     try:
-        _gather(take, earlier, outcome, steps)
+        stored = _gather(take, earlier, held, outcome, steps)
         outcome = _with_numbers(outcome, chain.found)
         if outcome.timed or not (folder / VALUES).is_file():
-            write_trial_values(take, outcome)
+            write_trial_values(take, outcome, stored)
     except Exception as error:
         return failed(outcome, error, "results")
+    except BaseException:
+        held.keep()
+        raise
     return _report(take, outcome) if "report" in steps else outcome
 
 
@@ -164,6 +188,55 @@ class _Chain:
         return self.found
 
 
+class _Held:
+    """Values of steps that would quickly be computed again, in memory until they are put into one file.
+
+    Only where an earlier run left nothing, which must not be lost between the two.
+
+    Parameters
+    ----------
+    parts : folder of the steps' own results
+    allowed : whether anything is held
+    """
+
+    def __init__(self, parts: Path, allowed: bool):
+        self.parts, self.allowed = parts, allowed
+        self.files: dict[str, HeldFile] = {}
+
+    @contextmanager
+    def writer(self, step: str, folder: Path) -> Iterator[ResultWriter]:
+        """Take what a step finds, for a folder of its own."""
+        if not self.allowed:
+            with new_result(folder / PART, step) as writer:
+                yield writer
+            return
+        file, started = HeldFile(), time.monotonic()
+        yield ResultWriter(file, step)
+        self.files[step] = file
+        if time.monotonic() - started > HELD_SECONDS:
+            self._store(step, folder)
+
+    def _store(self, step: str, folder: Path) -> None:
+        with new_result(folder / PART) as writer:
+            writer.take(self.files[step], (step,))
+
+    def keep(self) -> None:
+        """Write what is only here: this run is interrupted."""
+        for step in self.files:
+            folder = self.parts / step
+            if folder.is_dir() and not (folder / PART).exists():
+                with suppress(OSError):
+                    self._store(step, folder)
+
+
+def _is_short(take: Take) -> bool:
+    return take.markers is not None and len(take.markers) <= HELD_FRAMES
+
+
+def _stored(take: Take, folder: Path) -> Path:
+    return folder / f"{file_name(take.name)}{STORED}"
+
+
 def clear_leftovers(folder: Path) -> None:
     """Remove what a process that was killed had not finished: files and folders with temporary names."""
     for home in (folder, folder / PARTS):
@@ -180,40 +253,62 @@ def _next(wanted: Sequence[str], done: Sequence[str]) -> str:
     return next((step for step in wanted if step not in done), "report")
 
 
-def _gather(take: Take, earlier: _Earlier, outcome: Outcome, steps: Sequence[str]) -> None:
+def _gather(take: Take, earlier: _Earlier, held: _Held, outcome: Outcome, steps: Sequence[str]) -> Stored | None:
     """Move the steps' tables up and put their values, and those taken over, into one file.
 
     Results of steps that nobody asks for now stay as long as they would come out the same.
 
     The order is that of the steps, whichever of them were taken over, so that the file is the same either way. The
     tables of muscle paths, of which there are many, get a folder of their own.
+
+    Returns
+    -------
+    what the file holds, where that was all in memory
     """
     folder, wanted = outcome.folder, [step for step in CHAIN if step in steps]
-    parts, stored = folder / PARTS, folder / f"{file_name(take.name)}{STORED}"
-    fresh = [step for step in outcome.done if (parts / step / PART).is_file()]
+    parts, stored = folder / PARTS, _stored(take, folder)
+    fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
     others = [step for step in earlier.files if step not in wanted and not _reasons(step, take, earlier)]
     lost = [step for step in earlier.files if step not in outcome.done and step not in others]
     same = report_is_made if "report" in steps else told_the_same
     if not fresh and not lost and same(folder, take, outcome.done):
-        return
+        return None
+    whole = HeldFile() if held.allowed else None
     with new_result(stored) as writer:
-        keep_facts(writer, take, outcome.done)
-        for step in [one for one in CHAIN if one in outcome.done or one in others]:
-            writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
+        if whole is not None:
+            whole.attributes |= WHOSE
+            at_once = ResultWriter(whole)
+            keep_facts(at_once, take, outcome.done)
+            for step in fresh:
+                at_once.take(held.files[step], (step,))
+            writer.take(whole, fresh)
+            # Before the file has its name: whoever finds it there finds the tables, too.
+            _move_tables(fresh, parts, folder)
+        else:
+            keep_facts(writer, take, outcome.done)
+            for step in [one for one in CHAIN if one in outcome.done or one in others]:
+                writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
         # A report and values of the results before must not stand beside those that come now.
         for name in (PAGE, VALUES):
             (folder / name).unlink(missing_ok=True)
-    for step in fresh:
-        home = folder / "muscles" if step == "muscles" else folder
-        home.mkdir(exist_ok=True)
-        for path in sorted((parts / step).iterdir()):
-            if path.name != PART:
-                os.replace(path, home / path.name)
+    if whole is None:
+        _move_tables(fresh, parts, folder)
     if parts.is_dir():
         # Gone at once, so that a run that is killed meanwhile finds all of it or nothing.
         away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=folder))
         os.replace(parts, away / "steps")
         shutil.rmtree(away, ignore_errors=True)
+    return None if whole is None else stored_values(stored, whole)
+
+
+def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
+    """Move the tables of steps into a trial's folder."""
+    for step in steps:
+        home = folder / "muscles" if step == "muscles" else folder
+        home.mkdir(exist_ok=True)
+        for path in sorted((parts / step).iterdir()):
+            if path.name != PART:
+                os.replace(path, home / path.name)
 
 
 def _with_numbers(outcome: Outcome, found: Found) -> Outcome:

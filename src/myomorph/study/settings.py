@@ -8,6 +8,7 @@ import re
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from myomorph.model.errors import BadData
@@ -121,6 +122,11 @@ def settings_of(options: type) -> tuple[Setting, ...]:
     Fields of other types (mappings, motions) are not settings: they come from files. Where a dataclass has a
     `SETTING_PREFIX`, names begin with it, so that they are told from those of other steps.
     """
+    return _settings_of(options)
+
+
+@cache
+def _settings_of(options: type) -> tuple[Setting, ...]:
     hints, told = get_type_hints(options), attribute_help(options)
     return tuple(
         Setting(prefix_of(options) + field.name, hints[field.name], field.default, told.get(field.name, ""))

@@ -44,10 +44,14 @@ class Value(NamedTuple):
     unit: str
 
 
-def write_trial_values(take: Take, outcome: Outcome) -> None:
+def write_trial_values(take: Take, outcome: Outcome, found: Stored | None = None) -> None:
     """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone.
 
     Where every step was taken over from an earlier run and the files are there, they stay.
+
+    Parameters
+    ----------
+    found : those results, None to read them
 
     Raises
     ------
@@ -57,7 +61,8 @@ def write_trial_values(take: Take, outcome: Outcome) -> None:
     steps = [step for step in outcome.done if step != "report"]
     if set(steps) <= set(outcome.kept) and all((outcome.folder / name).is_file() for name in names):
         return
-    found = read_result(outcome.folder / f"{file_name(take.name)}{STORED}", leave_out=UNUSED)
+    if found is None:
+        found = read_result(outcome.folder / f"{file_name(take.name)}{STORED}", leave_out=UNUSED)
     strides = strides_of(found, take.model)
     told = float(found.facts.get("mass") or 0.0)
     signals = signals_of(found, take.model, told or take.model.mass)
