@@ -112,7 +112,9 @@ def run_command(
         str | None,
         Parameter(help="Dask cluster that does the work: address of its scheduler, or the file that this wrote."),
     ] = None,
-    threads: Threads = None,
+    threads: Annotated[
+        int | None, Parameter(help="Threads of each process: one by default, all cores where there is a single trial.")
+    ] = None,
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
     from myomorph.model.errors import BadData
@@ -136,7 +138,7 @@ def run_command(
     def told(outcome: Outcome) -> None:
         name = _named(outcome)
         if outcome.error:
-            said(f"{name}: FAILED in {outcome.error}")
+            said(f"{name}: FAILED: {outcome.error}")
             return
         kept = f" ({len(outcome.kept)} step{'s' if len(outcome.kept) != 1 else ''} unchanged)" if outcome.kept else ""
         again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""

@@ -67,7 +67,7 @@ class LivePage:
             self._process.join()
             raise told
         self.port = told
-        self._ready, self._drawn, self._late = True, 0.0, 0.0
+        self._ready, self._drawn = True, 0.0
 
     def _answer(self, most: float) -> int | MyomorphError:
         try:

@@ -107,7 +107,6 @@ class LocalWorkers:
         self._packed: OrderedDict[int, tuple[Model, int, bytes]] = OrderedDict()
         self._numbers = itertools.count(1)
         self._looked = 0.0
-        self._losses: list[Ended] = []
 
     @property
     def processes(self) -> tuple[int, ...]:
@@ -220,7 +219,7 @@ class LocalWorkers:
         self._looked = now
         for process in self._all:
             with contextlib.suppress(psutil.Error):
-                taken = process.seen.memory_info().rss
+                taken = _taken(process.seen)
                 if taken > self.memory and not process.over:
                     limit = f"{self.memory / GIB:.2f} GiB that a worker may take"
                     process.over = f"it took {taken / GIB:.2f} GiB of memory, more than the {limit}"
@@ -240,6 +239,14 @@ class LocalWorkers:
                 process.child.kill()
                 process.child.wait()
             _bury(process)
+
+
+def _taken(process: psutil.Process) -> int:
+    """Memory that a process takes [bytes]; in an environment on Windows the interpreter is a child of what is begun."""
+    own = int(process.memory_info().rss)
+    if sys.platform == "win32":
+        own += sum(int(one.memory_info().rss) for one in process.children(recursive=True))
+    return own
 
 
 def _ask_to_stop(process: _Process) -> None:
@@ -304,6 +311,6 @@ def local_workers(
         cores = max(1, usable_cores() // (threads or 1))
         count = max(1, min(cores, jobs or cores, int(SHARE * free // (memory or NEEDED))))
     elif jobs:
-        count = max(min(count, jobs), min(count, 1))
+        count = min(count, jobs)
     share = int(SHARE * free / max(1, count)) if memory is None else memory
     return LocalWorkers(count, share, threads or 1)
