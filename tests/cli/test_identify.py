@@ -74,7 +74,7 @@ def test_another_motion_is_compared(plate, command):
         (("--height", 1.8), "--height needs --chest"),
         (("--skin", "nobody.obj"), "nobody.obj"),
         (("--mass-sd", -1), "mass_sd"),
-        (("--time", 5, 6), "nothing in --time"),
+        (("--time", 5, 6), "has nothing from"),
         (("--time", 0.1, 0.3), "fewer than 0.5"),
         (("--least-time", 1000), "fewer than 1000"),
         (("--check-motion", "a.mot"), "1 motions but 0 files of forces"),

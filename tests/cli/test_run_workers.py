@@ -31,6 +31,8 @@ def test_workers_and_again(arm, study, command):
     first = command("run", study, "--out", arm.out, "--workers", 2, "--memory", 2)
     assert (first.status, first.err) == (0, "")
     assert "2 of 2 trials done" in first.out
+    assert f"page: {arm.out / 'study.html'}" in first.out
+    assert "failed:" not in first.out
     assert "2 workers, 1.86 GiB of memory each" in (arm.out / "study.log").read_text(encoding="utf-8")
     with (arm.out / "results.csv").open(newline="", encoding="utf-8") as stream:
         assert [row["trial"] for row in csv.DictReader(stream)] == ["reach", "again"]
@@ -68,3 +70,13 @@ def test_threads_are_those_of_each_process(arm, study, command, monkeypatch):
     monkeypatch.setattr("myomorph.study.local_workers.local_workers", workers)
     assert command("run", study, "--out", arm.out, "--workers", 2, "--threads", 3).status == 0
     assert given == [(2, None, 2, 3)]
+
+
+def test_what_failed_is_named_at_the_end(arm, study, command):
+    (arm.folder / "again.trc").write_text("no recording")
+    found = command("run", study, "--out", arm.out, "--workers", 1)
+    assert found.status == 2
+    *_, done, failed, page = found.out.splitlines()
+    assert done.startswith("1 of 2 trials done")
+    assert failed == "failed: s01/again; why stands in results.csv and study.log"
+    assert page.endswith("study.html")

@@ -36,6 +36,9 @@ def test_a_part_of_a_recording():
     assert count.within(None) == 500
     assert count.within((1.0, 2.0)) == 101
     assert count.within((1.0, 90.0)) == 500
+    assert FrameCount(500, 100.0, 2.0).within((1.0, 3.0)) == 101
+    assert FrameCount(500, 100.0, 2.0).within((6.5, 9.0)) == 50
+    assert FrameCount(500, 100.0, 2.0).within((8.0, 9.0)) == 0
     assert FrameCount(500).within((1.0, 2.0)) == 500
     assert FrameCount().within((1.0, 2.0)) is None
 

@@ -18,7 +18,7 @@ from myomorph.report.given import ReportInput
 from myomorph.report.length_analysis import curves_table, length_analysis, range_row, ranges_table
 from myomorph.report.length_section import length_cycle_section
 from myomorph.report.prepared import prepare
-from myomorph.report.walking import chains, walking_limbs, walking_strides
+from myomorph.report.walking import chains, walking_limbs, walking_points, walking_strides
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 PERIOD = 1.1
@@ -113,6 +113,19 @@ def test_the_page_shows_them_for_a_walk_only(model, motion, lengths):
     still = Motion(TIME, motion.names, np.tile(motion.values[:1], (len(TIME), 1)))
     assert length_cycle_section(prepare(ReportInput("still", model=model, motion=still, lengths=lengths[0]))) is None
     assert walking_strides(model, still) is None
+
+
+def test_up_from_a_chair_and_down_again_is_no_walk(model):
+    values = np.tile([one.default for one in model.coordinates], (len(TIME), 1))
+    columns = {name: k for k, name in enumerate(model.coordinate_names)}
+    bent = 0.8 - 0.8 * np.cos(2.0 * np.pi * TIME / PERIOD)
+    for side in ("r", "l"):
+        values[:, columns[f"hip_flexion_{side}"]] = bent
+        values[:, columns[f"knee_angle_{side}"]] = 1.2 * bent
+    right = walking_points(model, Motion(TIME, model.coordinate_names, values)).values[:, 0]
+    for k, name in enumerate(("pelvis_tx", "pelvis_ty")):
+        values[:, columns[name]] -= right[:, k] - right[0, k]
+    assert walking_strides(model, Motion(TIME, model.coordinate_names, values)) is None
 
 
 def test_no_stride_is_named(model, motion, lengths):

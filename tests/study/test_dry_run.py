@@ -98,6 +98,14 @@ def test_what_cannot_be_opened_is_told(arm, study):
     assert "cannot be looked at:" in "\n".join(dry_run_lines(found))
 
 
+def test_a_time_that_no_frame_has_is_told_before_the_first_run(arm, study):
+    study.write_text(
+        STUDY.replace('trials = ["again.trc"', 'time = [90.0, 91.0]\ntrials = ["again.trc"', 1), encoding="utf-8"
+    )
+    found = dry_run(read_plan(study), arm.out)
+    assert ["no frame from 90 to 91 s" in problem for problem in found.problems] == [True]
+
+
 def test_a_model_that_cannot_be_read_is_told_once(arm, study):
     arm.model.write_text("no model")
     found = dry_run(read_plan(study), arm.out)

@@ -136,6 +136,7 @@ def test_exclusions_have_reasons(folder):
     plan = plan_of(folder, FOLDERS + told)
     assert [(one.subject, one.trial, one.reason) for one in plan.excluded] == [("P1", "fast1", "a marker fell off")]
     assert [one.name for one in plan.takes] == ["slow1", "slow1", "fast1"]
+    assert plan.conditions.trials["P1", "fast1"] == "fast"
     # Of a subject that is left out no file is looked for.
     (folder / "P1" / "P1 standing.trc").unlink()
     whole = plan_of(folder, FOLDERS + '[[exclude]]\nsubject = "P1"\nreason = "ill"\n')

@@ -17,6 +17,7 @@ from made_walker import recording, walker
 from myomorph.io.osim_write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Series
+from myomorph.study.condition_tables import described
 from myomorph.study.condition_values import GrowingCondition, RunningMeans
 from myomorph.study.plan import read_plan
 from myomorph.study.run import run_study
@@ -239,8 +240,19 @@ def test_a_condition_does_not_mix_strides_with_whole_trials():
     growing.add("s1", "walks", values, OF_STRIDE, curves(1.0))
     growing.add("s2", "walks", values, OF_STRIDE, curves(3.0))
     growing.add("s2", "turns", values, OF_TRIAL, curves(100.0))
-    found = growing.finished()
+    found = growing.finished(of_subjects=True)
     assert (found.cycle, found.unit, found.trials) == ("stride", "subjects", 4)
     np.testing.assert_allclose(found.curves["joint angle [°]"].mean[:, 0], 2.0 * np.sin(percent / 10.0), atol=1e-12)
     assert len(growing.notes) == 2
     assert "s2, turns" in growing.notes[1]
+
+
+def test_the_unit_is_the_same_in_all_conditions_of_a_study():
+    slow, fast = GrowingCondition("slow"), GrowingCondition("fast")
+    for condition, subject, trial, seconds in ((slow, "s1", "a", 1.0), (slow, "s2", "a", 3.0), (fast, "s1", "b", 5.0)):
+        condition.add(subject, trial, [Value("ik", "duration", seconds, "s")], OF_TRIAL, {})
+    fast.add("s1", "c", [Value("ik", "duration", 7.0, "s")], OF_TRIAL, {})
+    means = described([slow, fast])[0].conditions
+    assert means[0] == pytest.approx((2.0, np.sqrt(2.0), 2))
+    assert means[1] == pytest.approx((6.0, np.nan, 1), nan_ok=True)
+    assert described([fast])[0].conditions[0] == pytest.approx((6.0, np.sqrt(2.0), 2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,9 @@ C3D_KEY = 0x50
 HEAD = 1 << 18
 """Bytes that hold the header of any recording, long lists of C3D parameters included."""
 
+HALF = 0.49
+"""Part of a frame by which times may be off, since they are rounded."""
+
 ROWS, SHARE = 50, 0.1
 """Rows whose times tell the rate; how far the length of a file may be from what its header claims."""
 
@@ -28,16 +32,23 @@ class FrameCount:
     ----------
     frames : None where its first bytes do not tell
     rate : frames a second [Hz], None where they do not tell
+    start : time of the first frame [s], None where they do not tell
     """
 
     frames: int | None = None
     rate: float | None = None
+    start: float | None = None
 
     def within(self, time: tuple[float, float] | None) -> int | None:
         """Frames of a part of the recording, from start to end [s]; at most those that there are."""
         if self.frames is None or time is None or self.rate is None:
             return self.frames
-        return max(0, min(self.frames, round((time[1] - time[0]) * self.rate) + 1))
+        asked = round((time[1] - time[0]) * self.rate) + 1
+        if self.start is None:
+            return max(0, min(self.frames, asked))
+        first = max(0, math.ceil((time[0] - self.start) * self.rate - HALF))
+        last = min(self.frames - 1, math.floor((time[1] - self.start) * self.rate + HALF))
+        return max(0, last - first + 1)
 
 
 def count_frames(path: str | os.PathLike[str]) -> FrameCount:
@@ -61,9 +72,10 @@ def count_frames(path: str | os.PathLike[str]) -> FrameCount:
     return FrameCount()
 
 
-def _told(frames: float, rate: float) -> FrameCount:
+def _told(frames: float, rate: float, start: float = float("nan")) -> FrameCount:
     whole = int(frames) if np.isfinite(frames) and 0 < frames < 2**31 else None
-    return FrameCount(whole, float(rate) if np.isfinite(rate) and rate > 0.0 else None)
+    often = float(rate) if np.isfinite(rate) and rate > 0.0 else None
+    return FrameCount(whole, often, float(start) if np.isfinite(start) else None)
 
 
 def _trc(head: bytes, path: Path) -> FrameCount:
@@ -78,9 +90,10 @@ def _trc(head: bytes, path: Path) -> FrameCount:
     frames = whole / (sum(map(len, rows)) / len(rows) + 1.0)
     told = _number(facts.get("NumFrames", ""))
     times = np.array([_number(row.replace(",", " ").split()[1]) for row in rows[:ROWS] if len(row.split()) > 1])
+    start_time = times[0] if len(times) else float("nan")
     span = times[-1] - times[0] if len(times) > 1 else 0.0
     rate = (len(times) - 1) / span if span > 0.0 else _number(facts.get("DataRate", ""))
-    return _told(told if abs(frames - told) < SHARE * frames + 2.0 else round(frames), rate)
+    return _told(told if abs(frames - told) < SHARE * frames + 2.0 else round(frames), rate, start_time)
 
 
 def _number(text: str) -> float:

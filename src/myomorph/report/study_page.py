@@ -139,7 +139,7 @@ def _quality(given: StudyInput) -> list[Section]:
         if len(own) > 1:
             names = [f"{one.subject}, {one.trial}" for one, _ in own]
             values = np.array([judged.value / (judged.limit or 1.0) for _, judged in own])
-            chart = rank_plot(title, "times its limit", "trials in order", names, values, [(1.0, "limit")])
+            chart = rank_plot(title, "times its limit", "trials, the smallest first", names, values, [(1.0, "limit")])
             figures.append(Figure(chart, "medium"))
     quantities = dict.fromkeys(name for one in done for name in one.judged)
     rows = []
@@ -209,7 +209,7 @@ def _family(given: StudyInput, family: str) -> Section:
         "standard deviation to both sides."
     )
     if len(names) > MOST_OPEN + MOST_FOLDED:
-        lead += f" {len(names) - MOST_OPEN - MOST_FOLDED} more are in study_curves.csv."
+        lead += f" {len(names) - MOST_OPEN - MOST_FOLDED} more are in condition_curves.csv."
     legend = tuple((style, _title(one)) for style, one in styled(given.conditions))
     key = "".join(letter if letter.isalnum() else "-" for letter in what.lower())
     return Section(f"curves-{key}", f"{what[:1].upper()}{what[1:]}", lead, legend, tuple(figures))

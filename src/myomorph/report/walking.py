@@ -18,6 +18,9 @@ from myomorph.rigid.tree import compile_tree
 TRAVELS = 3.0
 """The body goes over the ground, and not in place on a belt, where it goes so many times as far as a foot beside it."""
 
+STANDS = 0.5
+"""Feet stand, and the body moves over them (up from a chair), where none goes so many times as far as beside it."""
+
 STEADY = 0.35
 """Strides of a walk differ in duration by less than this share of the usual one, as a median."""
 
@@ -80,11 +83,15 @@ def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = Non
 def walking_strides(
     model: Model, motion: Motion, fit: KinematicsFit | None = None, options: StrideOptions | None = None
 ) -> Strides | None:
-    """Strides of a motion, or None where it is no walk: no feet, fewer than two strides, or none like another."""
+    """Strides of a motion, or None where it is no walk: no feet, feet that stand, fewer than two strides, or none like
+    another.
+    """
     limbs = walking_limbs(model)
     if len(limbs) < 2 or not len(motion):
         return None
     points = walking_points(model, motion, fit)
+    if not _feet_move(points):
+        return None
     ground = 0.0 if _travels(points) else None
     try:
         found = find_strides(points, limbs, (model.body_names[0],), model.up, ground_speed=ground, options=options)
@@ -100,11 +107,21 @@ def walking_strides(
 
 def _travels(points: Series) -> bool:
     """Whether the root, the last of the points, goes farther than it drifts on a belt."""
+    return _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
 
-    def way(places: Array) -> float:
-        seen = places[np.isfinite(places).all(axis=1)]
-        return float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0))) if len(seen) else 0.0
 
-    root = points.values[:, -1]
-    beside = [way(points.values[:, k] - root) for k in range(len(points.names) - 1)]
-    return way(root) > TRAVELS * max(beside, default=0.0)
+def _feet_move(points: Series) -> bool:
+    """Whether a foot goes about as far over the ground or the belt as beside the root."""
+    beside = _ways_beside(points)
+    return any(_way(points.values[:, k]) > STANDS * way for k, way in enumerate(beside))
+
+
+def _ways_beside(points: Series) -> list[float]:
+    """How far every foot goes as the root sees it [m]."""
+    return [_way(points.values[:, k] - points.values[:, -1]) for k in range(len(points.names) - 1)]
+
+
+def _way(places: Array) -> float:
+    """Extent of a path (frames, 3) without its farthest tenth [m]."""
+    seen = places[np.isfinite(places).all(axis=1)]
+    return float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0))) if len(seen) else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.report.conditions import Condition
 from myomorph.report.groups import Comparison
 from myomorph.report.study_given import Described
-from myomorph.study.condition_values import GrowingCondition
+from myomorph.study.condition_values import GrowingCondition, of_subjects
 
 Row = tuple[str, ...]
 
@@ -18,8 +18,9 @@ def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
     """Every quantity in every condition: of subjects, each the mean of its trials; of one subject, of its trials."""
     found: dict[str, list[tuple[float, float, int]]] = {}
     units: dict[str, str] = {}
+    subjects = of_subjects(growing)
     for k, one in enumerate(growing):
-        for quantity, (mean, deviation, count) in one.described().items():
+        for quantity, (mean, deviation, count) in one.described(subjects).items():
             units.setdefault(quantity, one.units[quantity])
             rows = found.setdefault(quantity, [(np.nan, np.nan, 0)] * len(growing))
             rows[k] = mean, deviation, count

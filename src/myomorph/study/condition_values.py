@@ -107,9 +107,11 @@ class GrowingCondition:
         own.strides += max((one.value for one in values if one.quantity.startswith("strides, ")), default=0.0)
         if self.cycle and cycle != self.cycle:
             if cycle != OF_STRIDE:
-                self.notes.append(f"{subject}, {trial}: has no strides, and its curves are left out")
+                self.notes.append(f"{subject}, {trial}: has fewer than two strides, and its curves are left out")
                 return
-            self.notes.append("trials without strides come before others that have some: their curves are left out")
+            self.notes.append(
+                "trials of fewer than two strides come before others that have more: their curves are left out"
+            )
             self.each = RunningMeans(SAMPLES)
             for one in self._subjects.values():
                 one.curves = RunningMeans(SAMPLES)
@@ -119,10 +121,15 @@ class GrowingCondition:
             own.curves.add(names, joined)
             self.each.add(names, joined)
 
-    def described(self) -> dict[str, tuple[float, float, int]]:
-        """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, of one subject's trials."""
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """Who has trials in this condition."""
+        return tuple(self._subjects)
+
+    def described(self, of_subjects: bool) -> dict[str, tuple[float, float, int]]:
+        """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, or of trials."""
         whole = self._values
-        if len(self._subjects) > 1:
+        if of_subjects:
             whole = RunningMeans(1)
             for one in self._subjects.values():
                 whole.add(tuple(one.values.columns), one.values.means())
@@ -133,14 +140,13 @@ class GrowingCondition:
             for quantity, k in whole.columns.items()
         }
 
-    def finished(self) -> Condition:
-        """The condition as it is compared and drawn."""
-        several = len(self._subjects) > 1
+    def finished(self, of_subjects: bool) -> Condition:
+        """The condition as it is compared and drawn: the spread is that of subjects' means, or of trials."""
         spread: RunningMeans[Curve] = RunningMeans(SAMPLES)
-        for one in self._subjects.values() if several else ():
+        for one in self._subjects.values() if of_subjects else ():
             if one.curves.columns:
                 spread.add(tuple(one.curves.columns), one.curves.means())
-        drawn = spread if several else self.each
+        drawn = spread if of_subjects else self.each
         families = {family: _family(drawn, family, names) for family, names in families_of(drawn).items()}
         moving = {(family, name) for family, curves in families.items() for name in curves.names}
         return Condition(
@@ -148,7 +154,7 @@ class GrowingCondition:
             tuple(self._animal(name, one, moving) for name, one in self._subjects.items()),
             self.trials,
             "stride" if self.cycle == OF_STRIDE else "trial",
-            "subjects" if several else "trials",
+            "subjects" if of_subjects else "trials",
             families,
         )
 
@@ -186,6 +192,11 @@ def _family(running: RunningMeans[Curve], family: str, names: Sequence[str]) -> 
     moving = [k for k in own if np.nanmax(np.abs(running.mean[:, k] - running.mean[0, k]), initial=0.0) > 1e-9]
     kept = [name for k, name in zip(own, names, strict=True) if k in set(moving)]
     return mean_curves(kept, running.count[:, moving], running.mean[:, moving], running.squares[:, moving])
+
+
+def of_subjects(conditions: Sequence[GrowingCondition]) -> bool:
+    """Whether subjects are the unit, in all conditions alike; where there is one only, its trials are."""
+    return len({name for one in conditions for name in one.subjects}) > 1
 
 
 def shown_quantities(quantities: Sequence[str]) -> set[str]:

@@ -100,9 +100,11 @@ def with_conditions(
                 )
     used: set[tuple[str, str, str]] = set()
     placed = [_placed(one, study, own.get(one.subject, {}), names, used, problems) for one in takes]
+    trials = {}
     for gone in excluded:
         for name in (own.get(gone.subject) or study) if gone.trial else ():
-            _matches(gone.subject, gone.trial, name, own.get(gone.subject) or {}, study, used)
+            if _matches(gone.subject, gone.trial, name, own.get(gone.subject) or {}, study, used):
+                trials[gone.subject, gone.trial] = name
     for owner, conditions in (("", study), *own.items()):
         where = f"subject '{owner}'" if owner else "study"
         exist = tuple(dict.fromkeys(one.name for one in takes if owner in ("", one.subject)))
@@ -115,7 +117,7 @@ def with_conditions(
     without = [f"{one.subject}/{one.name}" for one in placed if not one.condition]
     if names and without:
         remarks.append(f"in no condition: {', '.join(without[:6])}" + (" and others" if len(without) > 6 else ""))
-    trials = {(one.subject, one.name): one.condition for one in placed if one.condition}
+    trials |= {(one.subject, one.name): one.condition for one in placed if one.condition}
     return placed, Conditions(names, trials)
 
 

@@ -209,6 +209,9 @@ class _Looked:
         unread = self._models.get(files.model)
         if isinstance(unread, MyomorphError) and not problem:
             problem = " ".join(str(unread).split())
+        if frames == 0 and files.time is not None and files.markers is not None and not problem:
+            start, end = files.time
+            problem = f"{files.markers}: has no frame from {start:g} to {end:g} s, the time asked for"
         return Row(*key, files.condition, frames, names, reasons, expected, problem)
 
     def joined(self, name: str, trials: Mapping[str, str]) -> Row:

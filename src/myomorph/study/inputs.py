@@ -326,7 +326,7 @@ def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tu
         raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
     first, last = float(series.time[0]), float(series.time[-1])
     if end < first or start > last:
-        raise BadData(f"{path}: runs from {first:g} to {last:g} s, so there is nothing in --time {start:g} {end:g}")
+        raise BadData(f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to {end:g} s")
     return start, end
 
 

@@ -17,7 +17,7 @@ from myomorph.report.groups import GroupOptions
 from myomorph.report.study_given import Judged, StudyInput, TrialLine
 from myomorph.report.study_page import study_page
 from myomorph.study.condition_tables import curve_rows, described, described_rows, pair_rows
-from myomorph.study.condition_values import GrowingCondition, shown_quantities
+from myomorph.study.condition_values import GrowingCondition, of_subjects, shown_quantities
 from myomorph.study.grouping import PAGE as GROUPS_PAGE
 from myomorph.study.jobs import Outcome
 from myomorph.study.outlier_values import COMPARED, OutlierSearch, outlier_rows
@@ -116,7 +116,8 @@ def _write_conditions(
 ) -> None:
     """The tables of conditions, and the page."""
     found = search.found()
-    conditions = tuple(one.finished() for one in growing)
+    subjects = of_subjects(growing)
+    conditions = tuple(one.finished(subjects) for one in growing)
     comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
     quantities = described(growing)
     for name, rows in (

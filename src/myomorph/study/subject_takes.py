@@ -174,11 +174,13 @@ def _take(whole: FileTake, trial: TrialTable, folder: Path, notes: Notes) -> Fil
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
     assert whole.markers is not None
-    loads = _companion(folder, trial.loads, whole.markers, "loads", f"{where}: loads", notes)
+    loads = _companion(whole, folder, trial.loads, "loads", notes)
     if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
         if trial.loads is None:
             notes.found.pop()
-            notes.remarks.append(f"{loads.name} is not used: it does not say which bodies its forces act on")
+            notes.remarks.append(
+                f"{whole.subject}/{loads.name} is not used: it does not say which bodies its forces act on"
+            )
             loads = None
         else:
             problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
@@ -190,7 +192,7 @@ def _take(whole: FileTake, trial: TrialTable, folder: Path, notes: Notes) -> Fil
         loads=loads,
         bodies=MappingProxyType(dict(trial.bodies)),
         plates=tuple(trial.plates),
-        emg=_companion(folder, trial.emg, whole.markers, "emg", f"{where}: emg", notes),
+        emg=_companion(whole, folder, trial.emg, "emg", notes),
         contacts=contacts_file(trial.contacts, folder, where, problems) if trial.contacts else whole.contacts,
         measured=trial.measured or whole.measured,
         phases=MappingProxyType(dict(trial.phases)),
@@ -199,13 +201,14 @@ def _take(whole: FileTake, trial: TrialTable, folder: Path, notes: Notes) -> Fil
     )
 
 
-def _companion(folder: Path, given: str | None, markers: Path, kind: str, what: str, notes: Notes) -> Path | None:
+def _companion(whole: FileTake, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
     """The forces or EMG of a trial: as given, or found by its stem."""
+    assert whole.markers is not None
     if given is not None:
-        return existing(folder, given, what, notes.problems)
-    found = companion(markers, kind)
+        return existing(folder, given, f"subject '{whole.subject}': {kind}", notes.problems)
+    found = companion(whole.markers, kind)
     if found is not None:
-        notes.found.append(f"{markers.name}: {kind} from {found.name}")
+        notes.found.append(f"{whole.subject}/{whole.markers.name}: {kind} from {found.name}")
     return found
 
 
