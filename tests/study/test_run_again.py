@@ -15,6 +15,7 @@ from myomorph.study import run_take as module
 from myomorph.study import steps
 from myomorph.study.local_workers import LocalWorkers
 from myomorph.study.plan import read_plan
+from myomorph.study.plan_checks import OF_STUDY
 from myomorph.study.run import run_study
 
 STUDY = """
@@ -229,3 +230,8 @@ def test_steps_held_in_memory_give_the_same_bytes(arm, dated, tmp_path, monkeypa
     monkeypatch.setattr(module, "HELD_FRAMES", 0)
     run(arm, out=tmp_path / "written", steps=ALL)
     assert contents(tmp_path / "held") == contents(tmp_path / "written")
+
+
+def test_no_subject_can_have_the_name_of_a_file_of_the_study(arm):
+    run(arm)
+    assert {path.name for path in arm.out.iterdir() if path.is_file()} <= set(OF_STUDY)

@@ -126,6 +126,7 @@ def test_inverse_dynamics_of_opensim_3(data, tmp_path):
     [
         ("<PointKinematics><body_name>hand</body_name></PointKinematics>", UnknownName, "unknown body 'hand'"),
         ("<PointKinematics><point>0 1</point></PointKinematics>", BadData, "expected three numbers"),
+        ("<PointKinematics><point>0 1 up</point></PointKinematics>", BadData, "expected three numbers"),
         ("<BodyKinematics><bodies>hand</bodies></BodyKinematics>", BadData, "none of its bodies"),
         ("<InverseDynamics/>", BadData, "use_model_force_set is true, which is not built"),
         ("<InducedAccelerations/>", BadData, "asks for InducedAccelerations, but the analyses that exist are"),

@@ -127,6 +127,10 @@ class Analysis:
     options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     forces: Path | None = None
 
+    def flag(self, option: str, default: bool) -> bool:
+        """Whether an option that is true or false is true."""
+        return self.options.get(option, str(default)).strip().lower() in ("true", "1")
+
 
 @dataclass(frozen=True)
 class AnalyzeSetup:

@@ -41,7 +41,7 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
     moved, numbers = _moved(here)
     index = np.array([numbers[name] for name in bodies], np.int64)
     centers = np.array([model.body(name).mass_center for name in bodies]).reshape(-1, 3)
-    own = analysis.options.get("express_results_in_body_local_frame", "false").lower() in ("true", "1")
+    own = analysis.flag("express_results_in_body_local_frame", False)
     factor = 180.0 / np.pi if in_degrees(analysis) else 1.0
     turns = moved.rotations[:, index]
     angles = (euler_angles(turns), moved.angular_velocities[:, index], moved.angular_accelerations[:, index])
@@ -71,6 +71,8 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, t
     ------
     UnknownName
         A body is not in the model.
+    BadData
+        The point is not three numbers.
     """
     moved, numbers = _moved(here)
     body, other = (
@@ -80,9 +82,13 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, t
     for name in (body, other):
         if name not in numbers and name != "none":
             raise UnknownName("body", name, tuple(numbers), f"for {analysis.name} the model")
-    place = np.array([float(one) for one in analysis.options.get("point", "0 0 0").split()])
-    if place.shape != (3,):
-        raise BadData(f"{analysis.name}: point is '{analysis.options.get('point')}': expected three numbers")
+    told = analysis.options.get("point", "0 0 0")
+    try:
+        place = np.array([float(one) for one in told.split()])
+    except ValueError:
+        place = np.zeros(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise BadData(f"{analysis.name}: point is '{told}': expected three numbers")
     found = [one[:, 0] for one in moved.of_points(np.array([numbers[body]]), place[None])]
     if other != "none":
         turn, origin = moved.rotations[:, numbers[other]], moved.origins[:, numbers[other]]
@@ -118,7 +124,7 @@ def kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[s
 
 def in_degrees(analysis: Analysis) -> bool:
     """Whether the analysis wants angles in degrees, as it does by default."""
-    return analysis.options.get("in_degrees", "true").lower() in ("true", "1")
+    return analysis.flag("in_degrees", True)
 
 
 def euler_angles(rotations: Array) -> Array:

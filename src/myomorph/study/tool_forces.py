@@ -90,7 +90,7 @@ def _speed_on_bodies(one: Actuator, moved: BodyMotion, numbers: Mapping[str, int
 
 def reported_forces(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
     """Forces of muscles, of what holds coordinates, of actuators, and external forces."""
-    if analysis.options.get("include_constraint_forces", "false").lower() in ("true", "1"):
+    if analysis.flag("include_constraint_forces", False):
         told: tuple[str, ...] = (f"{analysis.name}: forces of constraints are left out",)
     else:
         told = ()
@@ -178,7 +178,7 @@ def reported_states(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
 def net_torques(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
     """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4 no longer has."""
     inputs.has_mass(here.model, "inverse dynamics")
-    if analysis.options.get("use_model_force_set", "true").lower() in ("true", "1"):
+    if analysis.flag("use_model_force_set", True):
         raise BadData(
             f"{analysis.name}: use_model_force_set is true, which is not built: expected false, or InverseDynamicsTool"
         )

@@ -50,7 +50,7 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
         raise BadModel(f"model '{model.name}' has no muscles")
     names, unknown = listed(analysis.options.get("muscle_list", ""), model.muscle_names)
     notes = [f"{analysis.name}: muscle '{name}' is not in the model: left out" for name in unknown]
-    moving = analysis.options.get("compute_moments", "true").lower() in ("true", "1")
+    moving = analysis.flag("compute_moments", True)
     about: tuple[str, ...] = ()
     if moving:
         about, unknown = listed(analysis.options.get("moment_arm_coordinate_list", ""), model.coordinate_names)
