@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from myomorph.model.errors import BadFile
-from myomorph.study.results import STORED, read_result
+from myomorph.study.netcdf import open_netcdf
+from myomorph.study.results import DAMAGED, STORED, read_result
 
 if TYPE_CHECKING:
     from myomorph.report.given import ReportInput
@@ -89,15 +90,14 @@ def _open(files: Sequence[Path]) -> ReportInput:
 
 def _told(path: Path) -> tuple[tuple[object, ...] | None, bool]:
     """Folder, trial, number of frames and ends of a result's time, or None; and whether it holds a motion."""
-    import h5netcdf
-
     try:
-        with h5netcdf.File(path, "r") as file:
-            if "time" not in file.variables:
+        with open_netcdf(path) as file:
+            variables = dict(file.data())
+            if "time" not in variables:
                 return None, False
-            time = file.variables["time"]
+            time = variables["time"]
             ends = (float(time[0]), float(time[-1])) if time.shape[0] else ()
-            trial = str(file.attrs.get("trial", ""))
-            return (path.parent, trial, time.shape[0], *ends), any(name in file.variables for name in MOTIONS)
-    except (OSError, ValueError, KeyError) as error:
+            trial = file.attributes.get("trial", "")
+            return (path.parent, trial, time.shape[0], *ends), any(name in variables for name in MOTIONS)
+    except DAMAGED as error:
         raise BadFile(path, f"is not a result of Myomorph ({error})", "give a folder that a step wrote") from None
