@@ -123,6 +123,7 @@ def test_conditions(folder):
         ('model = "../generic.osim"', 'model_of = "P1"', ("'P1' waits for 'P1'",)),
         ('["ik", "id"]', '["ik", "id"]\noptions = {id = {cutof = 1}}', ("options.id.cutof'", "'cutoff'")),
         ('["ik", "id"]', '["ik", "tension"]\noptions = {tension = {intervals = -1}}', ("intervals at -1",)),
+        ('["ik", "id"]', '["ik", "id"]\noptions = {id = {cutoff = -6}}', ("cutoff -6.0 Hz: expected a positive",)),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(folder, old, new, words):

@@ -65,6 +65,10 @@ class RecordingOptions:
     cutoff: float | None = None
     least_time: float = 0.5
 
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
+            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency")
+
 
 @dataclass(frozen=True, eq=False)
 class Usable:

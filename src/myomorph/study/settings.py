@@ -54,6 +54,10 @@ class Differentiation:
 
     cutoff: float | None = None
 
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
+            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency")
+
 
 @dataclass(frozen=True)
 class TorqueTable:
