@@ -110,7 +110,7 @@ def test_tools_with_trials_from_before_2_3(tmp_path):
 def test_files_without_tasks_or_of_other_tools(data, tmp_path):
     with pytest.raises(BadFile, match="has no IKTaskSet"):
         read_ik_tasks(data("rajagopal-walk-emg/grf_walk.xml"))
-    with pytest.raises(BadFile, match="holds <CMCTool>; the tools that exist are"):
+    with pytest.raises(BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"):
         read_setup(data("opensim-reference-small/cmc_arm26_Setup_CMC.xml"))
     path = tmp_path / "tasks.xml"
     path.write_text(

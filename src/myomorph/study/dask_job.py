@@ -8,7 +8,7 @@ import platform
 import sys
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,14 +72,11 @@ def do_job(work: bytes, key: str = "", model: bytes = b"", date: str = "") -> Ou
     -------
     the outcome, or None where the process does not have the model
     """
-    # Frames are not split over threads: the machine has as many processes as it should use cores.
-    os.environ["MYOMORPH_THREADS"] = "1"
-    os.environ["SOURCE_DATE_EPOCH"] = date
     silence()
     value = _model(key, model)
     if key and value is None:
         return None
-    with _ends_when_unwanted():
+    with _as_told(date), _ends_when_unwanted():
         do: Callable[[Model | None], Outcome] = pickle.loads(work)
         return do(value)
 
@@ -94,6 +91,27 @@ def _model(key: str, model: bytes) -> Model | None:
     if key in _models:
         _models.move_to_end(key)
     return _models.get(key)
+
+
+@contextmanager
+def _as_told(date: str) -> Iterator[None]:
+    """Work on one thread, and date results as the program that sent the job does, whatever this process was told."""
+    # Frames are not split over threads: the machine has as many processes as it should use cores.
+    wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}
+    before = {name: os.environ.get(name) for name in wanted}
+    _set_environment(wanted)
+    try:
+        yield
+    finally:
+        _set_environment(before)
+
+
+def _set_environment(values: Mapping[str, str | None]) -> None:
+    for name, value in values.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
 
 
 @contextmanager
