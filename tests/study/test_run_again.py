@@ -235,3 +235,48 @@ def test_steps_held_in_memory_give_the_same_bytes(arm, dated, tmp_path, monkeypa
 def test_no_subject_can_have_the_name_of_a_file_of_the_study(arm):
     run(arm)
     assert {path.name for path in arm.out.iterdir() if path.is_file()} <= set(OF_STUDY)
+
+
+def test_no_worker_begins_where_nothing_has_changed(arm):
+    class Idle:
+        count, memory = 2, None
+
+        def start(self, job, model):
+            raise AssertionError(f"{job.key} is given out")
+
+        def ended(self, timeout):
+            return []
+
+        def close(self):
+            pass
+
+    first = run(arm, trials=3, steps=ALL)
+    before = contents(arm.out)
+    again = run(arm, trials=3, steps=ALL, workers=Idle())
+    assert [one.kept for one in again] == [("ik", "id", "report")] * 3
+    assert [(one.done, one.frames, one.rms, one.largest) for one in again] == [
+        (one.done, one.frames, one.rms, one.largest) for one in first
+    ]
+    assert contents(arm.out).keys() == before.keys()
+    assert {name for name, one in contents(arm.out).items() if one != before[name]} <= {"results.csv"}
+
+
+@pytest.mark.parametrize(
+    "lost",
+    ["study.html", "results_tidy.csv", "s01/reach0/values.csv", "s01/reach0/report.html", "s01/reach0/reach0.nc"],
+)
+def test_what_was_removed_is_made_again(arm, dated, lost):
+    run(arm, trials=2, steps=ALL)
+    before = contents(arm.out)
+    (arm.out / lost).unlink()
+    run(arm, trials=2, steps=ALL)
+    assert contents(arm.out) == before
+
+
+def test_a_table_that_was_altered_is_made_again(arm, dated):
+    run(arm, trials=2)
+    before = contents(arm.out)
+    with (arm.out / "results_tidy.csv").open("a") as stream:
+        stream.write("s01,,reach9,ik,frames,1,1\n")
+    run(arm, trials=2)
+    assert contents(arm.out) == before

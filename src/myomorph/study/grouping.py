@@ -19,10 +19,12 @@ from myomorph.report.group_page import group_page
 from myomorph.report.groups import Animal, Comparison, Group, compare_groups
 from myomorph.study.group_plan import GroupPlan
 from myomorph.study.group_strides import TrialStrides, animal_of, in_one_turn, trial_strides
+from myomorph.study.kept_tables import groups_key, with_key
 from myomorph.study.reporting import model_of
 from myomorph.study.results import STORED, file_name, read_result
 
 PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
+TABLES = (PARAMETERS, CURVES, STRIDES)
 
 
 def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
@@ -50,10 +52,12 @@ def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
         version=__version__,
         notes=tuple(Note("warning", one) for one in notes),
     )
-    _write(out / PAGE, group_page(found, given))
+    page = group_page(found, given)
     _write(out / PARAMETERS, _parameter_table(found))
     _write(out / CURVES, _curve_table(found))
     _write(out / STRIDES, _stride_table(rows))
+    # Last, so that where the page is new the tables are.
+    _write(out / PAGE, with_key(page, groups_key(plan, name, out, [out / table for table in TABLES])))
     return found
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from myomorph.study.job_work import do_subject, do_together, do_trial
 from myomorph.study.jobs import Job, Key
+from myomorph.study.kept_work import kept_subject, kept_trial
 from myomorph.study.locks import RunMark
 from myomorph.study.plan import Plan
 from myomorph.study.results import file_name
@@ -76,16 +78,16 @@ class _Found:
         steps = tuple(step for step in SUBJECT_STEPS if step in self.plan.steps_of(name))
         home, key = self.out / file_name(name), (name, "")
         self.made[name], self.homes[key] = made_model(files, steps, home), home
-        work = partial(
-            do_subject,
-            files=files,
-            steps=steps,
-            settings=self.plan.settings_of(name),
-            folder=home,
-            fresh=self.fresh,
-            mark=self.mark,
-        )
-        self.jobs.append(Job(key, work, ((self.plan.maker(begins), ""),) if begins else ()))
+        told: dict[str, Any] = {
+            "files": files,
+            "steps": steps,
+            "settings": self.plan.settings_of(name),
+            "folder": home,
+            "mark": self.mark,
+        }
+        work, kept = partial(do_subject, **told, fresh=self.fresh), partial(kept_subject, **told)
+        needs = ((self.plan.maker(begins), ""),) if begins else ()
+        self.jobs.append(Job(key, work, needs, kept=None if self.fresh else kept))
 
     def trial(self, files: FileTake, steps: tuple[str, ...]) -> None:
         """Add a trial, and before the first of a subject its own steps."""
@@ -94,16 +96,16 @@ class _Found:
             files = replace(files, model=self.made[maker].path)
         self.homes[key] = self.out / file_name(files.subject) / file_name(files.name)
         self.used[key] = files
-        work = partial(
-            do_trial,
-            files=files,
-            steps=steps,
-            settings=self.plan.settings_of(*key),
-            folder=self.homes[key],
-            fresh=self.fresh,
-            mark=self.mark,
-        )
-        self.jobs.append(Job(key, work, ((maker, ""),) if maker else (), files.model))
+        told: dict[str, Any] = {
+            "files": files,
+            "steps": steps,
+            "settings": self.plan.settings_of(*key),
+            "folder": self.homes[key],
+            "mark": self.mark,
+        }
+        work, kept = partial(do_trial, **told, fresh=self.fresh), partial(kept_trial, **told)
+        needs = ((maker, ""),) if maker else ()
+        self.jobs.append(Job(key, work, needs, files.model, kept=None if self.fresh else kept))
 
     def together(self, one: Together) -> None:
         """Add trials that are solved as one, after these.

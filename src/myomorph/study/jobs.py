@@ -75,6 +75,7 @@ class Job:
         another process or machine; its own errors are in the outcome
     needs : jobs that end well before this one may begin
     after : jobs that end before it begins, well or not
+    kept : the outcome where its results are there already, else None; asked before `work`, where the jobs are given out
     model : file of the model that `work` is given, None where it needs none
     """
 
@@ -83,6 +84,7 @@ class Job:
     needs: tuple[Key, ...] = ()
     model: Path | None = None
     after: tuple[Key, ...] = ()
+    kept: Callable[[Model | None], Outcome | None] | None = None
 
 
 @dataclass(frozen=True)

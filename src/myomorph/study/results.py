@@ -280,10 +280,14 @@ def stored_values(path: str | os.PathLike[str], file: NetcdfSource | HeldFile, l
         else:
             values[name] = variable[...]
     attributes = dict(file.attributes)
+    facts = {name: text for name, text in attributes.items() if not name.startswith(PROVENANCE)}
+    return Stored(Path(path), values, names, made_from(attributes), facts)
+
+
+def made_from(attributes: Mapping[str, str]) -> dict[str, Provenance]:
+    """Provenance by step, from the texts about a whole file."""
     marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
-    made = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
-    facts = {name: text for name, text in attributes.items() if name not in marked}
-    return Stored(Path(path), values, names, made, facts)
+    return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
 
 
 def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
@@ -292,8 +296,7 @@ def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
         return {}
     try:
         with open_netcdf(path) as file:
-            marked = {name: text for name, text in file.attributes.items() if name.startswith(PROVENANCE)}
-        return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
+            return made_from(file.attributes)
     except DAMAGED:
         return {}
 

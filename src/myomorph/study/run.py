@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -12,6 +13,7 @@ from myomorph.study.inputs import open_model
 from myomorph.study.job_plan import StudyJobs, jobs_of
 from myomorph.study.job_work import GATHERED, do_groups, do_tables
 from myomorph.study.jobs import Job, Outcome, Workers
+from myomorph.study.kept_tables import kept_groups, kept_tables
 from myomorph.study.local_workers import InProcess
 from myomorph.study.locks import study_lock
 from myomorph.study.plan import Plan
@@ -55,7 +57,7 @@ def run_study(
             jobs = jobs_of(plan, out, fresh, mark)
             watcher = StudyWatcher(plan.name, jobs, out, workers, said)
             try:
-                _run(plan, out, jobs, workers, watcher)
+                _run(plan, out, fresh, jobs, workers, watcher)
             except BaseException as error:
                 watcher.interrupted(error)
                 raise
@@ -68,7 +70,7 @@ def run_study(
     return watcher.outcomes()
 
 
-def _run(plan: Plan, out: Path, jobs: StudyJobs, workers: Workers, watcher: StudyWatcher) -> None:
+def _run(plan: Plan, out: Path, fresh: bool, jobs: StudyJobs, workers: Workers, watcher: StudyWatcher) -> None:
     """All jobs, then the tables of the study, which tell of failures, too."""
 
     def read(path: Path) -> tuple[Model, str]:
@@ -80,8 +82,11 @@ def _run(plan: Plan, out: Path, jobs: StudyJobs, workers: Workers, watcher: Stud
 
     found = run_jobs(jobs.jobs, jobs.homes, workers, read, watcher)
     outcomes = tuple(found[job.key] for job in jobs.jobs)
-    last = [Job(GATHERED, partial(do_tables, plan=plan, outcomes=outcomes, out=out))]
+    made: dict[str, Any] = {"plan": plan, "outcomes": outcomes, "out": out}
+    kept = None if fresh else partial(kept_tables, **made)
+    last = [Job(GATHERED, partial(do_tables, **made), kept=kept)]
     if plan.groups is not None:
         key = (f"{plan.groups.first[0]} and {plan.groups.second[0]}", "")
-        last.insert(0, Job(key, partial(do_groups, plan=plan, out=out)))
+        compared = None if fresh else partial(kept_groups, plan=plan, out=out)
+        last.insert(0, Job(key, partial(do_groups, plan=plan, out=out), kept=compared))
     run_jobs(last, {job.key: out for job in last}, workers, read, watcher)

@@ -157,7 +157,7 @@ def run_take(
         return outcome
     try:
         stored = _gather(take, earlier, held, outcome, steps)
-        outcome = _with_numbers(outcome, chain.found)
+        outcome = with_numbers(outcome, chain.found)
         if outcome.timed or not (folder / VALUES).is_file():
             write_trial_values(take, outcome, stored)
     except Exception as error:
@@ -311,7 +311,8 @@ def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
                 os.replace(path, home / path.name)
 
 
-def _with_numbers(outcome: Outcome, found: Found) -> Outcome:
+def with_numbers(outcome: Outcome, found: Found) -> Outcome:
+    """An outcome with its frames and marker errors."""
     if found.recorded is not None:
         outcome = replace(outcome, frames=len(found.recorded))
     if found.fit is not None and np.isfinite(found.fit.errors).any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -16,6 +17,8 @@ from myomorph.study.jobs import Ended, Job, Key, Outcome, Workers
 
 PATIENCE = 0.5
 """How often the loop looks round although nothing has ended [s]."""
+AT_ONCE = 0.001
+"""How long it waits where there is more to begin [s]."""
 FULL = "no space is left where the results go: make room, then run again"
 
 
@@ -103,11 +106,13 @@ class _Loop:
 
     def run(self) -> dict[Key, Outcome]:
         while self.ready or self.running:
-            while self.ready and self.running < max(1, self.workers.count):
+            until, free = time.monotonic() + PATIENCE, max(1, self.workers.count)
+            while self.ready and self.running < free and time.monotonic() < until:
                 self._start(self.jobs[self.ready.popleft()])
             if not self.running:
                 continue
-            ended = self.workers.ended(PATIENCE)
+            # Where many results are there already, those that compute are seen to meanwhile.
+            ended = self.workers.ended(AT_ONCE if self.ready and self.running < free else PATIENCE)
             for one in ended:
                 self.running -= 1
                 self._take(one)
@@ -129,11 +134,15 @@ class _Loop:
         except Exception as error:
             self._end(job, failed(Outcome(*job.key, self.homes[job.key]), error))
             return
+        # Jobs with a model also take the hash of its file, so that they see where it has changed since.
+        told = {"read": read} if read else {}
+        kept = None if job.kept is None else partial(cast(Any, job.kept), **told)(model)
+        if kept is not None:
+            self._end(job, kept)
+            return
         self.running += 1
         self.watcher.started(job)
-        # Jobs with a model also take the hash of its file, so that they see where it has changed since.
-        work = partial(cast(Any, job.work), read=read) if read else job.work
-        self.workers.start(replace(job, work=work), model)
+        self.workers.start(replace(job, work=partial(cast(Any, job.work), **told) if told else job.work), model)
 
     def _take(self, ended: Ended) -> None:
         job = self.jobs[ended.job.key]

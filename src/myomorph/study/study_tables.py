@@ -20,6 +20,7 @@ from myomorph.study.condition_tables import curve_rows, described, described_row
 from myomorph.study.condition_values import GrowingCondition, of_subjects, shown_quantities
 from myomorph.study.grouping import PAGE as GROUPS_PAGE
 from myomorph.study.jobs import Outcome
+from myomorph.study.kept_tables import tables_key, with_key
 from myomorph.study.outlier_values import COMPARED, OutlierSearch, outlier_rows
 from myomorph.study.plan import Plan
 from myomorph.study.reporting import REPORT
@@ -39,6 +40,8 @@ from myomorph.study.tidy import (
 PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
 TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
 CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
+OF_TRIALS = (VALUES, CURVES, QUALITY)
+"""Tables of each trial from which these are made."""
 WHOSE = ("subject", "condition", "trial")
 ROWS = 1 << 16
 """Of a block of the Parquet file: the memory that gathering takes grows with it, not with the trials."""
@@ -143,8 +146,16 @@ def _write_conditions(
         tuple(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes),
         (*groups, *FILES),
     )
+    page = study_page(given)
+    key = made_here(plan, [one.outcome for one in trials], out)
     with written(out / PAGE) as stream:
-        stream.write(study_page(given))
+        stream.write(with_key(page, key))
+
+
+def made_here(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> str:
+    """Hash of what the tables of a study are made of now, and of the tables that are there."""
+    trials = [one.outcome for one in _in_order(plan, outcomes)]
+    return tables_key(plan, trials, OF_TRIALS, [out / name for name, _ in FILES])
 
 
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
