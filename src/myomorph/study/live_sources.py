@@ -264,11 +264,15 @@ class _Stream:
             others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
             raise UnknownName(f"stream of {what}", name, others, "the network")
         flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
-        self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
-        info = self._inlet.info(wait)
-        # What the first sample would wait for: the connection, and a first look at the sender's clock.
-        self._inlet.open_stream(wait)
-        self._inlet.time_correction(wait)
+        try:
+            self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
+            info = self._inlet.info(wait)
+            # What the first sample would wait for: the connection, and a first look at the sender's clock.
+            self._inlet.open_stream(wait)
+            self._inlet.time_correction(wait)
+        except RuntimeError as error:
+            told = str(error) or type(error).__name__
+            raise BadData(f"stream '{name}' is announced but does not answer ({told}): start its sender anew") from None
         self.name, self.rate = name, float(info.nominal_srate())
         if self.rate <= 0.0:
             raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")

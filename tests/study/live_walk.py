@@ -1,0 +1,49 @@
+"""A recorded walk and what the live chain makes of it, for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.motion.sync import cut
+from myomorph.study.inputs import open_model
+from myomorph.study.live_chain import ChainFrame, LiveChain
+from myomorph.study.live_run import open_played
+from myomorph.study.live_session import follow_chain
+from myomorph.study.live_sources import Replay
+
+WALK = "rajagopal-walk-emg"
+
+
+class Kept:
+    """An output that remembers."""
+
+    def __init__(self) -> None:
+        self.frames: list[ChainFrame] = []
+
+    def put(self, frame: ChainFrame, markers: np.ndarray) -> None:
+        self.frames.append(frame)
+
+    def close(self) -> None:
+        pass
+
+    def all(self, name: str) -> np.ndarray:
+        return np.array([getattr(one, name) for one in self.frames])
+
+
+def recorded_walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches]:
+    model = open_model(data(f"{WALK}/subject_walk_scaled.osim"))
+    markers, wrenches = open_played(model, data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/grf_walk.xml"))
+    assert isinstance(markers, Markers)
+    assert wrenches is not None
+    return model, cut(markers, 0.5, 1.4), wrenches
+
+
+def played(model: Model, markers: Markers | Motion, wrenches: Wrenches | None) -> Kept:
+    kept, source = Kept(), Replay(markers, wrenches, 0.0)
+    follow_chain(LiveChain(model, source), source, [kept])
+    return kept
