@@ -21,6 +21,7 @@ from myomorph.study.condition_tables import described
 from myomorph.study.condition_values import GrowingCondition, RunningMeans
 from myomorph.study.plan import read_plan
 from myomorph.study.run import run_study
+from myomorph.study.sign_notes import SignSearch
 from myomorph.study.study_tables import FILES, PAGE, gather_study
 from myomorph.study.tidy import OF_STRIDE, OF_TRIAL, Value
 
@@ -256,3 +257,15 @@ def test_the_unit_is_the_same_in_all_conditions_of_a_study():
     assert means[0] == pytest.approx((2.0, np.sqrt(2.0), 2))
     assert means[1] == pytest.approx((6.0, np.nan, 1), nan_ok=True)
     assert described([fast])[0].conditions[0] == pytest.approx((6.0, np.sqrt(2.0), 2))
+
+
+def test_angles_that_models_count_the_other_way_round_are_noted():
+    def angle(name, least, most):
+        return [Value("ik", f"{name}, minimum", least, "deg"), Value("ik", f"{name}, maximum", most, "deg")]
+
+    search = SignSearch()
+    search.add("s1", angle("knee_angle_r", 2.0, 70.0) + angle("hip_flexion_r", -20.0, 40.0))
+    search.add("s2", angle("knee_angle_r", -5.0, 65.0) + angle("hip_flexion_r", -30.0, 0.0))
+    assert search.notes() == []
+    search.add("s3", angle("knee_angle_r", -68.0, 1.0))
+    assert search.notes()[0].startswith("knee_angle_r: above zero in s1, s2, below it in s3: where their models")

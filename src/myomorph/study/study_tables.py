@@ -25,6 +25,7 @@ from myomorph.study.outlier_values import COMPARED, OutlierSearch, outlier_rows
 from myomorph.study.plan import Plan
 from myomorph.study.reporting import REPORT
 from myomorph.study.results import made_at
+from myomorph.study.sign_notes import SignSearch
 from myomorph.study.tidy import (
     CURVES,
     QUALITY,
@@ -92,7 +93,7 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
     trials = _in_order(plan, outcomes)
     lines = _write_quality(plan, trials, out)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
-    search = OutlierSearch()
+    search, signs = OutlierSearch(), SignSearch()
     with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(out / PARQUET) as keep:
         for one in trials:
             if not one.has_values:
@@ -103,10 +104,11 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
             condition = growing.setdefault(one.condition, GrowingCondition(one.condition))
             condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
             search.add(one.whose, values)
+            signs.add(one.outcome.subject, values)
     for one in trials:
         if one.has_values:
             search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES, COMPARED))
-    _write_conditions(plan, trials, lines, [one for one in growing.values() if one.trials], search, out)
+    _write_conditions(plan, trials, lines, [one for one in growing.values() if one.trials], search, signs.notes(), out)
 
 
 def _write_conditions(
@@ -115,6 +117,7 @@ def _write_conditions(
     lines: Sequence[TrialLine],
     growing: Sequence[GrowingCondition],
     search: OutlierSearch,
+    notes: Sequence[str],
     out: Path,
 ) -> None:
     """The tables of conditions, and the page."""
@@ -143,7 +146,7 @@ def _write_conditions(
         tuple(found),
         tuple(one for one in quantities if one.quantity in shown),
         _changes(trials),
-        tuple(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes),
+        (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
         (*groups, *FILES),
     )
     page = study_page(given)
