@@ -6,6 +6,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from myomorph.study.expected_time import in_words
 from myomorph.study.jobs import Outcome
 from myomorph.study.progress import PATIENCE, silence
 
@@ -54,7 +55,7 @@ class StudyProgress:
 
     def __str__(self) -> str:
         left = self.left()
-        told = "" if left is None or self.done >= self.total else f", {duration(left)} left"
+        told = "" if left is None or self.done >= self.total else f", {in_words(left)} left"
         return f"{self.done} of {self.total}{told}"
 
     def look(self) -> None:
@@ -65,7 +66,7 @@ class StudyProgress:
             self._bar = self._begin()
         failed = f", {self.failed} failed" if self.failed else ""
         left = self.left()
-        told = "" if left is None else f"{duration(left)} left"
+        told = "" if left is None else f"{in_words(left)} left"
         self._bar.update(self._bar.task_ids[0], completed=self.done, left=told, description=f"{self.title}{failed}")
 
     def _begin(self) -> Progress:
@@ -93,13 +94,3 @@ class StudyProgress:
             self._bar.stop()
         if self._shown:
             silence(False)
-
-
-def duration(seconds: float) -> str:
-    """A time as it is said: "40 s", "12 min", "3 h 20 min"."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    if minutes < 90:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min"
