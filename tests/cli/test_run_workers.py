@@ -47,6 +47,8 @@ def test_workers_and_again(arm, study, command):
     ("given", "told"),
     [
         (("--workers", 0), "workers 0: expected 1 or more"),
+        (("--workers", -1, "--dry-run"), "workers -1: expected 1 or more"),
+        (("--memory", "nan"), "--memory nan: expected a number of GB"),
         (("--memory", 0.001), "less holds no model"),
         (("--fresh", "--resume"), "--resume and --fresh exclude each other"),
     ],

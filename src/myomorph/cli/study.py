@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ from myomorph.cli.options import OutFolder, Threads, use_threads
 from myomorph.cli.output import said
 
 if TYPE_CHECKING:
-    from myomorph.study.jobs import Outcome
+    from myomorph.study.jobs import Outcome, Workers
     from myomorph.study.plan import Plan
 
 BAD_INPUT, OUR_FAULT = 2, 1
@@ -75,17 +76,42 @@ def _say_remarks(plan: Plan) -> None:
         said(f"and {len(plan.remarks) - MOST_REMARKS} more: --dry-run lists the files of every trial")
 
 
-def _dry_run(plan: Plan, out: Path, fresh: bool, workers: int | None) -> int:
-    """Print what a run would do."""
+def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
+    """Print what a run by so many workers would do."""
     from myomorph.study.dry_run import dry_run
     from myomorph.study.dry_run_text import dry_run_lines
-    from myomorph.study.memory import usable_cores
 
     _say_remarks(plan)
-    found = dry_run(plan, out, fresh, workers or usable_cores())
+    found = dry_run(plan, out, fresh, count)
     for line in dry_run_lines(found):
         said(line)
     return BAD_INPUT if found.problems else 0
+
+
+def _hands(plan: Plan, workers: int | None, memory: float | None, threads: int | None) -> Workers:
+    """Workers of this machine for a study; raises `BadData` where there cannot be any."""
+    from myomorph.model.errors import BadData
+    from myomorph.study.local_workers import local_workers
+
+    if memory is not None and not math.isfinite(memory):
+        raise BadData(f"--memory {memory:g}: expected a number of GB")
+    jobs = len(plan.takes) + len(plan.together)
+    return local_workers(workers, None if memory is None else int(memory * 1e9), jobs, threads)
+
+
+def _told(outcome: Outcome) -> None:
+    """Print what became of a job."""
+    name = _named(outcome)
+    if outcome.error:
+        said(f"{name}: FAILED: {outcome.error}")
+        return
+    kept = f" ({len(outcome.kept)} step{'s' if len(outcome.kept) != 1 else ''} unchanged)" if outcome.kept else ""
+    again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
+    if not outcome.trial:
+        said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
+        return
+    rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
+    said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
 
 
 def run_command(
@@ -118,8 +144,6 @@ def run_command(
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
     from myomorph.model.errors import BadData
-    from myomorph.study.jobs import Workers
-    from myomorph.study.local_workers import local_workers
     from myomorph.study.plan import read_plan
     from myomorph.study.run import run_study
 
@@ -133,23 +157,8 @@ def run_command(
     use_threads(threads)
     plan = read_plan(study)
     if dry_run:
-        return _dry_run(plan, out, fresh, 1 if scheduler else workers)
-
-    def told(outcome: Outcome) -> None:
-        name = _named(outcome)
-        if outcome.error:
-            said(f"{name}: FAILED: {outcome.error}")
-            return
-        kept = f" ({len(outcome.kept)} step{'s' if len(outcome.kept) != 1 else ''} unchanged)" if outcome.kept else ""
-        again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
-        if not outcome.trial:
-            said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
-            return
-        rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
-        said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
-
+        return _dry_run(plan, out, fresh, 1 if scheduler else _hands(plan, workers, memory, threads).count)
     _say_remarks(plan)
-    jobs = len(plan.takes) + len(plan.together)
     hands: Workers
     if scheduler is not None:
         from myomorph.study.dask_workers import DaskWorkers
@@ -158,8 +167,8 @@ def run_command(
         for text in cluster.refused.values():
             said(f"{text}; it gets no work")
     else:
-        hands = local_workers(workers, None if memory is None else int(memory * 1e9), jobs, threads)
-    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=told)
+        hands = _hands(plan, workers, memory, threads)
+    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=_told)
     return _ended(outcomes, out)
 
 
