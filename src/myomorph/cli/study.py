@@ -136,7 +136,7 @@ def run_command(
     ] = None,
     scheduler: Annotated[
         str | None,
-        Parameter(help="Dask cluster that does the work: address of its scheduler, or the file that this wrote."),
+        Parameter(help="Dask cluster that does the work: its address, or the file that the scheduler wrote."),
     ] = None,
     threads: Annotated[
         int | None, Parameter(help="Threads of each process: one by default, all cores where there is a single trial.")

@@ -200,17 +200,27 @@ def _family(given: StudyInput, family: str) -> Section:
     for k, name in enumerate(names[: MOST_OPEN + MOST_FOLDED]):
         figures.append(Figure(condition_chart(given.conditions, family, name), folded=name if k >= MOST_OPEN else ""))
     own = [one for one in given.conditions if family in one.curves]
-    cycles = " and ".join(
+    cycles = list(
         dict.fromkeys("strides, from strike to strike" if one.cycle == "stride" else "whole trials" for one in own)
     )
     units = " and ".join(dict.fromkeys(one.unit for one in own))
     lead = (
-        f"Over {cycles}. Lines are means of {units}, ribbons their 95 % intervals sample by sample, faint ribbons one "
-        "standard deviation to both sides."
+        f"Over {' or '.join(cycles)}. Lines are means of {units}, ribbons their 95 % intervals sample by sample, faint "
+        "ribbons one standard deviation to both sides."
     )
     if len(names) > MOST_OPEN + MOST_FOLDED:
         lead += f" {len(names) - MOST_OPEN - MOST_FOLDED} more are in condition_curves.csv."
-    legend = tuple((style, _title(one)) for style, one in styled(given.conditions))
+    # A percent of a stride is not a percent of a trial: curves that share a chart say which they are over.
+    mixed = len(cycles) > 1
+    legend = tuple(
+        (
+            style,
+            f"{_title(one)} (over the {'stride' if one.cycle == 'stride' else 'whole trial'})"
+            if mixed
+            else _title(one),
+        )
+        for style, one in styled(given.conditions)
+    )
     key = "".join(letter if letter.isalnum() else "-" for letter in what.lower())
     return Section(f"curves-{key}", f"{what[:1].upper()}{what[1:]}", lead, legend, tuple(figures))
 
