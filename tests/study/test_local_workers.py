@@ -125,3 +125,18 @@ def test_how_many_workers():
             local_workers(count, jobs=5)
     with pytest.raises(BadData, match="less holds no model"):
         local_workers(1, memory=1000)
+
+
+def test_on_a_new_machine_the_first_job_compiles_alone(hands, monkeypatch):
+    monkeypatch.setattr("myomorph.study.local_workers.motion_cached", lambda: False)
+    jobs = [made.job(made.plain, name) for name in ("a", "b", "c")]
+    for job in jobs[:2]:
+        hands.start(job, None)
+    assert len(hands.processes) == 1
+    found = []
+    while len(found) < 2:
+        found += hands.ended(LONG)
+    assert sorted(one.job.key[1] for one in found) == ["a", "b"]
+    hands.start(jobs[2], None)
+    (last,) = hands.ended(LONG)
+    assert last.job.key == jobs[2].key

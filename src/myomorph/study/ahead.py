@@ -70,6 +70,13 @@ def cached() -> bool:
     return any(Path(path_frames.stats.cache_path).glob("path_kernels.path_frames*.nbi"))
 
 
+def motion_cached() -> bool:
+    """Whether an earlier command has left the kernels of inverse kinematics in Numba's cache."""
+    from myomorph.motion.least_squares import solve_frames
+
+    return any(Path(solve_frames.stats.cache_path).glob("least_squares.solve_frames*.nbi"))
+
+
 def two_links() -> Model:
     """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second."""
     still, z = Transform.identity(), np.array([0.0, 0.0, 1.0])

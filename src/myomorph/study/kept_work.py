@@ -19,10 +19,10 @@ from myomorph.study.steps import CHAIN, Found, Take, step_provenance
 from myomorph.study.subjects import SubjectFiles, kept_subject_steps
 from myomorph.study.takes import FileTake, Settings, open_take
 
-OF_FIT = {
+OF_FIT = (
     *("time", "coordinate", "coordinate_value", "marker", "marker_error", "marker_weight"),
-    *("ik_converged", "ik_iterations", "unused_marker", "missing_marker", "loop_closure"),
-}
+    *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
+)
 """Variables of a result that tell how well markers were met."""
 
 
@@ -97,8 +97,7 @@ def unchanged(take: Take, steps: Sequence[str], folder: Path) -> Outcome | None:
             return None
         if any(earlier[step].key != step_provenance(step, take).key for step in wanted):
             return None
-        given = [name for name, _ in file.data()]
-        found = stored_values(stored, file, [name for name in given if name not in OF_FIT])
+        found = stored_values(stored, file, only=OF_FIT)
     clear_leftovers(folder)
     fit = store.get_fit(found)
     done = (*wanted, "report") if "report" in steps else wanted

@@ -20,6 +20,7 @@ import psutil
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
+from myomorph.study.ahead import motion_cached
 from myomorph.study.jobs import Ended, Job, Workers
 from myomorph.study.memory import free_memory, usable_cores
 from myomorph.study.worker_messages import Begin, Do, Done, Stop, pack, receive, send
@@ -35,6 +36,8 @@ NEEDED = 1 << 30
 SHARE = 0.8
 """Part of the free memory that the processes may take together."""
 GIB = 2.0**30
+FIRST = 90.0
+"""How long the others wait, on a new machine, for the first process to compile what all use [s]."""
 ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 
 
@@ -107,6 +110,8 @@ class LocalWorkers:
         self._packed: OrderedDict[int, tuple[Model, int, bytes]] = OrderedDict()
         self._numbers = itertools.count(1)
         self._looked = 0.0
+        self._compiles_until: float | None = None
+        self._later: deque[tuple[Job, Model | None]] = deque()
 
     @property
     def processes(self) -> tuple[int, ...]:
@@ -114,7 +119,18 @@ class LocalWorkers:
         return tuple(one.child.pid for one in self._all)
 
     def start(self, job: Job, model: Model | None) -> None:
-        """Give a job to a process that has none; the model is sent where it does not hold it yet."""
+        """Give a job to a process that has none; the model is sent where it does not hold it yet.
+
+        On a new machine the first job is alone until it has ended, so that not all processes compile the same kernels.
+        """
+        if self._compiles_until is None:
+            self._compiles_until = 0.0 if self.count == 1 or motion_cached() else time.monotonic() + FIRST
+        elif self._compiles_until:
+            self._later.append((job, model))
+            return
+        self._give(job, model)
+
+    def _give(self, job: Job, model: Model | None) -> None:
         process = self._idle()
         process.job = job
         number, packed, forget = 0, None, []
@@ -190,14 +206,23 @@ class LocalWorkers:
             if left <= 0.0:
                 break
             self._bound_memory()
+            if self._compiles_until and time.monotonic() > self._compiles_until:
+                self._give_rest()
             try:
                 process, answer = self._answers.get(timeout=min(LOOK, left))
             except queue.Empty:
                 continue
             found += self._take(process, answer)
+            self._give_rest()
             while not self._answers.empty():
                 found += self._take(*self._answers.get())
         return found
+
+    def _give_rest(self) -> None:
+        """Give out what waited for the first job."""
+        self._compiles_until = 0.0
+        while self._later:
+            self._give(*self._later.popleft())
 
     def _take(self, process: _Process, answer: Any) -> list[Ended]:
         job, process.job = process.job, None
@@ -228,6 +253,7 @@ class LocalWorkers:
     def close(self) -> None:
         """Let all processes tidy up and end; those that do not are ended after a few seconds."""
         ending, self._all = self._all, []
+        self._later.clear()
         for process in ending:
             # Where a pipe is full, the process would not read this either: it is ended below.
             threading.Thread(target=_ask_to_stop, args=(process,), daemon=True).start()

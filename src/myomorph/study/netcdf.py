@@ -7,9 +7,10 @@ recording takes longer than the recording's steps.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -193,14 +194,20 @@ class NetcdfSource:
         self._file = file
         self._names: dict[Any, str] = {}
 
-    @property
+    @cached_property
     def attributes(self) -> dict[str, str]:
         """Texts about the whole file."""
         return {name: as_text(value) for name, value in self._file.attrs.items() if not name.startswith("_NC")}
 
-    def data(self) -> Iterator[tuple[str, Any]]:
-        """Name and data set of every variable, in the order in which they were made where that is known."""
-        for name, values in self._file.items():
+    def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
+        """Name and data set of every variable, in the order in which they were made where that is known.
+
+        Parameters
+        ----------
+        only : names of those that are wanted where they are there, () for all
+        """
+        for name in [one for one in only if one in self._file] if only else self._file:
+            values = self._file[name]
             if "NAME" not in values.attrs or not as_text(values.attrs["NAME"]).startswith(BARE):
                 yield name, values
 

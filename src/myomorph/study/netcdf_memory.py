@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,10 +61,10 @@ class HeldFile:
         """Write attributes of a variable."""
         variable.attrs.update(told)
 
-    def data(self) -> Iterator[tuple[str, Any]]:
-        """Name and values of every variable, in the order in which they were made."""
-        for name, one in self._variables.items():
-            yield name, one.values
+    def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
+        """Name and values of every variable, or `only` of some, in the order in which they were made."""
+        for name in [one for one in only if one in self] if only else self._variables:
+            yield name, self._variables[name].values
 
     def variables(self) -> Iterator[NetcdfVariable]:
         """The same with all that is told of them."""

@@ -269,10 +269,21 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
         raise BadFile(path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote") from None
 
 
-def stored_values(path: str | os.PathLike[str], file: NetcdfSource | HeldFile, leave_out: Sequence[str] = ()) -> Stored:
-    """What a file holds that is open, or in memory until it has that path; for `leave_out` see `read_result`."""
+def stored_values(
+    path: str | os.PathLike[str],
+    file: NetcdfSource | HeldFile,
+    leave_out: Sequence[str] = (),
+    only: Sequence[str] = (),
+) -> Stored:
+    """What a file holds that is open, or in memory until it has that path.
+
+    Parameters
+    ----------
+    leave_out : see `read_result`
+    only : variables that are wanted, () for all
+    """
     values, names = {}, {}
-    for name, variable in file.data():
+    for name, variable in file.data(only):
         if name in leave_out:
             continue
         if variable.dtype.kind in "OSU":
