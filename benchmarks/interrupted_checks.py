@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 from lxml import etree
 
 OWN = {"study.log", "timings.csv", "study.json"}
@@ -141,21 +140,3 @@ def _lines(folder: Path, event: str) -> list[str]:
     """Lines of the log that tell of an event."""
     log = folder / "study.log"
     return re.findall(rf"^\S+ {event} .*", log.read_text(encoding="utf-8"), re.MULTILINE) if log.is_file() else []
-
-
-def largest_difference(folder: Path, reference: Path) -> float:
-    """The largest difference of a number in results that are not equal byte for byte, over its range."""
-    import h5py
-
-    largest = 0.0
-    for path in finished(folder):
-        other = reference / path.relative_to(folder)
-        if path.suffix != ".nc" or path.read_bytes() == other.read_bytes():
-            continue
-        with h5py.File(path, "r") as one, h5py.File(other, "r") as two:
-            for name, values in one.items():
-                if values.dtype.kind == "f":
-                    span = float(np.nanmax(np.abs(two[name][()]), initial=0.0)) or 1.0
-                    apart = np.abs(values[()] - two[name][()])
-                    largest = max(largest, float(np.nanmax(apart, initial=0.0)) / span)
-    return largest

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from docs_build.examples import DOCS, run_command, run_page, working_in
 
 FOLDER = DOCS / "images" / "tutorials"
-INK, BLUE, RED, GREEN, GREY = "#222222", "#2166ac", "#b2182b", "#1b7837", "#999999"
+INK, BLUE, RED, GREY = "#222222", "#2166ac", "#b2182b", "#999999"
 RIGHT, LEFT = BLUE, RED
 
 

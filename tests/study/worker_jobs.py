@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import signal
 import time
 from functools import partial
 from pathlib import Path
@@ -29,10 +28,6 @@ def leave(model, name, mark):
         mark.write_text("")
         os._exit(7)
     return outcome(name, "again")
-
-
-def leave_always(model, name):
-    os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
 def take_memory(model, name, size):
