@@ -90,7 +90,7 @@ def walking_strides(
     if len(limbs) < 2 or not len(motion):
         return None
     points = walking_points(model, motion, fit)
-    if not _feet_move(points):
+    if not feet_move(points):
         return None
     ground = 0.0 if _travels(points) else None
     try:
@@ -110,7 +110,7 @@ def _travels(points: Series) -> bool:
     return _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
 
 
-def _feet_move(points: Series) -> bool:
+def feet_move(points: Series) -> bool:
     """Whether a foot goes about as far over the ground or the belt as beside the root."""
     beside = _ways_beside(points)
     return any(_way(points.values[:, k]) > STANDS * way for k, way in enumerate(beside))

@@ -16,7 +16,7 @@ from myomorph.model.spatial import Array
 from myomorph.report.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.report.groups import Animal
 from myomorph.report.strides import Limb, Stride, Strides, find_strides
-from myomorph.report.walking import walking_limbs, walking_points
+from myomorph.report.walking import feet_move, walking_limbs, walking_points
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study import stored as store
@@ -109,6 +109,10 @@ def _below(model: Model, body: str) -> tuple[str, ...]:
 def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides:
     """Strides of a result's coordinates, in every stretch of time in which the body was seen."""
     limbs, points, trunk = _points(found, model, plan)
+    names = tuple(limb.name for limb in limbs)
+    trial = found.facts.get("trial", found.path.stem)
+    if _by_feet(model, plan) and not feet_move(points):
+        return TrialStrides(trial, names, (), ("the feet stand while the body moves; 'limbs' in [strides] tells what else steps",))
     wrenches = store.get_wrenches(found)
     if wrenches is not None and not set(wrenches.bodies) & {body for limb in limbs for body in limb.bodies}:
         wrenches = None
@@ -131,14 +135,18 @@ def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides
         except BadData as error:
             notes.append(f"{part.time[0]:.2f} to {part.time[-1]:.2f} s: {error}")
     notes += [note for part in parts for note in part.notes]
-    names = tuple(limb.name for limb in limbs)
-    return TrialStrides(found.facts.get("trial", found.path.stem), names, tuple(parts), tuple(dict.fromkeys(notes)))
+    return TrialStrides(trial, names, tuple(parts), tuple(dict.fromkeys(notes)))
+
+
+def _by_feet(model: Model, plan: StridePlan) -> bool:
+    """Whether limbs are the bodies that are feet by their names, since the study tells no others."""
+    return not plan.limbs and not plan.trunk and bool(walking_limbs(model))
 
 
 def _points(found: Stored, model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], Series, str]:
     """Limbs, the places of their points and of the trunk, and what the trunk is called."""
     motion = store.get_motion(found)
-    if not plan.limbs and not plan.trunk and walking_limbs(model):
+    if _by_feet(model, plan):
         points = walking_points(model, motion, store.get_fit(found))
         return walking_limbs(model), points, points.names[-1]
     limbs, trunk = limbs_of(model, plan)
