@@ -15,7 +15,7 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 from numba.core.caching import IndexDataCacheFile
 
 from myomorph import __version__
@@ -48,7 +48,7 @@ class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
     """The files of one kernel, one process at a time: code first, then the index that names it."""
 
     def save(self, key: Any, data: Any) -> None:
-        """Save the code of one signature; where others do not let go, it is not saved."""
+        """Save the code of one signature; where others do not let go, or nothing can be written, it is not saved."""
         folder = Path(self._cache_path)
         try:
             with FileLock(folder / LOCK, timeout=PATIENCE):
@@ -57,7 +57,7 @@ class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
                 name = named.get(key) or next(one for one in free if one not in named.values())
                 self._save_data(name, data)
                 self._save_index(named | {key: name})
-        except Timeout:
+        except OSError:
             return
 
 
