@@ -112,7 +112,8 @@ def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides
     names = tuple(limb.name for limb in limbs)
     trial = found.facts.get("trial", found.path.stem)
     if _by_feet(model, plan) and not feet_move(points):
-        return TrialStrides(trial, names, (), ("the feet stand while the body moves; 'limbs' in [strides] tells what else steps",))
+        note = "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
+        return TrialStrides(trial, names, (), (note,))
     wrenches = store.get_wrenches(found)
     if wrenches is not None and not set(wrenches.bodies) & {body for limb in limbs for body in limb.bodies}:
         wrenches = None
