@@ -148,7 +148,9 @@ def _quality(given: StudyInput) -> list[Section]:
         over = [(one, judged) for one, judged in own if judged.state == "over"]
         if over:
             worst, most = max(over, key=lambda pair: pair[1].value)
-            told = f"{number(most.value)} {most.unit}: {worst.subject}, {worst.trial}"
+            # Of counts the unit says of how many.
+            size = f"{most.value:.0f}" if most.unit.startswith("of ") else number(most.value)
+            told = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
             rows.append((name, f"{len(over)} of {len(own)}", told))
     grids = (
         (Grid(("Quantity", "Trials beyond the limit", "Worst"), tuple(rows), "Beyond their limits"),) if rows else ()
