@@ -41,6 +41,7 @@ def dated(monkeypatch):
 
 
 ALL = '"ik", "id", "report"'
+EVERY = '"ik", "id", "muscles", "tension", "report"'
 
 
 def run(arm, trials=1, cutoff=6, preset="", out=None, steps='"ik", "id"', **given):
@@ -79,23 +80,23 @@ def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
     assert not list(there.rglob(".*"))
 
 
-@pytest.mark.parametrize("stopped_in", ["id", "gather", "report"])
+@pytest.mark.parametrize("stopped_in", ["id", "tension", "gather", "report"])
 def test_an_interrupted_run_ends_with_the_same_bytes(arm, dated, tmp_path, monkeypatch, stopped_in):
-    run(arm, out=tmp_path / "whole", steps=ALL)
+    run(arm, out=tmp_path / "whole", steps=EVERY)
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        if stopped_in == "id":
-            patch.setitem(steps.RUNNERS, "id", interrupted)
+        if stopped_in in steps.RUNNERS:
+            patch.setitem(steps.RUNNERS, stopped_in, interrupted)
         elif stopped_in == "gather":
             patch.setattr(module.os, "replace", interrupted)
         else:
             patch.setattr(module, "_report", interrupted)
         with pytest.raises((KeyboardInterrupt, BadFile)):
-            run(arm, out=tmp_path / "halves", steps=ALL)
-    (outcome,) = run(arm, out=tmp_path / "halves", steps=ALL)
+            run(arm, out=tmp_path / "halves", steps=EVERY)
+    (outcome,) = run(arm, out=tmp_path / "halves", steps=EVERY)
     assert outcome.error == ""
     assert contents(tmp_path / "halves") == contents(tmp_path / "whole")
     assert not list((tmp_path / "halves").rglob(".*"))
@@ -280,3 +281,15 @@ def test_a_table_that_was_altered_is_made_again(arm, dated):
         stream.write("s01,,reach9,ik,frames,1,1\n")
     run(arm, trials=2)
     assert contents(arm.out) == before
+
+
+def test_steps_whose_values_found_no_room_are_not_said_to_be_done(arm, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "new_result", full)
+        first = run(arm)[0]
+    assert "no space is left" in first.error
+    assert (first.done, first.timed) == ((), ())
+    assert run(arm)[0].done == ("ik", "id")

@@ -161,7 +161,11 @@ def run_take(
         if outcome.timed or not (folder / VALUES).is_file():
             write_trial_values(take, outcome, stored)
     except Exception as error:
-        return failed(outcome, error, "results")
+        held.keep()
+        lost = () if _stored(take, folder).is_file() else held.lost
+        done = tuple(step for step in outcome.done if step not in lost)
+        timed = tuple(one for one in outcome.timed if one[0] not in lost)
+        return failed(replace(outcome, done=done, timed=timed), error, "results")
     except BaseException:
         held.keep()
         raise
@@ -228,6 +232,11 @@ class _Held:
                 with suppress(OSError):
                     self._store(step, folder)
 
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Steps that are nowhere but here, although they were to be kept: nothing more can be written."""
+        return tuple(step for step in self.files if not (self.parts / step / PART).is_file())
+
 
 def _is_short(take: Take) -> bool:
     return take.markers is not None and len(take.markers) <= HELD_FRAMES
@@ -270,8 +279,7 @@ def _gather(take: Take, earlier: _Earlier, held: _Held, outcome: Outcome, steps:
     fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
     others = [step for step in earlier.files if step not in wanted and not _reasons(step, take, earlier)]
     lost = [step for step in earlier.files if step not in outcome.done and step not in others]
-    same = report_is_made if "report" in steps else told_the_same
-    if not fresh and not lost and same(folder, take, outcome.done):
+    if not fresh and not lost and told_the_same(folder, take, outcome.done):
         return None
     whole = HeldFile() if held.allowed else None
     with new_result(stored) as writer:
