@@ -72,7 +72,6 @@ def do_job(work: bytes, key: str = "", model: bytes = b"", date: str = "") -> Ou
     -------
     the outcome, or None where the process does not have the model
     """
-    silence()
     value = _model(key, model)
     if key and value is None:
         return None
@@ -95,14 +94,19 @@ def _model(key: str, model: bytes) -> Model | None:
 
 @contextmanager
 def _as_told(date: str) -> Iterator[None]:
-    """Work on one thread, and date results as the program that sent the job does, whatever this process was told."""
+    """Work silently on one thread, and date results as the program that sent the job does.
+
+    Whatever this process was told before holds again afterwards.
+    """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}
     before = {name: os.environ.get(name) for name in wanted}
     _set_environment(wanted)
+    silent = silence()
     try:
         yield
     finally:
+        silence(silent)
         _set_environment(before)
 
 

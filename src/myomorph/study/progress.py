@@ -19,10 +19,14 @@ Advance = Callable[[float], None]
 _SILENT = False
 
 
-def silence(silent: bool = True) -> None:
-    """Let `progress` say nothing in this process, because another tells how far the whole has come."""
+def silence(silent: bool = True) -> bool:
+    """Let `progress` say nothing in this process, because another tells how far the whole has come.
+
+    Returns whether it was silent before.
+    """
     global _SILENT
-    _SILENT = silent
+    before, _SILENT = _SILENT, silent
+    return before
 
 
 @contextmanager
