@@ -350,11 +350,18 @@ def test_streams_through_the_real_library(
         for outlet, _ in outlets:
             while not outlet.have_consumers():
                 time.sleep(0.01)
-        began, first = pylsl.local_clock(), float(markers.time[0])
-        for outlet, one in reversed(outlets):
-            for moment, row in zip(one.time, one.rows, strict=True):
-                if moment >= first - 0.3:
-                    outlet.push_sample(row.tolist(), began + moment - first)
+        began, first = pylsl.local_clock() + 0.3, float(markers.time[0])
+        # At the pace of a laboratory: sent at once, forces and markers would overtake each other.
+        samples = [
+            (moment, i, row)
+            for i, (_, one) in enumerate(outlets)
+            for moment, row in zip(one.time, one.rows, strict=True)
+        ]
+        for moment, i, row in sorted(samples, key=lambda sample: sample[:2]):
+            if moment >= first - 0.3:
+                due = began + moment - first
+                time.sleep(max(0.0, due - pylsl.local_clock()))
+                outlets[i][0].push_sample(row.tolist(), due)
 
     sender = threading.Thread(target=send)
     sender.start()
