@@ -14,7 +14,7 @@ from benchmarks.opensim_tools import read_table
 from benchmarks.run_setup import run_in_opensim
 from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.series import Table
-from myomorph.study.tools import run_tool
+from myomorph.opensim_tools.run import run_tool
 
 WALK = "walk-so-jointload-emg/"
 WALKER = f"{WALK}Rajagopal_scaled_Sub1_gasAvoid.osim"

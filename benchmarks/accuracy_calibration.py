@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.marker_set import read_marker_set
 from myomorph.io.models import read_model
+from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.trc import read_trc
 from myomorph.model.measurement import Measurement
 from myomorph.model.model import Model

@@ -11,8 +11,7 @@ from myomorph.contact.carried import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_calibration import MarkedWeight, Placement, calibrate_plate, check_plate, find_placements
 from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
 from myomorph.contact.plates import plate_axes
-from myomorph.identify.clock_fit import wrench_clock
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.model.series import PlateRecording
 from myomorph.model.spatial import Array, axis_rotation, rotation_from_euler_xyz
@@ -21,6 +20,7 @@ from myomorph.morph.clusters import surface_parts
 from myomorph.morph.procrustes import Similarity
 from myomorph.morph.registration import register_surface
 from myomorph.motion.filters import natural_spline
+from myomorph.viscosity.clock_fit import wrench_clock
 
 Row = dict[str, object]
 

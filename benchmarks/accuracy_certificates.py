@@ -18,8 +18,8 @@ from myomorph.contact.strengths import leans
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
-from myomorph.study.virtual_bout import FEET
-from myomorph.study.virtual_pair import VirtualPair
+from myomorph.simulate.bout import FEET
+from myomorph.simulate.pair import VirtualPair
 from myomorph.tension.certificates import (
     CertificateOptions,
     contact_intervals,

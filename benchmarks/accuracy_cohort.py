@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from myomorph.identify.cohort import QUANTITIES, cohort, published_row
-from myomorph.identify.murai_tables import MEAN, SD, SPECIMENS
 from myomorph.model.spatial import Array
+from myomorph.viscosity.cohort import QUANTITIES, cohort, published_row
+from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
 
 Row = dict[str, object]
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.accuracy_groups import ALPHA, CENTER, CURVES, PARAMETERS, PERCENT, WIDTH, animals, share
-from myomorph.report.outliers import FAR, modified_z
-from myomorph.report.permutations import (
+from myomorph.analysis.outliers import FAR, modified_z
+from myomorph.analysis.permutations import (
     holm,
     paired_floor,
     paired_g,

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 from scipy import stats
 
+from myomorph.analysis.permutations import holm, p_floor, permutation_test
 from myomorph.model.spatial import Array
-from myomorph.report.permutations import holm, p_floor, permutation_test
 
 Row = dict[str, object]
 ALPHA = 0.05

@@ -13,29 +13,29 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import base_parameters, held_in
+from myomorph.identify.body.points import MassPoints
 from myomorph.identify.cross_validation import cross_validate
 from myomorph.identify.held_out import parts_of
 from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
-from myomorph.identify.points import MassPoints
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions, identify
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
-from myomorph.io.tasks import read_ik_tasks
+from myomorph.io.osim.tasks import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.report.identification_given import identification_input
-from myomorph.report.identification_tables import segment_sheet
+from myomorph.report.trial.identification_given import identification_input
+from myomorph.report.trial.identification_tables import segment_sheet
 from myomorph.rigid.regressor import base_regressor, base_wrench
-from myomorph.study.body_points import OWN, body_points
-from myomorph.study.body_shape import BodyOptions, BodyShape
-from myomorph.study.identifying import MAPS
-from myomorph.study.inputs import force_table
+from myomorph.study.subject.body_points import OWN, body_points
+from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.identifying import MAPS
+from myomorph.study.trial.inputs import force_table
 
 CUTOFF = 6.0
 SPACING = 0.02

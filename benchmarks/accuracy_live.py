@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
+from myomorph.live.run import open_played
+from myomorph.live.session import follow_chain
+from myomorph.live.sources import Replay
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Array
@@ -16,11 +20,7 @@ from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.steady_pose import SteadyKinematics
 from myomorph.motion.sync import common_time, cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.inputs import force_table, open_model
-from myomorph.study.live_chain import SOLVED, ChainFrame, ChainOptions, LiveChain
-from myomorph.study.live_run import open_played
-from myomorph.study.live_session import follow_chain
-from myomorph.study.live_sources import Replay
+from myomorph.study.trial.inputs import force_table, open_model
 from myomorph.tension.solve import solve_tension
 
 Row = dict[str, object]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.study.morph_demo import MorphDemo, run_morph_demo
+from myomorph.demo.morph import MorphDemo, run_morph_demo
 
 Row = dict[str, object]
 

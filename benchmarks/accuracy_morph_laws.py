@@ -14,7 +14,7 @@ sys.path[:0] = [str(TESTS), str(TESTS / "morph")]
 from given_maps import given, grown, poses_of, sheared, similar  # noqa: E402
 
 from mujoco_models import load  # noqa: E402
-from myomorph.io.osim import read_osim  # noqa: E402
+from myomorph.io.osim.read import read_osim  # noqa: E402
 from myomorph.model.model import GROUND, Model  # noqa: E402
 from myomorph.model.paths import PathWrap  # noqa: E402
 from myomorph.model.series import Motion  # noqa: E402

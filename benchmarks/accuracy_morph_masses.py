@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.surface import Surface
@@ -16,9 +16,9 @@ from myomorph.morph.affine import AffineMap
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.morphed import Morph
 from myomorph.morph.procrustes import Similarity
-from myomorph.study.jump_model import leg_model
-from myomorph.study.morph_files import source_bones
-from myomorph.study.morph_masses import least_eigenvalues, with_envelope_masses, with_morphed_masses
+from myomorph.simulate.jump_model import leg_model
+from myomorph.study.subject.morph_files import source_bones
+from myomorph.study.subject.morph_masses import least_eigenvalues, with_envelope_masses, with_morphed_masses
 
 SIZE = 0.8
 LEAST = 0.02

@@ -15,10 +15,10 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.virtual_bout import FEET, GRIPS
-from myomorph.study.virtual_mat import PARTS
-from myomorph.study.virtual_pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
-from myomorph.study.virtual_plan import Kind
+from myomorph.simulate.bout import FEET, GRIPS
+from myomorph.simulate.mat import PARTS
+from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
+from myomorph.simulate.plan import Kind
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.solve import Tension, solve_tension

@@ -13,10 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.identify.coordinate_damping import coordinate_damping, turning
-from myomorph.identify.joint_bushing import joint_bushing
-from myomorph.identify.murai_tables import MEAN
-from myomorph.identify.specimen_muscles import fig1_muscles
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
@@ -29,6 +25,10 @@ from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
+from myomorph.viscosity.coordinate_damping import coordinate_damping, turning
+from myomorph.viscosity.joint_bushing import joint_bushing
+from myomorph.viscosity.murai_tables import MEAN
+from myomorph.viscosity.specimen_muscles import fig1_muscles
 
 FOLDER = "shoulder-thoracoscapular"
 TRIALS = (("ABD01", "no"), ("ABD21", "2kg"), ("FLX01", "no"), ("FLX21", "2kg"))

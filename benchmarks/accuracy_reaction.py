@@ -14,10 +14,10 @@ import pinocchio as pin
 
 from benchmarks.accuracy_tension import ENTRY, FEET, LOADS
 from benchmarks.opensim_static import write_actuators
-from myomorph.io.actuators import read_actuators
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto, write_sto
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Table, Wrenches
@@ -100,7 +100,7 @@ def _row(case: str, against: str, frames: int, joints: int, found: Table, wanted
 
 
 def _pendulums(folder: Path) -> Iterator[Row]:
-    from myomorph.study.tools import run_tool
+    from myomorph.opensim_tools.run import run_tool
 
     for model, setup in PENDULUMS:
         here = folder / "opensim-reference-small"
@@ -169,7 +169,7 @@ def write_loads(folder: Path, work: Path, torques: bool) -> Path:
 def _in_opensim(case: str, write: Callable[[Path], tuple[Path, Path]]) -> Row:
     import opensim
 
-    from myomorph.study.tools import run_tool
+    from myomorph.opensim_tools.run import run_tool
 
     opensim.Logger.setLevelString("Off")
     with tempfile.TemporaryDirectory() as work:

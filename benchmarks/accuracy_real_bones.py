@@ -21,8 +21,8 @@ from myomorph.morph.fields import FeaturePoints, MapOptions, fit_map
 from myomorph.morph.morphed import Morph
 from myomorph.morph.procrustes import procrustes
 from myomorph.morph.transfer import morph_model
-from myomorph.study.morph_files import source_bones
-from myomorph.study.morphing import MorphSettings, map_bones
+from myomorph.study.subject.morph_files import source_bones
+from myomorph.study.subject.morphing import MorphSettings, map_bones
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 GEOMETRY = "bones-opensim-rajagopal/Geometry"

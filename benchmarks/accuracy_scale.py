@@ -16,9 +16,9 @@ from scipy.optimize import least_squares
 
 from benchmarks.opensim_tools import read_table
 from myomorph.io.models import read_model
-from myomorph.io.tasks import read_ik_tasks
+from myomorph.io.osim.tasks import read_ik_tasks
 from myomorph.model.model import Model
-from myomorph.study.tools import run_tool
+from myomorph.opensim_tools.run import run_tool
 
 opensim.Logger.setLevelString("Off")
 

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.opensim_tools import read_table
 from benchmarks.run_setup import run_in_opensim
 from myomorph.model.errors import MyomorphError
-from myomorph.study.tools import run_tool
+from myomorph.opensim_tools.run import run_tool
 
 ROOM = "p/q/r/s"
 """The setup's folder in the copy, so deep that `../../..` stays inside it."""

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from myomorph.identify.fit_pose import pose_model_to_skin
-from myomorph.identify.grid import SPACING, fill
-from myomorph.identify.points import links_of
-from myomorph.identify.shape import DENSITY, body_shape
-from myomorph.identify.skin import inside
-from myomorph.identify.weights import links_with_mass
+from myomorph.identify.body.fit_pose import pose_model_to_skin
+from myomorph.identify.body.grid import SPACING, fill
+from myomorph.identify.body.points import links_of
+from myomorph.identify.body.shape import DENSITY, body_shape
+from myomorph.identify.body.skin import inside
+from myomorph.identify.body.weights import links_with_mass
 from myomorph.io.models import read_model
 from myomorph.model.segments import SEGMENTS, Segment
 

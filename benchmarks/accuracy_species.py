@@ -28,7 +28,7 @@ from myomorph.morph.species import MuscleHomology
 from myomorph.morph.species_parts import Posed
 from myomorph.morph.surface_points import Shape
 from myomorph.muscles.path import compile_paths, muscle_kinematics
-from myomorph.study.species_table import read_species
+from myomorph.study.subject.species_table import read_species
 
 ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"
 BENT = 0.5 * np.pi

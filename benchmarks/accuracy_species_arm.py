@@ -20,10 +20,10 @@ from myomorph.morph.procrustes import Similarity
 from myomorph.morph.species_parts import Posed
 from myomorph.morph.species_transfer import species_morph
 from myomorph.morph.transfer import graft_muscles
-from myomorph.study.inputs import open_model
-from myomorph.study.morph_files import source_bones
-from myomorph.study.species_table import read_species
-from myomorph.study.virtual_shoulder import arm_model
+from myomorph.simulate.shoulder import arm_model
+from myomorph.study.subject.morph_files import source_bones
+from myomorph.study.subject.species_table import read_species
+from myomorph.study.trial.inputs import open_model
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
 METHODS = {"scaling": ("affine", "box"), "SSD": ("ssd", "dense"), "RBF": ("rbf", "dense")}

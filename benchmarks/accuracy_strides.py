@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.analysis.phases import contacts
+from myomorph.analysis.strides import Limb, find_strides
 from myomorph.contact.plates import force_plates, wrenches_from_plates
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.io.loads import read_external_loads
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.io.trc import read_trc
 from myomorph.model.series import Markers, Wrenches
 from myomorph.model.spatial import Array
-from myomorph.report.phases import contacts
-from myomorph.report.strides import Limb, find_strides
 
 Row = dict[str, object]
 NEAR = 0.15

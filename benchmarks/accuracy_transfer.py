@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.identify.regions import centers_of, regions_of
+from myomorph.identify.body.regions import centers_of, regions_of
 from myomorph.identify.transfer import Transfer, transfer
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto

@@ -11,19 +11,19 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
-from myomorph.identify.cutoff import choose_cutoff, scan_cutoffs
-from myomorph.identify.limb_motion import lengthening, limb_motion
-from myomorph.identify.passive_models import PassiveComparison, compare_passive_laws
-from myomorph.identify.specimen import Specimen
-from myomorph.identify.swing_rows import swing_recordings
-from myomorph.identify.tracking import track
-from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
 from myomorph.model.paths import PathPoint
 from myomorph.motion.filters import differentiate
-from myomorph.study.virtual_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
-from myomorph.study.virtual_recording import measured_markers, measured_wrench, simulate
-from myomorph.study.virtual_shoulder import virtual_specimen
+from myomorph.simulate.joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
+from myomorph.simulate.recording import measured_markers, measured_wrench, simulate
+from myomorph.simulate.shoulder import virtual_specimen
+from myomorph.viscosity.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
+from myomorph.viscosity.cutoff import choose_cutoff, scan_cutoffs
+from myomorph.viscosity.limb_motion import lengthening, limb_motion
+from myomorph.viscosity.passive_models import PassiveComparison, compare_passive_laws
+from myomorph.viscosity.specimen import Specimen
+from myomorph.viscosity.swing_rows import swing_recordings
+from myomorph.viscosity.tracking import track
+from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
 
 Row = dict[str, object]
 

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from myomorph.identify.estimate import Estimate
+from myomorph.model.estimate import Estimate
 
 Row = dict[str, object]
 
@@ -40,13 +40,13 @@ def joint_run(seed: int) -> JointRun:
 
     Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by up to 20 ms.
     """
-    from myomorph.identify.cutoff import choose_cutoff
-    from myomorph.identify.specimen import SpecimenNames, SwingTrial, build_specimen
-    from myomorph.identify.swing_rows import swing_recordings
-    from myomorph.identify.tracking import track
-    from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
-    from myomorph.study.virtual_joint import mechanical_joint
-    from myomorph.study.virtual_recording import Noise
+    from myomorph.simulate.joint import mechanical_joint
+    from myomorph.simulate.recording import Noise
+    from myomorph.viscosity.cutoff import choose_cutoff
+    from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
+    from myomorph.viscosity.swing_rows import swing_recordings
+    from myomorph.viscosity.tracking import track
+    from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
 
     random = np.random.default_rng(seed)
     kind: Literal["hinge", "ball"] = "ball" if seed % 2 else "hinge"
@@ -120,14 +120,14 @@ class SpecimenRun(NamedTuple):
 
 def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     """One virtual specimen of tables I and II through tracking, clocks, cutoff and identification."""
-    from myomorph.identify.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
-    from myomorph.identify.cohort import specimen_row
-    from myomorph.identify.cutoff import choose_cutoff
-    from myomorph.identify.swing_rows import swing_recordings
-    from myomorph.identify.tracking import track
-    from myomorph.identify.viscosity import identify_specimen
-    from myomorph.study.shoulder_demo import truth_of
-    from myomorph.study.virtual_shoulder import virtual_specimen
+    from myomorph.demo.shoulder import truth_of
+    from myomorph.simulate.shoulder import virtual_specimen
+    from myomorph.viscosity.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
+    from myomorph.viscosity.cohort import specimen_row
+    from myomorph.viscosity.cutoff import choose_cutoff
+    from myomorph.viscosity.swing_rows import swing_recordings
+    from myomorph.viscosity.tracking import track
+    from myomorph.viscosity.viscosity import identify_specimen
 
     number, full_size = given
     made = virtual_specimen(number, full_size=full_size)
@@ -163,7 +163,7 @@ def specimen_runs() -> tuple[SpecimenRun, ...]:
 
 def measure_cohort() -> Iterable[Row]:
     """A row a quantity: mean of the truth of the six, mean found with its interval, and single specimens' errors."""
-    from myomorph.identify.cohort import cohort
+    from myomorph.viscosity.cohort import cohort
 
     six = [one for one in specimen_runs() if not one.full_size]
     for line in cohort([one.found for one in six]):

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.cases import data_folder
 from benchmarks.mouse_motion import lengths_of
-from myomorph.report.cycles import band
+from myomorph.analysis.cycles import band
 
 FILE = Path(__file__).resolve().parents[1] / "docs" / "images" / "mouse-lengths.svg"
 SHOWN = "1R_12_01_26"

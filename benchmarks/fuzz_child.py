@@ -188,7 +188,7 @@ def _limit_memory() -> None:
     """Let this process grow by `MEMORY` at most, where the system can do that."""
     import psutil
 
-    from myomorph.io.guard import limit_memory
+    from myomorph.io.parsing.guard import limit_memory
 
     if os.name == "posix":
         limit_memory(psutil.Process().memory_info().vms / 2**30 + MEMORY)

@@ -12,10 +12,10 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-from myomorph.io.c3d_write import write_c3d
+from myomorph.io.c3d.write import write_c3d
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers, PlateRecording
-from myomorph.study.results import new_result
+from myomorph.store.results import new_result
 
 SEEDS = Path(__file__).with_name("fuzz_seeds")
 TIME = np.arange(6) / 100.0

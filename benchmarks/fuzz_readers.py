@@ -11,37 +11,37 @@ from typing import Any
 from unittest.mock import patch
 
 from benchmarks.fuzz_made import SEEDS, binary_seeds
-from myomorph.io import c3d
-from myomorph.io.actuators import read_actuators
+from myomorph.io.c3d import read as c3d
 from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
 from myomorph.io.landmarks import read_body_landmarks, read_landmark_pairs
 from myomorph.io.loads import read_external_loads
-from myomorph.io.marker_set import read_marker_set
 from myomorph.io.mesh import read_mesh
-from myomorph.io.mjcf import read_mjcf
-from myomorph.io.mjcf_guard import check_files
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.mjcf.guard import check_files
+from myomorph.io.mjcf.read import read_mjcf
+from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.tool_setups import read_setup
+from myomorph.io.osim.write import write_osim
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.io.sto import read_sto
-from myomorph.io.tasks import read_ik_tasks
-from myomorph.io.tool_setups import read_setup
 from myomorph.io.trc import read_trc
 from myomorph.io.wav import read_wav
 from myomorph.model.model import Model
-from myomorph.study.body_points import read_landmarks as read_skin
-from myomorph.study.contact_file import read_contacts
-from myomorph.study.ct import read_picks
-from myomorph.study.inputs import open_motion, open_trial
-from myomorph.study.inspect import inspect
-from myomorph.study.measures import read_measures
-from myomorph.study.plan import read_plan
-from myomorph.study.results import read_result
-from myomorph.study.species_table import read_species
-from myomorph.study.stairs_file import read_stairs
-from myomorph.study.viscosity_plan import read_viscosity_plan
+from myomorph.store.results import read_result
+from myomorph.study.info.inspect import inspect
+from myomorph.study.plan.measures import read_measures
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.subject.body_points import read_landmarks as read_skin
+from myomorph.study.subject.species_table import read_species
+from myomorph.study.trial.contact_file import read_contacts
+from myomorph.study.trial.inputs import open_motion, open_trial
+from myomorph.study.trial.stairs_file import read_stairs
+from myomorph.viscosity.study.ct import read_picks
+from myomorph.viscosity.study.plan import read_viscosity_plan
 
 LARGEST_SEED = 40_000
 """Bytes of recordings that are taken as seeds: larger ones make few inputs a second."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.hands_markers import with_plug_in_gait
 from myomorph.contact.held_objects import needed_wrench
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.io.models import read_model
 from myomorph.model.free_object import free_object
 from myomorph.model.model import Actuator, Model

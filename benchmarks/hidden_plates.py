@@ -18,8 +18,8 @@ from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
+from myomorph.io.osim.tasks import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.tasks import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.contacts import Contacts, SharedWrench, Site
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
@@ -30,7 +30,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.inputs import force_table
+from myomorph.study.trial.inputs import force_table
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import Tension, solve_tension
 

@@ -17,16 +17,16 @@ import numpy as np
 
 from benchmarks.cases import data_folder
 from myomorph.identify.online import total_wrench
+from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
+from myomorph.live.delays import Delays, Spread
+from myomorph.live.outlet import LabOutlet
+from myomorph.live.page import LivePage
+from myomorph.live.run import open_played
+from myomorph.live.session import Output, follow_chain
+from myomorph.live.sources import LabStreams, Replay, Source
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
-from myomorph.study.inputs import open_model
-from myomorph.study.live_chain import SOLVED, ChainOptions, LiveChain
-from myomorph.study.live_delays import Delays, Spread
-from myomorph.study.live_outlet import LabOutlet
-from myomorph.study.live_page import LivePage
-from myomorph.study.live_run import open_played
-from myomorph.study.live_session import Output, follow_chain
-from myomorph.study.live_sources import LabStreams, Replay, Source
+from myomorph.study.trial.inputs import open_model
 
 SECONDS = 12.0
 """Time that each recording is played for, at least [s]."""

@@ -27,8 +27,11 @@ from benchmarks.mouse_recordings import (
     recording,
     whole_skeleton,
 )
+from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
+from myomorph.analysis.strides import Limb, Strides, find_strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
-from myomorph.io.mjcf import read_mjcf
+from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
@@ -42,14 +45,11 @@ from myomorph.motion.measurements import default_markers
 from myomorph.motion.place import place_markers
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.report.length_analysis import LengthAnalysis, length_analysis
-from myomorph.report.strides import Limb, Strides, find_strides
-from myomorph.report.walking import walking_strides
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.morph_masses import with_envelope_masses
-from myomorph.study.reporting import surfaces_of
+from myomorph.study.subject.morph_masses import with_envelope_masses
+from myomorph.study.trial.reporting import surfaces_of
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 CUTOFF = 20.0

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
-from myomorph.io.mjcf import read_mjcf
+from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.model import GROUND, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Trial
 from myomorph.morph.mirror import with_other_side
@@ -18,7 +18,7 @@ from myomorph.morph.procrustes import procrustes
 from myomorph.motion.measurements import default_markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs import fitted_to, open_trial
+from myomorph.study.trial.inputs import fitted_to, open_trial
 
 GAIT = "mouse-gait-c3d-force"
 TREADMILL = "mouse-markers-treadmill/treadmill_15m_per_min.mat"

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from myomorph.io.mjcf import model_from_mujoco
+from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Coupler, Marker, Model
 from myomorph.model.segments import segments_of

@@ -155,7 +155,7 @@ class SimbodyEngine:
     def __init__(self, person: Model):
         import opensim
 
-        from myomorph.io.osim_write import write_osim
+        from myomorph.io.osim.write import write_osim
 
         opensim.Logger.setLevelString("Off")
         self.person = person

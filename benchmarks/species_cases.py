@@ -29,9 +29,9 @@ from myomorph.morph.species_maps import SpeciesBones, species_bones
 from myomorph.morph.species_parts import Posed
 from myomorph.morph.species_transfer import coordinate_table
 from myomorph.morph.transfer import graft_muscles
-from myomorph.study.inputs import open_model
-from myomorph.study.morph_files import source_bones
-from myomorph.study.species_table import read_species
+from myomorph.study.subject.morph_files import source_bones
+from myomorph.study.subject.species_table import read_species
+from myomorph.study.trial.inputs import open_model
 
 MAN = "rajagopal-walk-emg/subject_walk_scaled.osim"
 BONES = "bones-opensim-rajagopal/Geometry"

@@ -9,11 +9,11 @@ import numpy as np
 
 from benchmarks.cases import data_folder
 from benchmarks.size import MEGABYTE, peak, resident
-from myomorph.identify.fit_pose import pose_model_to_skin
-from myomorph.identify.grid import SPACING, fill
-from myomorph.identify.points import links_of
-from myomorph.identify.shape import body_shape
-from myomorph.identify.weights import bone_weights, links_with_mass
+from myomorph.identify.body.fit_pose import pose_model_to_skin
+from myomorph.identify.body.grid import SPACING, fill
+from myomorph.identify.body.points import links_of
+from myomorph.identify.body.shape import body_shape
+from myomorph.identify.body.weights import bone_weights, links_with_mass
 from myomorph.io.models import read_model
 
 MODEL = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"

@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.cases import data_folder
 from myomorph.identify.online import OnlineOptions
+from myomorph.live.identification import LiveRecording, LiveResult, follow, open_recording
+from myomorph.live.sources import Replay
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.report.body_view import BodyView
-from myomorph.study.inputs import open_model
-from myomorph.study.live import LiveRecording, LiveResult, follow, open_recording
-from myomorph.study.live_sources import Replay
+from myomorph.report.scene.body_view import BodyView
+from myomorph.study.trial.inputs import open_model
 
 ROUNDS = 3
 SECONDS = 20.0

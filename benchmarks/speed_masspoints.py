@@ -22,10 +22,10 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from benchmarks.size import MEGABYTE, peak, resident
+from myomorph.identify.body.points import Links, MassPoints, point_moments
+from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, nearest_weights
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
-from myomorph.identify.points import Links, MassPoints, point_moments
 from myomorph.identify.pseudo_inertia import solve_pseudo_inertia
-from myomorph.identify.weights import WeightMap, bone_weights, cog_weights, nearest_weights
 
 AXES = np.array([0.2, 0.85, 0.155])
 """Semi-axes of the body [m]."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.timing import alternate, compared
-from myomorph.io.mjcf import read_mjcf
+from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.series import Motion
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import compile_tree

@@ -16,8 +16,8 @@ from benchmarks.cases import data_folder
 from benchmarks.timing import alternate, compared
 from myomorph.io.loads import read_external_loads, read_load_entries
 from myomorph.io.models import read_model
+from myomorph.io.osim.tasks import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.tasks import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.model import Model
 from myomorph.motion.filters import differentiate

@@ -15,11 +15,11 @@ from pathlib import Path
 
 from benchmarks.cases import data_folder
 from myomorph.model.model import Model
-from myomorph.study.expected_time import COLUMNS, RATES
-from myomorph.study.inputs import open_model
-from myomorph.study.run_take import run_take
-from myomorph.study.subjects import SubjectFiles, prepare_subject
-from myomorph.study.takes import FileTake, open_take
+from myomorph.study.run.expected_time import COLUMNS, RATES
+from myomorph.study.subject.subjects import SubjectFiles, prepare_subject
+from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.run_take import run_take
+from myomorph.study.trial.takes import FileTake, open_take
 
 STEPS = ("ik", "id", "muscles", "tension", "report")
 OWN = ("calibrate", "identify")

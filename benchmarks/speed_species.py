@@ -12,9 +12,9 @@ from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
 from myomorph.morph.nonrigid import MatchOptions
 from myomorph.morph.species_maps import species_bones
 from myomorph.morph.species_transfer import species_morph
-from myomorph.study.morphing import MorphSettings, write_morphed
-from myomorph.study.species_morphing import SpeciesFiles, species_files
-from myomorph.study.species_table import read_species
+from myomorph.study.subject.morphing import MorphSettings, write_morphed
+from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
+from myomorph.study.subject.species_table import read_species
 
 ALLOWED = 300.0
 

@@ -19,8 +19,8 @@ from pathlib import Path
 
 from tests.report.browser import Browser, browser_program
 
-from myomorph.report.replay import Replay
-from myomorph.study.viewing import open_replay
+from myomorph.study.trial.viewing import open_replay
+from myomorph.viewer.replay import Replay
 
 ROUNDS = 5
 SECONDS = 10.0

@@ -12,11 +12,11 @@ import multiprocessing
 import time
 
 from benchmarks.accuracy_virtual import joint_run
-from myomorph.identify.cutoff import choose_cutoff
-from myomorph.identify.swing_rows import swing_recordings
-from myomorph.identify.tracking import track
-from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
-from myomorph.study.virtual_shoulder import VirtualSpecimen, virtual_specimen
+from myomorph.simulate.shoulder import VirtualSpecimen, virtual_specimen
+from myomorph.viscosity.cutoff import choose_cutoff
+from myomorph.viscosity.swing_rows import swing_recordings
+from myomorph.viscosity.tracking import track
+from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
 
 SECONDS, TRIALS, DRAWS = 30.0, 4, 500
 RUNS = 16

@@ -128,8 +128,8 @@ def other_bones() -> Figure:
 
 def mouse() -> Figure:
     """Both ankles over a crossing, and their strikes."""
-    from myomorph.io.c3d import read_c3d
-    from myomorph.report.strides import Limb, find_strides
+    from myomorph.analysis.strides import Limb, find_strides
+    from myomorph.io.c3d.read import read_c3d
 
     markers = read_c3d("mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d").markers
     sides = (("right", "RightANKLE", RIGHT), ("left", "LeftANKLE", LEFT))

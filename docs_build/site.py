@@ -17,13 +17,21 @@ PACKAGE = ROOT / "src" / "myomorph"
 # From the top of the map in docs/architecture.md downwards.
 ROOMS = (
     "cli",
+    "demo",
+    "simulate",
+    "live",
+    "viscosity",
+    "opensim_tools",
     "study",
+    "store",
+    "viewer",
     "report",
     "io",
     "tension",
-    "contact",
+    "analysis",
     "identify",
     "morph",
+    "contact",
     "motion",
     "muscles",
     "rigid",
@@ -78,19 +86,19 @@ def _equation(found: re.Match[str]) -> str:
 
 
 def modules(room: str) -> list[Path]:
-    """Modules of a room in the order of their names, without those that a program alone uses."""
-    return sorted(path for path in (PACKAGE / room).glob("*.py") if not path.stem.startswith("_"))
+    """Modules of a room and of the rooms in it, in the order of their names, without those that a program alone uses."""
+    return sorted(path for path in (PACKAGE / room).rglob("*.py") if not path.stem.startswith("_"))
 
 
 def page_of(module: Path) -> str:
     """Where a module's page lies in the site."""
-    return f"reference/{module.parent.name}/{module.stem}.md"
+    return f"reference/{module.relative_to(PACKAGE).with_suffix('.md').as_posix()}"
 
 
 def module_page(module: Path) -> str:
     """Page of one module, filled by mkdocstrings."""
-    name = f"myomorph.{module.parent.name}.{module.stem}"
-    return f"# {module.parent.name}.{module.stem}\n\n`import {name}`\n\n::: {name}\n"
+    name = ".".join(module.relative_to(PACKAGE).with_suffix("").parts)
+    return f"# {name}\n\n`import myomorph.{name}`\n\n::: myomorph.{name}\n"
 
 
 def room_index(room: str) -> str:
@@ -104,7 +112,8 @@ def room_index(room: str) -> str:
         "|---|---|",
     ]
     for module in modules(room):
-        lines.append(f"| [{module.stem}]({module.name.removesuffix('.py')}.md) | {_first_line(module)} |")
+        name = module.relative_to(PACKAGE / room).with_suffix("").as_posix()
+        lines.append(f"| [{name.replace('/', '.')}]({name}.md) | {_first_line(module)} |")
     return "\n".join(lines) + "\n"
 
 

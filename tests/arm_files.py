@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Markers, Motion
 from myomorph.rigid.kinematics import forward_kinematics

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.identify.estimate import Estimate
-from myomorph.identify.murai_tables import SPECIMENS, PublishedSpecimen
-from myomorph.identify.swings import SwingRecording
-from myomorph.identify.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.model.estimate import Estimate
+from myomorph.viscosity.murai_tables import SPECIMENS, PublishedSpecimen
+from myomorph.viscosity.swings import SwingRecording
+from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity
 
 MUSCLES = ("BicepsBrachiiLongum", "Supraspinatus", "TeresMajor")
 AXES = ("x", "y", "z")

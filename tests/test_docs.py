@@ -70,8 +70,8 @@ def test_study_files_in_the_docs_are_valid(tmp_path):
     """Every study file that is printed would be accepted, given its files; those that examples write run with them."""
     from docs_build.examples import parts_of
 
-    from myomorph.study.plan import read_plan
-    from myomorph.study.viscosity_plan import read_viscosity_plan
+    from myomorph.study.plan.plan import read_plan
+    from myomorph.viscosity.study.plan import read_viscosity_plan
 
     run = {part.text.strip() for page in PAGES for part in parts_of(page) if part.kind == "file"}
     studies = [one for page in PAGES for one in blocks(page.read_text(encoding="utf-8")) if "[study]" in one]

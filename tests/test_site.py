@@ -53,9 +53,10 @@ def test_equations_need_no_script(site):
 @pytest.mark.long
 def test_every_module_has_its_page(site):
     for room in ROOMS:
-        for module in (ROOT / "src" / "myomorph" / room).glob("*.py"):
+        for module in (ROOT / "src" / "myomorph" / room).rglob("*.py"):
+            page = module.relative_to(ROOT / "src" / "myomorph").with_suffix(".html")
             if not module.stem.startswith("_"):
-                assert (site / "reference" / room / f"{module.stem}.html").is_file(), f"{room}/{module.stem}"
+                assert (site / "reference" / page).is_file(), page
 
 
 @pytest.mark.long

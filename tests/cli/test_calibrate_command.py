@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.io.models import read_model
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers

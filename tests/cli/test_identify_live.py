@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from myomorph.cli import main
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 
 
 def test_a_recording_is_shown_and_identified(

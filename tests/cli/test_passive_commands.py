@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
 from myomorph.model.passive_dynamics import with_passive_dynamics
 from myomorph.model.passive_parts import Bushing
@@ -60,7 +60,7 @@ def test_tensions_know_viscosity(thick, command, tmp_path):
 
 
 def test_a_limit_is_excluded_by_the_name_it_has_in_the_file(data):
-    from myomorph.study.tools import net_torques
+    from myomorph.opensim_tools.run import net_torques
 
     model = read_osim(data("shoulder-bonepin/subject1_abdbonepin.osim"))
     motion = differentiate(
@@ -128,7 +128,7 @@ SETUP = """<?xml version="1.0" encoding="UTF-8"?>
 def test_setups_take_off_what_opensim_takes_off(thick, excluded, tmp_path):
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
-    from myomorph.study.tools import run_tool
+    from myomorph.opensim_tools.run import run_tool
 
     path, model, motion = thick
     stiff = Bushing(
@@ -167,7 +167,7 @@ def test_static_optimization_takes_springs_and_viscosity_into_account_as_opensim
     """OpenSim's muscle forces leave its dampers out, for those are forces of their own; so do ours in this tool."""
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
-    from myomorph.study.tools import run_tool
+    from myomorph.opensim_tools.run import run_tool
 
     path, model, motion = thick
     reserves = tmp_path / "reserves.xml"

@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.plates import force_plates, wrenches_from_plates
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.io.loads import read_external_loads
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData

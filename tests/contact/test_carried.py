@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.contact.carried import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_pose import rotation_vector
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_euler_xyz

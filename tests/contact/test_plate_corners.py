@@ -10,7 +10,7 @@ import pytest
 from myomorph.contact.plate_corners import counted_from, first_corner
 from myomorph.contact.plates import episodes, force_plates, loaded_samples
 from myomorph.model.series import Markers, PlateRecording, Trial
-from myomorph.study.inputs import open_trial
+from myomorph.study.trial.inputs import open_trial
 
 CORNERS = np.array([[-0.07, 0.06, 0.0], [0.08, 0.06, 0.0], [0.08, -0.09, 0.0], [-0.07, -0.09, 0.0]])
 TIME = np.arange(1500) / 1000.0

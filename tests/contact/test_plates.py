@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.contact.plates import PlateOptions, force_plate, force_plates, plate_axes, wrenches_from_plates
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Trial

@@ -20,7 +20,7 @@ from myomorph.contact.strokes import (
     striking_sites,
     velocity_change,
 )
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches

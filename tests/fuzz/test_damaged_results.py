@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.results import read_result, stored_provenance
+from myomorph.store.results import read_result, stored_provenance
 
 
 def _link_to_nothing(file: h5py.File) -> None:

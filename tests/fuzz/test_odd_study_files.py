@@ -6,8 +6,8 @@ import pytest
 from benchmarks.fuzz_readers import SEEDS
 
 from myomorph.model.errors import BadFile
-from myomorph.study.plan import read_plan
-from myomorph.study.study_file import MOST_PROBLEMS
+from myomorph.store.study_file import MOST_PROBLEMS
+from myomorph.study.plan.plan import read_plan
 
 STUDY = (SEEDS / "study.toml").read_text(encoding="utf-8")
 

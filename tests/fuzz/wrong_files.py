@@ -22,7 +22,7 @@ from benchmarks.fuzz_readers import READERS, SEEDS, Reader
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from myomorph.io.guard import limit_memory
+from myomorph.io.parsing.guard import limit_memory
 from myomorph.model.errors import MyomorphError
 
 

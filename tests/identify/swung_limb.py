@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.passive_law import PassiveLaw, resistances
-from myomorph.identify.swings import SwingRecording
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.spatial import Array
-from myomorph.study.virtual_equations import moment_rows
+from myomorph.simulate.equations import moment_rows
+from myomorph.viscosity.passive_law import PassiveLaw, resistances
+from myomorph.viscosity.swings import SwingRecording
 
 GRAVITY = np.array([0.0, -9.81, 0.0])
 LIMB = np.array([2.4, 0.05, -0.95, 0.03, 0.47, 0.012, 0.468, 0.018, 0.002, 0.021])

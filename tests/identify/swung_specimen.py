@@ -7,9 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from myomorph.identify.made_clusters import with_clusters
-from myomorph.identify.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
-from myomorph.identify.specimen_bodies import moved_parameters
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertia_matrices, inertial_parameters
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
@@ -18,6 +15,9 @@ from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Array, Transform, axis_rotation
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.viscosity.made_clusters import with_clusters
+from myomorph.viscosity.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen_bodies import moved_parameters
 
 STEP = 1e-3
 EVERY = 5

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.ball_motion import angular_motion, continuous, differentiate_joint
-from myomorph.identify.limb_motion import limb_motion
-from myomorph.identify.specimen import Specimen, SpecimenNames, build_specimen
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.study.virtual_joint import mechanical_joint
-from myomorph.study.virtual_recording import Sampled
+from myomorph.simulate.joint import mechanical_joint
+from myomorph.simulate.recording import Sampled
+from myomorph.viscosity.ball_motion import angular_motion, continuous, differentiate_joint
+from myomorph.viscosity.limb_motion import limb_motion
+from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen
 
 
 @pytest.fixture(scope="module")

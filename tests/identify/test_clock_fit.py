@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from myomorph.identify.clock_fit import wrench_clock
 from myomorph.model.errors import BadData
 from myomorph.motion.clocks import ClockOptions
 from myomorph.motion.filters import natural_spline
+from myomorph.viscosity.clock_fit import wrench_clock
 
 PENDULUM = """
 <mujoco><option timestep="0.0005" integrator="RK4"/><worldbody><body>

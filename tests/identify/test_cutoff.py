@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.identify.cutoff import LEAST, MOST, choice_of, residual_analysis, scan_cutoffs
 from myomorph.model.errors import BadData
-from myomorph.study.virtual_joint import mechanical_joint
+from myomorph.simulate.joint import mechanical_joint
+from myomorph.viscosity.cutoff import LEAST, MOST, choice_of, residual_analysis, scan_cutoffs
 
 RATE = 200.0
 TIME = np.arange(0.0, 30.0, 1.0 / RATE)

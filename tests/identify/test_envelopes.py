@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from skins import sphere
 
-from myomorph.identify.envelope import HULL, INERTIA, TISSUE, envelope_points
-from myomorph.identify.points import MassPoints, links_of
+from myomorph.identify.body.envelope import HULL, INERTIA, TISSUE, envelope_points
+from myomorph.identify.body.points import MassPoints, links_of
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters

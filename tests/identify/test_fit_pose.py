@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from skins import capsule
 
-from myomorph.identify.fit_pose import pose_model_to_skin
-from myomorph.identify.points import links_of
-from myomorph.identify.regions import center_places, centers_of, regions_of
-from myomorph.identify.shape import body_shape
-from myomorph.identify.skin import Skin, inside
+from myomorph.identify.body.fit_pose import pose_model_to_skin
+from myomorph.identify.body.points import links_of
+from myomorph.identify.body.regions import center_places, centers_of, regions_of
+from myomorph.identify.body.shape import body_shape
+from myomorph.identify.body.skin import Skin, inside
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Motion

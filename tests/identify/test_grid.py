@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from skins import box, capsule, sphere
 
-from myomorph.identify.grid import DENSITIES, fill, reference_masses
-from myomorph.identify.skin import Skin, check_skin, inside
+from myomorph.identify.body.grid import DENSITIES, fill, reference_masses
+from myomorph.identify.body.skin import Skin, check_skin, inside
 from myomorph.model.errors import BadData, UnknownName
 
 

@@ -4,9 +4,9 @@ import pytest
 from made_bodies import MASS, filled, made_body, measured, random_links
 from scipy.optimize import nnls
 
+from myomorph.identify.body.points import MassPoints
+from myomorph.identify.body.weights import bone_weights, cog_weights, nearest_weights
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
-from myomorph.identify.points import MassPoints
-from myomorph.identify.weights import bone_weights, cog_weights, nearest_weights
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 

@@ -10,7 +10,7 @@ from myomorph.identify.recordings import NO_FORCE, NO_MOTION
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.study.inputs import open_loads, open_model, open_motion
+from myomorph.study.trial.inputs import open_loads, open_model, open_motion
 
 
 @pytest.fixture(scope="module")

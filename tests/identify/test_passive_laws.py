@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from swung_limb import LAWS, LIMB, law, released, swung
 
-from myomorph.identify.passive_fit import bounded_least_squares, effective_samples, law_columns
-from myomorph.identify.passive_law import PassiveLaw
-from myomorph.identify.passive_models import PassiveOptions, compare_passive_laws
-from myomorph.identify.swing_motion import angles_apart, measured_motion, swing_forward
 from myomorph.model.errors import UnknownName
 from myomorph.motion.filters import lowpass
-from myomorph.study.virtual_joint import mechanical_joint
+from myomorph.simulate.joint import mechanical_joint
+from myomorph.viscosity.passive_fit import bounded_least_squares, effective_samples, law_columns
+from myomorph.viscosity.passive_law import PassiveLaw
+from myomorph.viscosity.passive_models import PassiveOptions, compare_passive_laws
+from myomorph.viscosity.swing_motion import angles_apart, measured_motion, swing_forward
 
 AXIS = np.array([0.6, 0.0, 0.8])
 QUICK = PassiveOptions(draws=40, held_out=2)

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 
-from myomorph.identify.pendulum import compare_decays, compound_inertia, fit_decay, torsional_inertia
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.viscosity.pendulum import compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 TIME = np.arange(0.0, 20.0, 0.02)
 INERTIA, WEIGHT = 0.9, 14.0

@@ -2,7 +2,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.points import Links, MassPoints
+from myomorph.identify.body.points import Links, MassPoints
 from myomorph.model.inertia import inertia_matrices
 
 

@@ -7,11 +7,11 @@ import importlib.util
 import numpy as np
 import pytest
 
-from myomorph.identify.grid import fill
-from myomorph.identify.landmarks import landmark_of_marker
-from myomorph.identify.shape import DENSITY, body_shape, girth, measurements
-from myomorph.identify.skin import inside
-from myomorph.identify.statistical_body import AGES, FREE, LOCAL, age_shares, segment_of_bone, statistical_body
+from myomorph.identify.body.grid import fill
+from myomorph.identify.body.landmarks import landmark_of_marker
+from myomorph.identify.body.shape import DENSITY, body_shape, girth, measurements
+from myomorph.identify.body.skin import inside
+from myomorph.identify.body.statistical_body import AGES, FREE, LOCAL, age_shares, segment_of_bone, statistical_body
 from myomorph.model.errors import BadData
 from myomorph.model.segments import SEGMENTS, Segment
 

@@ -24,7 +24,7 @@ from benchmarks.simulated_truth import frames_between, joint_distances, moved, p
 
 from myomorph.identify.base import Recording as Measured
 from myomorph.identify.base import fit_base
-from myomorph.io.mjcf import model_from_mujoco
+from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Marker
 from myomorph.motion.calibrate import calibrate

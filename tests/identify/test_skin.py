@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from skins import box, capsule, sphere, surface_of
 
-from myomorph.identify.skin import check_skin, inside, winding_numbers
+from myomorph.identify.body.skin import check_skin, inside, winding_numbers
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.identify.limb_inertia import InertiaOptions, limb_inertia
-from myomorph.identify.spring_rest import counted_from, spring_misfit, spring_rest
-from myomorph.identify.swing_sums import swing_sums
-from myomorph.identify.viscosity import identify_specimen
-from myomorph.study.virtual_joint import mechanical_joint
+from myomorph.simulate.joint import mechanical_joint
+from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.spring_rest import counted_from, spring_misfit, spring_rest
+from myomorph.viscosity.swing_sums import swing_sums
+from myomorph.viscosity.viscosity import identify_specimen
 
 
 @pytest.mark.parametrize(

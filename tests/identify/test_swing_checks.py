@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from swung_limb import GRAVITY, LAWS, LIMB, released
 
-from myomorph.identify.swing_checks import condition_findings, plate_zero, recording_findings
-from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
-from myomorph.study.virtual_joint import mechanical_joint
+from myomorph.simulate.joint import mechanical_joint
+from myomorph.viscosity.swing_checks import condition_findings, plate_zero, recording_findings
+from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
 
 
 @pytest.fixture(scope="module")

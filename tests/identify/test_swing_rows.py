@@ -10,15 +10,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_specimen, limb_parameters, swing
 
-from myomorph.identify.specimen import SpecimenNames, SwingTrial, build_specimen
-from myomorph.identify.swing_rows import swing_recordings
-from myomorph.identify.swing_segments import REACH, swing_numbers, touched_frames, whole_frames
-from myomorph.identify.swings import SwingRecording
-from myomorph.identify.tracking import TrackedSpecimen, TrackedTrial, TrackingOptions, track
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
+from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.swing_rows import swing_recordings
+from myomorph.viscosity.swing_segments import REACH, swing_numbers, touched_frames, whole_frames
+from myomorph.viscosity.swings import SwingRecording
+from myomorph.viscosity.tracking import TrackedSpecimen, TrackedTrial, TrackingOptions, track
 
 SPECIMEN = arm_specimen()
 CUTOFF = 10.0

@@ -9,17 +9,17 @@ import pytest
 from made_swings import MUSCLES, Made, eleven, inertia_columns, skew, swing, three_releases
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify import swing_prediction
-from myomorph.identify.condition_solution import solve_condition
-from myomorph.identify.joint_viscosity import joint_viscosity, torque_problem
-from myomorph.identify.limb_inertia import InertiaOptions, limb_inertia
-from myomorph.identify.muscle_viscosity import muscle_problem
-from myomorph.identify.resampling import Influences
-from myomorph.identify.swing_sums import PLATE, swing_sums
-from myomorph.identify.swings import SwingRecording
-from myomorph.identify.viscosity import ViscosityOptions, identify_specimen
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import pseudo_inertias
+from myomorph.viscosity import swing_prediction
+from myomorph.viscosity.condition_solution import solve_condition
+from myomorph.viscosity.joint_viscosity import joint_viscosity, torque_problem
+from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.muscle_viscosity import muscle_problem
+from myomorph.viscosity.resampling import Influences
+from myomorph.viscosity.swing_sums import PLATE, swing_sums
+from myomorph.viscosity.swings import SwingRecording
+from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
 
 BARE = Made(damping=0.05, stiffness=2.0)
 WHOLE = replace(BARE, mass=2.5, **eleven(np.random.default_rng(0)))

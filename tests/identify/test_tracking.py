@@ -10,16 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
 
-from myomorph.identify.made_clusters import with_clusters
-from myomorph.identify.specimen import SpecimenNames, SwingTrial, build_specimen
-from myomorph.identify.specimen_muscles import fig1_muscles
-from myomorph.identify.tracking import TrackedSpecimen, TrackingOptions, track
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.viscosity.made_clusters import with_clusters
+from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.tracking import TrackedSpecimen, TrackingOptions, track
 
 MARKERS_ONLY = TrackingOptions(clock=False, find_touch=False)
 SPECIMEN = arm_specimen()

@@ -5,8 +5,8 @@ import pytest
 from made_bodies import filled, random_links
 from scipy import sparse
 
-from myomorph.identify.points import Links
-from myomorph.identify.weights import (
+from myomorph.identify.body.points import Links
+from myomorph.identify.body.weights import (
     bone_weights,
     checked_weights,
     cog_weights,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.actuators import read_actuators
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadFile, UnknownName
 
 TWO = """<OpenSimDocument Version="40000"><ForceSet name="set"><objects>

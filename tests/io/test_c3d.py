@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.c3d import emg_channels, read_c3d
-from myomorph.io.c3d_ezc3d import read_c3d_ezc3d
-from myomorph.io.c3d_plain import read_c3d_plain
-from myomorph.io.c3d_raw import RawC3d
-from myomorph.io.guard import run_guarded
+from myomorph.io.c3d.ezc3d import read_c3d_ezc3d
+from myomorph.io.c3d.plain import read_c3d_plain
+from myomorph.io.c3d.raw import RawC3d
+from myomorph.io.c3d.read import emg_channels, read_c3d
+from myomorph.io.parsing.guard import run_guarded
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Event
 

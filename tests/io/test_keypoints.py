@@ -8,11 +8,11 @@ import h5py
 import numpy as np
 import pytest
 
-from myomorph.io import hdf5_guard
-from myomorph.io.guard import Outcome
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
+from myomorph.io.parsing import hdf5_guard
+from myomorph.io.parsing.guard import Outcome
 from myomorph.model.errors import BadFile
-from myomorph.study.inputs import open_trial
+from myomorph.study.trial.inputs import open_trial
 
 NAMES = ("nose", "hip", "tail")
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.join import join_models
 from myomorph.model.scale import scale
 from myomorph.muscles.scaling import default_path_lengths

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.series import Motion
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics

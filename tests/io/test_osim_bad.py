@@ -9,8 +9,8 @@ import pytest
 from lxml import etree
 
 from myomorph.io.models import read_model
-from myomorph.io.osim import read_osim
-from myomorph.io.xml import read_xml
+from myomorph.io.osim.read import read_osim
+from myomorph.io.parsing.xml import read_xml
 from myomorph.model.errors import BadFile, BadModel, MyomorphError, UnknownName
 
 ROD = """<?xml version="1.0" encoding="UTF-8"?>

@@ -12,9 +12,9 @@ from lxml import etree
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_document import read_document
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.document import read_document
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, euler_xyz_from_rotation
 from osim_models import FILES, body_poses, point_place

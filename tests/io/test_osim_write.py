@@ -14,12 +14,12 @@ from lxml import etree
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.io.mjcf import read_mjcf
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_document import Document, Node
-from myomorph.io.osim_functions import natural_spline, read_function, smooth_step
-from myomorph.io.osim_write import write_osim
-from myomorph.io.osim_write_functions import legal, write_function
+from myomorph.io.mjcf.read import read_mjcf
+from myomorph.io.osim.document import Document, Node
+from myomorph.io.osim.functions import natural_spline, read_function, smooth_step
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
+from myomorph.io.osim.write_functions import legal, write_function
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import (
     PiecewisePolynomial,
@@ -175,7 +175,7 @@ def test_a_failed_write_leaves_nothing_and_spoils_nothing(pendulum, tmp_path, mo
     def fail(*_arguments, **_options):
         raise OSError("disk full")
 
-    monkeypatch.setattr("myomorph.io.osim_write.etree.tostring", fail)
+    monkeypatch.setattr("myomorph.io.osim.write.etree.tostring", fail)
     with pytest.raises(OSError, match="disk full"):
         write_osim(replace(pendulum, name="other"), path)
     assert path.read_bytes() == before

@@ -9,8 +9,8 @@ from scipy.io import savemat
 from myomorph.io import qualisys_mat
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.model.errors import BadFile
-from myomorph.study.inputs import open_trial
-from myomorph.study.inspect import inspect
+from myomorph.study.info.inspect import inspect
+from myomorph.study.trial.inputs import open_trial
 
 FRAMES = 40
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from myomorph.io.marker_set import read_marker_set, write_marker_set, write_scale_set
 from myomorph.io.models import read_model
-from myomorph.io.scale_setup import ScaleSetup
-from myomorph.io.tool_setups import read_setup
+from myomorph.io.osim.marker_set import read_marker_set, write_marker_set, write_scale_set
+from myomorph.io.osim.scale_setup import ScaleSetup
+from myomorph.io.osim.tool_setups import read_setup
 from myomorph.model.errors import BadData, BadFile
 
 TOOL = """<OpenSimDocument Version="40000"><ScaleTool name="s"><mass>{mass}</mass>

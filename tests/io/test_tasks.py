@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from myomorph.io.tasks import read_ik_tasks
-from myomorph.io.tool_setups import AnalyzeSetup, InverseDynamicsSetup, InverseKinematicsSetup, read_setup
+from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.tool_setups import AnalyzeSetup, InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.model.errors import BadFile
 
 

@@ -10,9 +10,9 @@ import pytest
 
 import opensim_oracle
 from mujoco_models import compiled
-from myomorph.io.mjcf import model_from_mujoco
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.free_object import free_object, hinged_object
 from myomorph.model.join import (

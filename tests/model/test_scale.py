@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mujoco_models import compiled
-from myomorph.io.mjcf import model_from_mujoco
-from myomorph.io.osim import read_osim
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body
 from myomorph.model.paths import PathPoint

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from given_maps import given, similar
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.functions import SineProduct, constant, linear, piecewise_linear, polynomial, simm_spline
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject

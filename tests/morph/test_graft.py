@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from given_maps import given, poses_of, similar
 
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import UnknownName
 from myomorph.model.functions import linear
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Model

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from myomorph.io.models import read_model
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import SineProduct, piecewise_linear, simm_spline
 from myomorph.model.series import Motion
@@ -92,7 +92,7 @@ def test_a_mouse_has_two_legs(data):
 def test_in_mujoco_with_a_tilted_frame(data):
     pytest.importorskip("mujoco")
     sim = pytest.importorskip("myo_sim")
-    from myomorph.io.mjcf import model_from_mujoco
+    from myomorph.io.mjcf.read import model_from_mujoco
 
     model = model_from_mujoco(sim.load_model("myolegs26"))
     lengths, arms = differences(model, "x")

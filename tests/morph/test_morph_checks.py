@@ -15,7 +15,7 @@ from myomorph.morph.checks import CheckOptions, check_morph, distinct_bones
 from myomorph.morph.doubts import bone_warnings
 from myomorph.morph.moment_arm_table import compare_moment_arms, compared_coordinates
 from myomorph.morph.penetration import Penetration, Solid, bones_beside
-from myomorph.study.jump_model import leg_model
+from myomorph.simulate.jump_model import leg_model
 
 
 def through(depth: float):

@@ -10,8 +10,8 @@ import pytest
 from given_maps import given, grown, poses_of, sheared, similar
 
 from mujoco_models import compiled
-from myomorph.io.mjcf import model_from_mujoco
-from myomorph.io.osim import read_osim
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.paths import MovingPathPoint, PathPoint, PathWrap

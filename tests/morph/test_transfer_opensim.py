@@ -8,8 +8,8 @@ from given_maps import given
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz

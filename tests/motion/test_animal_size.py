@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.trc import read_trc
 from myomorph.model.model import GROUND
 from myomorph.model.scale import scale

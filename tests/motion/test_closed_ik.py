@@ -9,8 +9,8 @@ import pytest
 
 from looped import four_bar, four_bar_angles, looped_tree
 from myomorph.io.models import read_model
+from myomorph.io.osim.tasks import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.tasks import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData
 from myomorph.model.model import Marker

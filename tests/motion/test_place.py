@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mujoco_models import compiled, random_motion
-from myomorph.io.mjcf import model_from_mujoco
+from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.place import place_markers

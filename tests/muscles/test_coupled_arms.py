@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles, looped_tree
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.functions import linear
 from myomorph.model.model import Coordinate, Coupler
@@ -19,7 +19,7 @@ from myomorph.muscles.path import compile_paths, muscle_kinematics
 from myomorph.rigid.kinematics import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.muscle_files import arms_as_reported, crossings
+from myomorph.study.trial.muscle_files import arms_as_reported, crossings
 
 SHOULDERS = (
     "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_2kgWeight.osim",

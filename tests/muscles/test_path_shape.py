@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.functions import Function
 from myomorph.model.model import GROUND, Model
 from myomorph.model.paths import MovingPathPoint, Muscle
@@ -48,7 +48,7 @@ def model(request: pytest.FixtureRequest, data: Callable[[str], Path]) -> Model:
     if request.param in MODELS:
         name, read = MODELS[request.param]
         return read(data(name))
-    from myomorph.study.jump_model import leg_model
+    from myomorph.simulate.jump_model import leg_model
 
     return leg_model()
 

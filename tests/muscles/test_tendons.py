@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mujoco_models import MYO_SIM, State, compiled, load, random_motion
-from myomorph.io.mjcf import model_from_mujoco
+from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.series import Motion
 from myomorph.muscles.path import muscle_kinematics
 

@@ -8,20 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from myomorph.model.series import Event
-from myomorph.report.bars import bar_plot
-from myomorph.report.chart import (
-    Limit,
-    Line,
-    Panel,
-    decimate,
-    envelope,
-    number,
-    scaled_unit,
-    ticks,
-    time_plot,
-)
-from myomorph.report.image import HEAT, png
-from myomorph.report.maps import floor_plot, heat_map, pooled
+from myomorph.report.charts.bars import bar_plot
+from myomorph.report.charts.chart import Limit, Line, Panel, decimate, envelope, number, scaled_unit, ticks, time_plot
+from myomorph.report.charts.maps import floor_plot, heat_map, pooled
+from myomorph.report.scene.image import HEAT, png
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 10))

@@ -5,8 +5,9 @@ import pytest
 from lxml import etree
 from walker import GRAVITY, steps
 
+from myomorph.analysis.subjects import Subject
 from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
-from myomorph.report.contact_graph import (
+from myomorph.report.charts.contact_graph import (
     contact_graph,
     graph_rows,
     limb_of,
@@ -15,8 +16,7 @@ from myomorph.report.contact_graph import (
     row_label,
     solved_contacts,
 )
-from myomorph.report.subjects import Subject
-from myomorph.report.tracks import LEFT, RIGHT, WIDTH, Backdrop
+from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
 
 UP = np.array([0.0, 1.0, 0.0])
 TAP = Contacts(

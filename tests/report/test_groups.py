@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from myomorph.model.errors import BadData
-from myomorph.report.cycles import Cycles
-from myomorph.report.given import ReportInput
-from myomorph.report.group_page import group_page
-from myomorph.report.groups import Animal, Group, GroupOptions, compare_groups
-from myomorph.report.permutations import (
+from myomorph.analysis.cycles import Cycles
+from myomorph.analysis.groups import Animal, Group, GroupOptions, compare_groups
+from myomorph.analysis.permutations import (
     benjamini_hochberg,
     g_interval,
     hedges_g,
@@ -22,6 +19,9 @@ from myomorph.report.permutations import (
     p_floor,
     permutation_test,
 )
+from myomorph.model.errors import BadData
+from myomorph.report.study.group_page import group_page
+from myomorph.report.trial.given import ReportInput
 
 PERCENT = np.linspace(0.0, 100.0, 101)
 

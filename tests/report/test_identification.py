@@ -13,16 +13,16 @@ from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.spatial import Transform
-from myomorph.report.chart import number
-from myomorph.report.given import ReportInput
-from myomorph.report.identification_tables import (
+from myomorph.report.charts.chart import number
+from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.identification_tables import (
     ATHLETES,
     identification_tables,
     segment_share,
     spine_groups,
     wrench_errors,
 )
-from myomorph.report.identified import (
+from myomorph.report.trial.identified import (
     CalibratedBody,
     IdentificationInput,
     IdentifiedBase,
@@ -31,7 +31,7 @@ from myomorph.report.identified import (
     TrialError,
     WrenchCheck,
 )
-from myomorph.report.page import report_page
+from myomorph.report.trial.trial_page import report_page
 
 TABLE_3_1 = {
     "identified, w_d": [2.85, 2.12, 1.80, 1.67, 1.61, 1.54, 1.48, 1.25, 1.16, 1.26, 0.97, 0.90, 0.85, 0.76, 0.73,

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from myomorph.identify.body.points import MassPoints, links_of
 from myomorph.identify.cross_validation import CrossValidation, cross_validate
-from myomorph.identify.points import MassPoints, links_of
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import Identification, IdentificationOptions, identify
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.report.identification_given import identification_input
-from myomorph.report.identification_tables import identification_tables, wrench_errors
-from myomorph.study.inputs import open_loads, open_model, open_motion
+from myomorph.report.trial.identification_given import identification_input
+from myomorph.report.trial.identification_tables import identification_tables, wrench_errors
+from myomorph.study.trial.inputs import open_loads, open_model, open_motion
 
 
 def balls(model: Model) -> MassPoints:

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from myomorph.analysis.lagged import LagOptions, correlate
+from myomorph.analysis.locking import lock
 from myomorph.model.series import Series
-from myomorph.report.lagged import LagOptions, correlate
-from myomorph.report.locking import lock
 
 TIME = np.arange(1001) / 50.0
 

@@ -8,17 +8,17 @@ import io
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
+from myomorph.analysis.length_analysis import curves_table, length_analysis, range_row, ranges_table
+from myomorph.analysis.walking import chains, walking_limbs, walking_points, walking_strides
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.report.given import ReportInput
-from myomorph.report.length_analysis import curves_table, length_analysis, range_row, ranges_table
-from myomorph.report.length_section import length_cycle_section
-from myomorph.report.prepared import prepare
-from myomorph.report.walking import chains, walking_limbs, walking_points, walking_strides
+from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.length_section import length_cycle_section
+from myomorph.report.trial.prepared import prepare
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 PERIOD = 1.1

@@ -11,10 +11,10 @@ import pytest
 from boxed_leg import FRONT, HALF, grown, leg, morph_of, muscle, with_muscle
 from myomorph.model.provenance import Provenance, Source
 from myomorph.morph.checks import check_morph
-from myomorph.report.given import Note
-from myomorph.report.morphing import morph_page
-from myomorph.report.morphing_tables import morphing_tables
-from myomorph.report.section import Section
+from myomorph.report.morph.morph_page import morph_page
+from myomorph.report.morph.tables import morphing_tables
+from myomorph.report.page.section import Section
+from myomorph.report.trial.given import Note
 
 MADE = Provenance("morph", (Source("bone", "/home/me/bones/thigh.obj", "ab" * 32),), {"map": "ssd", "exponent": 4.0})
 

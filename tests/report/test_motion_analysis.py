@@ -7,25 +7,31 @@ import pytest
 from lxml import etree
 from walker import GRAVITY, Tension, everything, model, motion, steps
 
+from myomorph.analysis.centroid import centroid
+from myomorph.analysis.limb_muscles import MUSCLES, named_muscles
+from myomorph.analysis.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
+from myomorph.analysis.subjects import centroids, subjects
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.report.analysis_section import analysis_sections
-from myomorph.report.centroid import centroid
-from myomorph.report.estimated_forces import acting_forces, contact_verdicts, group_forces, groups_of, situation_of
-from myomorph.report.given import Phase, ReportInput, Uncarried
-from myomorph.report.limb_muscles import MUSCLES, named_muscles
-from myomorph.report.motion_analysis import analyse
-from myomorph.report.page import report_page
-from myomorph.report.pictures import pictures, proportion
-from myomorph.report.prepared import prepare
-from myomorph.report.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
-from myomorph.report.scene import make_scene
-from myomorph.report.strip import even_times, picture_strip, pictures_beside
-from myomorph.report.subjects import centroids, subjects
-from myomorph.report.tracks import Backdrop
-from myomorph.study import settings
+from myomorph.report.charts.strip import even_times, picture_strip, pictures_beside
+from myomorph.report.charts.tracks import Backdrop
+from myomorph.report.scene.pictures import pictures, proportion
+from myomorph.report.scene.scene import make_scene
+from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.trial.estimated_forces import (
+    acting_forces,
+    contact_verdicts,
+    group_forces,
+    groups_of,
+    situation_of,
+)
+from myomorph.report.trial.given import Phase, ReportInput, Uncarried
+from myomorph.report.trial.motion_analysis import analyse
+from myomorph.report.trial.prepared import prepare
+from myomorph.report.trial.trial_page import report_page
+from myomorph.store import settings
 
 WEIGHT = 60.0 * GRAVITY
 

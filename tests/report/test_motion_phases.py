@@ -3,10 +3,10 @@ import itertools
 import numpy as np
 import pytest
 
+from myomorph.analysis.motion_phases import MOST_STAGES, Cuttable, cut, measure, together
 from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Series
-from myomorph.report.given import Phase
-from myomorph.report.motion_phases import MOST_STAGES, Cuttable, cut, measure, together
+from myomorph.report.trial.given import Phase
 
 TIME = np.arange(1001) / 100.0
 SPAN = (0.0, 10.0)

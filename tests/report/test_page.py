@@ -8,8 +8,8 @@ from lxml import etree, html
 from walker import everything
 
 from myomorph.model.series import Emg, Event, Series, Wrenches
-from myomorph.report.given import Note, ReportInput, Truth
-from myomorph.report.page import report_page
+from myomorph.report.trial.given import Note, ReportInput, Truth
+from myomorph.report.trial.trial_page import report_page
 
 
 def parsed(given: ReportInput) -> html.HtmlElement:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from myomorph.analysis.conditions import Condition, compare_conditions
+from myomorph.analysis.cycles import Cycles
+from myomorph.analysis.groups import Animal, Group, GroupOptions, compare_groups
+from myomorph.analysis.paired import compare_paired
+from myomorph.analysis.permutations import paired_floor, paired_g, paired_g_interval, paired_test, signs
 from myomorph.model.errors import BadData
-from myomorph.report.conditions import Condition, compare_conditions
-from myomorph.report.cycles import Cycles
-from myomorph.report.groups import Animal, Group, GroupOptions, compare_groups
-from myomorph.report.paired import compare_paired
-from myomorph.report.permutations import paired_floor, paired_g, paired_g_interval, paired_test, signs
 
 FAMILY = "joint angle [°]"
 

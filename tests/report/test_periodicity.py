@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from myomorph.analysis.periodicity import PeriodOptions, find_period
 from myomorph.model.errors import BadData
-from myomorph.report.periodicity import PeriodOptions, find_period
 
 TIME = np.arange(4001) / 100.0
 

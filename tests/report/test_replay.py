@@ -14,15 +14,15 @@ from myomorph.model.join import join_models, join_motions
 from myomorph.model.model import Marker
 from myomorph.model.series import Emg, ForcePlate, Markers, Motion
 from myomorph.model.surface import Surface
-from myomorph.report import replay_charts as charts
-from myomorph.report.given import ReportInput
-from myomorph.report.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
-from myomorph.report.replay_muscles import MuscleIndex
-from myomorph.report.replay_scene import outline
-from myomorph.report.shapes import normals, outward, reduced, sphere
-from myomorph.report.web_page import quaternions
+from myomorph.report.scene.shapes import normals, outward, reduced, sphere
+from myomorph.report.trial.given import ReportInput
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.viewer import replay_charts as charts
+from myomorph.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
+from myomorph.viewer.replay_muscles import MuscleIndex
+from myomorph.viewer.replay_scene import outline
+from myomorph.viewer.web_page import quaternions
 
 WAYS = ("up", "ahead", "right")
 

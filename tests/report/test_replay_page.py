@@ -17,8 +17,8 @@ from walker import everything
 from myomorph.model.errors import BadData
 from myomorph.model.model import Marker
 from myomorph.model.series import ForcePlate, Markers
-from myomorph.report.given import ReportInput
-from myomorph.report.replay import Replay
+from myomorph.report.trial.given import ReportInput
+from myomorph.viewer.replay import Replay
 
 pytest.importorskip("viser")
 

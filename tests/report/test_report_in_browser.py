@@ -10,7 +10,7 @@ from browser import Browser, browser_program
 from lxml import etree
 from walker import everything
 
-from myomorph.report.page import report_page
+from myomorph.report.trial.trial_page import report_page
 
 
 @pytest.fixture(scope="module")

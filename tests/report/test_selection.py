@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 from walker import model
 
-from myomorph.report.selection import coordinate_pairs, major_muscles, muscle_rows, pairs, root_coordinates, split_side
+from myomorph.analysis.selection import (
+    coordinate_pairs,
+    major_muscles,
+    muscle_rows,
+    pairs,
+    root_coordinates,
+    split_side,
+)
 
 _RAJAGOPAL = """addbrev addlong addmagDist addmagIsch addmagMid addmagProx bflh bfsh edl ehl fdl fhl gaslat gasmed
 glmax1 glmax2 glmax3 glmed1 glmed2 glmed3 glmin1 glmin2 glmin3 grac iliacus perbrev perlong piri psoas recfem sart

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from myomorph.analysis.cycles import band, over_cycles
+from myomorph.analysis.strides import Limb, find_strides
 from myomorph.io.loads import read_external_loads
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Z_UP_TO_Y_UP, Series, Wrenches
-from myomorph.report.cycles import band, over_cycles
-from myomorph.report.strides import Limb, find_strides
 
 Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 LIMBS = (Limb("foot_r", ("paw_r",), bodies=("foot_r",)), Limb("foot_l", ("paw_l",), bodies=("foot_l",)))

@@ -5,8 +5,8 @@ import pytest
 from walker import GRAVITY, Tension, fitted, model, motion
 
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.report import tables
-from myomorph.report.columns import compared
+from myomorph.report.charts.columns import compared
+from myomorph.report.trial import tables
 
 
 def flat(time: np.ndarray, force: float) -> Wrenches:

@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.identify.estimate import Estimate
-from myomorph.identify.murai_tables import MEAN, SD, SPECIMENS
-from myomorph.report.given import Note
-from myomorph.report.interval_bars import Beside, Level, interval_bars
-from myomorph.report.interval_rows import interval_rows
-from myomorph.report.scatter import Cloud, xy_plot
-from myomorph.report.viscosity import viscosity_page
-from myomorph.report.viscosity_given import (
+from myomorph.model.estimate import Estimate
+from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
+from myomorph.report.charts.interval_rows import interval_rows
+from myomorph.report.charts.scatter import Cloud, xy_plot
+from myomorph.report.trial.given import Note
+from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.viscosity.report.given import (
     ArmError,
     ArmSpread,
     CutoffScan,
@@ -26,7 +25,8 @@ from myomorph.report.viscosity_given import (
     ViscosityInput,
     specimen_report,
 )
-from myomorph.report.viscosity_tables import published, scientific, table_section, truth_grid, with_interval
+from myomorph.viscosity.report.page import viscosity_page
+from myomorph.viscosity.report.tables import published, scientific, table_section, truth_grid, with_interval
 from swing_cohort import AXES, specimens
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from looped import looped_tree
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Motion
 from myomorph.rigid.closed_motion import closed_motion

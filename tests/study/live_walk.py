@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.live.chain import ChainFrame, LiveChain
+from myomorph.live.run import open_played
+from myomorph.live.session import follow_chain
+from myomorph.live.sources import Replay
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.sync import cut
-from myomorph.study.inputs import open_model
-from myomorph.study.live_chain import ChainFrame, LiveChain
-from myomorph.study.live_run import open_played
-from myomorph.study.live_session import follow_chain
-from myomorph.study.live_sources import Replay
+from myomorph.study.trial.inputs import open_model
 
 WALK = "rajagopal-walk-emg"
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.io.wavfile import write as write_wav
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadFile
-from myomorph.study.contact_file import contact_files, read_contacts
-from myomorph.study.contact_step import untold
+from myomorph.study.trial.contact_file import contact_files, read_contacts
+from myomorph.study.trial.contact_step import untold
 
 SITE = """
 [[site]]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import Similarity
-from myomorph.study.ct import ScanFiles, ScanTable, model_from_scans, read_picks, scan_files
+from myomorph.viscosity.study.ct import ScanFiles, ScanTable, model_from_scans, read_picks, scan_files
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "morph"))
 from scans import cluster, made_scan

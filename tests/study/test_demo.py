@@ -7,17 +7,14 @@ import json
 import numpy as np
 import pytest
 
+from myomorph.demo.jump import demo_take, run_demo
 from myomorph.model.errors import UnknownName
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.report.columns import compared
+from myomorph.report.charts.columns import compared
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study import stored as store
-from myomorph.study.demo import demo_take, run_demo
-from myomorph.study.reporting import report_folder
-from myomorph.study.results import read_result
-from myomorph.study.simulate import (
+from myomorph.simulate.squat import (
     FEET,
     SimulationOptions,
     balancing_wrenches,
@@ -25,6 +22,9 @@ from myomorph.study.simulate import (
     measured_markers,
     squat_splines,
 )
+from myomorph.store import stored as store
+from myomorph.store.results import read_result
+from myomorph.study.trial.reporting import report_folder
 from myomorph.tension.solve import TensionOptions
 
 OPTIONS = SimulationOptions(duration=2.0, squats=1, rate=40.0)

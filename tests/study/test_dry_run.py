@@ -7,11 +7,11 @@ import shutil
 import pytest
 
 from identified_arm import put_on_plate
-from myomorph.study.dry_run import dry_run
-from myomorph.study.dry_run_text import dry_run_lines
-from myomorph.study.expected_time import ModelSize, StepTimes, in_words
-from myomorph.study.plan import read_plan
-from myomorph.study.run import run_study
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.dry_run import dry_run
+from myomorph.study.run.dry_run_text import dry_run_lines
+from myomorph.study.run.expected_time import ModelSize, StepTimes, in_words
+from myomorph.study.run.run import run_study
 
 STUDY = """
 [study]

@@ -9,10 +9,10 @@ from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadFile, UnknownName
 from myomorph.model.series import Table
 from myomorph.motion.envelope import envelopes
-from myomorph.study.emg_files import muscles_of_channels, open_emg
-from myomorph.study.inputs import open_model
-from myomorph.study.steps import step_provenance
-from myomorph.study.takes import FileTake, open_take
+from myomorph.study.trial.emg_files import muscles_of_channels, open_emg
+from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.steps import step_provenance
+from myomorph.study.trial.takes import FileTake, open_take
 
 WALK = "rajagopal-walk-emg"
 HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from made_walker import PERIOD, recording, walker
 
-from myomorph.io.osim_write import write_osim
+from myomorph.analysis.groups import Animal
+from myomorph.io.osim.write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadFile
-from myomorph.report.groups import Animal
-from myomorph.study.group_strides import in_one_turn
-from myomorph.study.plan import read_plan
-from myomorph.study.run import run_study
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+from myomorph.study.trial.trial_strides import in_one_turn
 
 STUDY = """
 [study]

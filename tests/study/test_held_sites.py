@@ -8,8 +8,8 @@ from myomorph.model.free_object import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.study.contact_file import ContactPlan
-from myomorph.study.contact_step import Measurements, set_contacts
+from myomorph.study.trial.contact_file import ContactPlan
+from myomorph.study.trial.contact_step import Measurements, set_contacts
 from myomorph.tension.contacts import ContactOptions
 
 

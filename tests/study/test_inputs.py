@@ -9,8 +9,8 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.segments import feet_of
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
-from myomorph.study import inputs
-from myomorph.study.inputs import assigned_wrenches, fitted_to, open_loads, open_model, open_motion
+from myomorph.study.trial import inputs
+from myomorph.study.trial.inputs import assigned_wrenches, fitted_to, open_loads, open_model, open_motion
 
 
 @pytest.fixture(scope="module")

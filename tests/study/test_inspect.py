@@ -12,7 +12,7 @@ from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.series import Markers, Table
-from myomorph.study.inspect import Inspection, inspect
+from myomorph.study.info.inspect import Inspection, inspect
 
 KINDS = (".trc", ".mot", ".sto", ".c3d")
 

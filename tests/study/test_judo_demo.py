@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.demo import judo as judo_demo
+from myomorph.demo.judo import ERRORS, run_judo_demo, touches_of
+from myomorph.demo.jump import demo_model
 from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
-from myomorph.study import judo_demo
-from myomorph.study.demo import demo_model
-from myomorph.study.judo_demo import ERRORS, run_judo_demo, touches_of
-from myomorph.study.virtual_bout import FEET, GRIPS
-from myomorph.study.virtual_pair import virtual_pair
+from myomorph.simulate.bout import FEET, GRIPS
+from myomorph.simulate.pair import virtual_pair
 
 
 @pytest.fixture(scope="module")

@@ -10,18 +10,18 @@ from rich.console import Console
 from myomorph.identify.base import BaseOptions, Recording, fit_base
 from myomorph.identify.online import OnlineOptions, OnlineState, total_wrench
 from myomorph.identify.recordings import NO_FORCE
+from myomorph.live.channels import force_channels, marker_channels
+from myomorph.live.identification import LiveOptions, LiveRecording, follow, open_recording, run_live, source_of
+from myomorph.live.sources import LabStreams, Replay
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.report.body_view import BodyView, half_blocks
-from myomorph.report.live_view import Clock, live_markdown, live_panel, move_next
+from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs import open_model
-from myomorph.study.live import LiveOptions, LiveRecording, follow, open_recording, run_live, source_of
-from myomorph.study.live_channels import force_channels, marker_channels
-from myomorph.study.live_sources import LabStreams, Replay
+from myomorph.study.trial.inputs import open_model
+from myomorph.viewer.live_view import Clock, live_markdown, live_panel, move_next
 
 FRAMES = 120
 OPTIONS = OnlineOptions(cutoff=6.0, missing=1e9)
@@ -299,7 +299,7 @@ def laboratory(markers: Markers, wrenches: Wrenches) -> tuple[SimpleNamespace, S
 def test_streams_give_what_a_file_gives(
     marked: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("myomorph.study.live_sources.SILENCE", 0.3)
+    monkeypatch.setattr("myomorph.live.sources.SILENCE", 0.3)
     model, markers, wrenches = marked
     source = LabStreams("Cameras", "Plates", library=network(*laboratory(markers, wrenches)))
     result = follow(model, source, online=OPTIONS)
@@ -331,7 +331,7 @@ def test_streams_through_the_real_library(
 
     pylsl = pytest.importorskip("pylsl")
     model, markers, wrenches = marked
-    monkeypatch.setattr("myomorph.study.live_sources.SILENCE", 2.0)
+    monkeypatch.setattr("myomorph.live.sources.SILENCE", 2.0)
     outlets = []
     for one in laboratory(markers, wrenches):
         labels = one.desc().labels
@@ -378,7 +378,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     import urllib.request
 
     pytest.importorskip("viser")
-    from myomorph.report.viewer import WebViewer
+    from myomorph.viewer.identification_page import WebViewer
 
     model, _ = walk
     with socket.socket() as probe:

@@ -11,17 +11,17 @@ from live_walk import WALK, played, recorded_walk
 from numba.core.dispatcher import Dispatcher
 
 from myomorph.identify.online import total_wrench
+from myomorph.live.chain import HELD, NO_FORCE, SETTLING, SOLVED, LiveChain
+from myomorph.live.run import open_played, plates_of_table
+from myomorph.live.session import follow_chain
+from myomorph.live.sources import Replay
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.inputs import open_model
-from myomorph.study.live_chain import HELD, NO_FORCE, SETTLING, SOLVED, LiveChain
-from myomorph.study.live_run import open_played, plates_of_table
-from myomorph.study.live_session import follow_chain
-from myomorph.study.live_sources import Replay
+from myomorph.study.trial.inputs import open_model
 from myomorph.tension.solve import solve_tension
 
 
@@ -134,7 +134,7 @@ def test_plates_of_the_recording_itself_find_their_feet(
         for i, name in enumerate(wrenches.names)
     )
     trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
-    monkeypatch.setattr("myomorph.study.inputs.open_trial", lambda path: trial)
+    monkeypatch.setattr("myomorph.study.trial.inputs.open_trial", lambda path: trial)
     series, found = open_played(model, Path("walk.c3d"), None)
     assert found is not None
     assert found.bodies == ("", "")

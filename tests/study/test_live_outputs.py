@@ -18,15 +18,15 @@ from live_walk import WALK, Kept, played, recorded_walk
 
 from myomorph.identify.online import total_wrench
 from myomorph.io.sto import read_sto
+from myomorph.live.chain import SETTLING, SOLVED, ChainFrame, ChainOptions, LiveChain
+from myomorph.live.delays import Delays, Spread
+from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
+from myomorph.live.session import follow_chain
+from myomorph.live.sources import LabStreams, Replay
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
-from myomorph.study.live_chain import SETTLING, SOLVED, ChainFrame, ChainOptions, LiveChain
-from myomorph.study.live_delays import Delays, Spread
-from myomorph.study.live_run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
-from myomorph.study.live_session import follow_chain
-from myomorph.study.live_sources import LabStreams, Replay
-from myomorph.study.viewing import recordings
+from myomorph.study.trial.viewing import recordings
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def test_what_cannot_be_is_told_before_anything_is_written(data: Callable[[str],
 def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) -> None:
     """A process of its own answers on the port, takes frames and ends with the session; a taken port is told."""
     pytest.importorskip("viser")
-    from myomorph.study.live_page import LivePage
+    from myomorph.live.page import LivePage
 
     model, markers, wrenches = walk
     source = Replay(markers, wrenches, 0.0)
@@ -137,7 +137,7 @@ def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) 
 
 def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
     """Rows stay for a while; what is unknown is a dash."""
-    from myomorph.report.live_chain import Rows, Shown, force_ends, live_text
+    from myomorph.viewer.live_page import Rows, Shown, force_ends, live_text
 
     model = walk[0]
     count, muscles = len(model.coordinates), len(model.muscles)
@@ -182,7 +182,7 @@ def test_a_stream_that_is_announced_but_silent_is_told() -> None:
 def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers, Wrenches]) -> None:
     """Markers and plates sent over the loopback, results received from it: every frame, in order, on the right time."""
     pylsl = pytest.importorskip("pylsl")
-    from myomorph.study.live_outlet import LabOutlet
+    from myomorph.live.outlet import LabOutlet
 
     model, markers, wrenches = walk
     name = f"myomorph-chain-{clock.time_ns()}"

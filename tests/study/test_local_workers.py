@@ -12,8 +12,8 @@ import pytest
 import worker_jobs as made
 
 from myomorph.model.errors import BadData
-from myomorph.study.inputs import open_model
-from myomorph.study.local_workers import InProcess, LocalWorkers, local_workers
+from myomorph.study.run.local_workers import InProcess, LocalWorkers, local_workers
+from myomorph.study.trial.inputs import open_model
 
 LONG = 120.0
 
@@ -128,7 +128,7 @@ def test_how_many_workers():
 
 
 def test_on_a_new_machine_the_first_job_compiles_alone(hands, monkeypatch):
-    monkeypatch.setattr("myomorph.study.local_workers.motion_cached", lambda: False)
+    monkeypatch.setattr("myomorph.study.run.local_workers.motion_cached", lambda: False)
     jobs = [made.job(made.plain, name) for name in ("a", "b", "c")]
     for job in jobs[:2]:
         hands.start(job, None)

@@ -11,7 +11,7 @@ import pytest
 
 from myomorph import __version__
 from myomorph.model.errors import BadData, BadFile
-from myomorph.study.locks import FORMAT, MARK, folder_lock, read_mark, study_lock
+from myomorph.store.locks import FORMAT, MARK, folder_lock, read_mark, study_lock
 
 HOLD = """
 import sys

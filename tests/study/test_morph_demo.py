@@ -7,11 +7,11 @@ import csv
 import numpy as np
 import pytest
 
+from myomorph.demo.morph import ERRORS, RESULT, run_morph_demo, summary
 from myomorph.io.models import read_model
 from myomorph.morph.penetration import Solid
-from myomorph.study.deformed_leg import LANDMARKS, demo_case, picked_landmarks
-from myomorph.study.morph_demo import ERRORS, RESULT, run_morph_demo, summary
-from myomorph.study.morph_errors import WRITTEN
+from myomorph.simulate.deformed_leg import LANDMARKS, demo_case, picked_landmarks
+from myomorph.simulate.morph_errors import WRITTEN
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from boxed_leg import HALF, grown, leg, morph_of
 from myomorph.model.errors import BadData
 from myomorph.model.model import Body
 from myomorph.model.surface import Surface
-from myomorph.study.morph_masses import DENSITY, least_eigenvalues, with_morphed_masses
+from myomorph.study.subject.morph_masses import DENSITY, least_eigenvalues, with_morphed_masses
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from urllib.parse import unquote
 import pytest
 
 from arm_files import write_arm
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 
 STUDY = """
 [study]

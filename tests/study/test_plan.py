@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.companions import companion, plain_stem
-from myomorph.study.plan import read_plan
-from myomorph.study.step_settings import step_settings
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.plan.step_settings import step_settings
+from myomorph.study.trial.companions import companion, plain_stem
 
 SMALLEST = """
 [study]

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from myomorph.study.measures import LARGEST, UNITS, read_measures
-from myomorph.study.plan_checks import check_names, folder_key
-from myomorph.study.results import file_name
-from myomorph.study.step_settings import FILTERED, merged
-from myomorph.study.takes import FileTake
+from myomorph.store.results import file_name
+from myomorph.study.plan.measures import LARGEST, UNITS, read_measures
+from myomorph.study.plan.plan_checks import check_names, folder_key
+from myomorph.study.plan.step_settings import FILTERED, merged
+from myomorph.study.trial.takes import FileTake
 
 DEVICES = ["CON", "PRN", "AUX", "NUL", "COM1", "COM2", "COM3", "COM9", "COM¹", "LPT1", "LPT2", "LPT9", "LPT³"]
 NAME = st.text(min_size=1, max_size=12) | st.sampled_from([*DEVICES, "con.txt", "nul. ", "com1.a.b", "a.", "A", "a"])

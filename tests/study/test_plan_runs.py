@@ -8,9 +8,9 @@ import pytest
 
 from identified_arm import put_on_plate
 from myomorph.model.errors import BadFile
-from myomorph.study.plan import read_plan
-from myomorph.study.results import read_result
-from myomorph.study.run import run_study
+from myomorph.store.results import read_result
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
 
 STUDY = """
 [study]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.plan import read_plan
+from myomorph.study.plan.plan import read_plan
 
 FOLDERS = """
 [study]

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from myomorph.study import progress as module
-from myomorph.study.progress import progress
+from myomorph.store import progress as module
+from myomorph.store.progress import progress
 
 
 class Terminal(io.StringIO):

@@ -15,9 +15,9 @@ from myomorph.model.errors import BadFile
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Emg, Event, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
-from myomorph.study import netcdf
-from myomorph.study import stored as store
-from myomorph.study.results import (
+from myomorph.store import netcdf
+from myomorph.store import stored as store
+from myomorph.store.results import (
     file_source,
     new_result,
     provenance_of,

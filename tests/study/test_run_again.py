@@ -11,12 +11,12 @@ import shutil
 import pytest
 
 from myomorph.model.errors import BadData, BadFile
-from myomorph.study import run_take as module
-from myomorph.study import steps
-from myomorph.study.local_workers import LocalWorkers
-from myomorph.study.plan import read_plan
-from myomorph.study.plan_checks import OF_STUDY
-from myomorph.study.run import run_study
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.plan.plan_checks import OF_STUDY
+from myomorph.study.run.local_workers import LocalWorkers
+from myomorph.study.run.run import run_study
+from myomorph.study.trial import run_take as module
+from myomorph.study.trial import steps
 
 STUDY = """
 [study]

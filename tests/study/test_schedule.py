@@ -8,9 +8,9 @@ import pytest
 import worker_jobs as made
 
 from myomorph.model.errors import BadFile
-from myomorph.study.jobs import Ended, Outcome
-from myomorph.study.local_workers import InProcess
-from myomorph.study.schedule import run_jobs
+from myomorph.study.run.jobs import Ended, Outcome
+from myomorph.study.run.local_workers import InProcess
+from myomorph.study.run.schedule import run_jobs
 
 
 class Told:

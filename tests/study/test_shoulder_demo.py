@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.study.shoulder_demo import write_shoulder_study
-from myomorph.study.viscosity import run_viscosity
-from myomorph.study.viscosity_plan import read_viscosity_plan
+from myomorph.demo.shoulder import write_shoulder_study
+from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.viscosity.study.run import run_viscosity
 
 WITHIN = {
     "mass_without": 0.005,

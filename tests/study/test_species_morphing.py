@@ -7,14 +7,14 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, BadFile
 from myomorph.morph.nonrigid import MatchOptions
-from myomorph.study.inputs import open_model
-from myomorph.study.morphing import MorphSettings, write_morphed
-from myomorph.study.species_morphing import SpeciesFiles, species_files
-from myomorph.study.species_table import read_species, species_tables
-from myomorph.study.virtual_shoulder import arm_model
+from myomorph.simulate.shoulder import arm_model
+from myomorph.study.subject.morphing import MorphSettings, write_morphed
+from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
+from myomorph.study.subject.species_table import read_species, species_tables
+from myomorph.study.trial.inputs import open_model
 from opensim_oracle import ask
 
 OWN = """

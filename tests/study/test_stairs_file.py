@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from myomorph.io.channels import read_channels
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadFile
@@ -15,14 +15,14 @@ from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, 
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.series import Markers, Motion, Table
 from myomorph.model.spatial import Transform
-from myomorph.study.contact_file import contact_files, read_contacts
-from myomorph.study.contact_store import get_contact_forces
-from myomorph.study.inputs import open_loads
-from myomorph.study.plan import read_plan
-from myomorph.study.results import read_result
-from myomorph.study.run import run_study
-from myomorph.study.stairs_file import read_stairs
-from myomorph.study.stored import get_wrenches
+from myomorph.store.contact_store import get_contact_forces
+from myomorph.store.results import read_result
+from myomorph.store.stored import get_wrenches
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+from myomorph.study.trial.contact_file import contact_files, read_contacts
+from myomorph.study.trial.inputs import open_loads
+from myomorph.study.trial.stairs_file import read_stairs
 
 MASS = 0.025
 WEIGHT = MASS * 9.80665
@@ -152,7 +152,7 @@ def test_one_axis_is_open_until_it_is_told(tmp_path):
 
 def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     from myomorph.rigid.dynamics import inverse_dynamics
-    from myomorph.study.contact_step import Measurements, set_contacts
+    from myomorph.study.trial.contact_step import Measurements, set_contacts
     from myomorph.tension.contacts import ContactOptions
     from myomorph.tension.solve import TensionOptions, solve_tension
 

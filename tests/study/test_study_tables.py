@@ -14,16 +14,16 @@ import pyarrow.parquet as pq
 import pytest
 from made_walker import recording, walker
 
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Series
-from myomorph.study.condition_tables import described
-from myomorph.study.condition_values import GrowingCondition, RunningMeans
-from myomorph.study.plan import read_plan
-from myomorph.study.run import run_study
-from myomorph.study.sign_notes import SignSearch
-from myomorph.study.study_tables import FILES, PAGE, gather_study
-from myomorph.study.tidy import OF_STRIDE, OF_TRIAL, Value
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+from myomorph.study.summary.condition_tables import described
+from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans
+from myomorph.study.summary.sign_notes import SignSearch
+from myomorph.study.summary.study_tables import FILES, PAGE, gather_study
+from myomorph.study.trial.tidy import OF_STRIDE, OF_TRIAL, Value
 
 SUBJECT = """[[subject]]
 name = "{0}"

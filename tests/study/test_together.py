@@ -8,18 +8,18 @@ import pytest
 from arm_files import table_text
 from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.contact_store import get_contact_forces
-from myomorph.study.plan import read_plan
-from myomorph.study.reporting import report_folder
-from myomorph.study.results import read_result
-from myomorph.study.run import run_study
+from myomorph.store.contact_store import get_contact_forces
+from myomorph.store.results import read_result
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+from myomorph.study.trial.reporting import report_folder
 
 HAND = np.array([0.0, -0.28, 0.0])
 MASS = 1.5

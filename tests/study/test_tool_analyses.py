@@ -13,9 +13,9 @@ from myomorph.io.models import read_model
 from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.series import Table
-from myomorph.study.tool_bodies import euler_angles
-from myomorph.study.tool_states import even_times
-from myomorph.study.tools import run_tool
+from myomorph.opensim_tools.bodies import euler_angles
+from myomorph.opensim_tools.run import run_tool
+from myomorph.opensim_tools.states import even_times
 
 SMALL = "opensim-reference-small/"
 SETUP = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>{model}</model_file>

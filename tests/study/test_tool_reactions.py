@@ -12,7 +12,7 @@ import pytest
 
 from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.study.tools import run_tool
+from myomorph.opensim_tools.run import run_tool
 
 SMALL = "opensim-reference-small/"
 STUDY = "walk-so-jointload-emg/"

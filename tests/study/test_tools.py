@@ -12,10 +12,10 @@ from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadFile
 from myomorph.muscles.path import muscle_kinematics
-from myomorph.study.tool_muscles import FIBERS
-from myomorph.study.tool_outputs import write_outputs
-from myomorph.study.tool_states import stepped
-from myomorph.study.tools import run_tool
+from myomorph.opensim_tools.muscles import FIBERS
+from myomorph.opensim_tools.outputs import write_outputs
+from myomorph.opensim_tools.run import run_tool
+from myomorph.opensim_tools.states import stepped
 
 ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>arm26.osim</model_file>
 <results_directory>Results</results_directory><initial_time>0.25</initial_time><final_time>0.3</final_time>

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from made_walker import PERIOD, recording, walker
 
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData
-from myomorph.study.jobs import Outcome
-from myomorph.study.plan import read_plan
-from myomorph.study.run import run_study
-from myomorph.study.tidy import (
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.jobs import Outcome
+from myomorph.study.run.run import run_study
+from myomorph.study.trial.tidy import (
     CURVES,
     OF_STRIDE,
     OF_TRIAL,

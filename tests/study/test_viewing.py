@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from myomorph.cli import main
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Motion
-from myomorph.report.replay_body import PlayedBody
-from myomorph.study import stored
-from myomorph.study.results import STORED, file_source, new_result, provenance_of
-from myomorph.study.viewing import open_replay, recordings
+from myomorph.store import stored
+from myomorph.store.results import STORED, file_source, new_result, provenance_of
+from myomorph.study.trial.viewing import open_replay, recordings
+from myomorph.viewer.replay_body import PlayedBody
 
 Write = Callable[..., Path]
 

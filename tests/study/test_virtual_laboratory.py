@@ -11,16 +11,14 @@ import pytest
 
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.contact.plates import plate_wrench
-from myomorph.io.c3d import read_c3d
+from myomorph.io.c3d.read import read_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
 from myomorph.morph.clusters import find_balls
 from myomorph.morph.registration import Surface
-from myomorph.study.ct import read_picks
-from myomorph.study.plate_files import PlateFiles, calibrate
-from myomorph.study.virtual_laboratory import (
+from myomorph.simulate.laboratory import (
     BALL,
     BONES,
     ROD,
@@ -31,8 +29,10 @@ from myomorph.study.virtual_laboratory import (
     write_scans,
     write_swing_c3d,
 )
-from myomorph.study.virtual_recording import Noise
-from myomorph.study.virtual_shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
+from myomorph.simulate.recording import Noise
+from myomorph.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
+from myomorph.viscosity.study.ct import read_picks
+from myomorph.viscosity.study.plate_files import PlateFiles, calibrate
 
 pytest.importorskip("myo_sim")
 

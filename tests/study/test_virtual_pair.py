@@ -20,11 +20,11 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study import virtual_pair as made
-from myomorph.study.virtual_bout import FEET, GRIPS
-from myomorph.study.virtual_fighter import GRIP, Build, marker_points, segments
-from myomorph.study.virtual_mat import LAPEL, PARTS, compile_pair, fighter_text
-from myomorph.study.virtual_pair import PairOptions, pair_sites, virtual_pair
+from myomorph.simulate import pair as made
+from myomorph.simulate.bout import FEET, GRIPS
+from myomorph.simulate.fighter import GRIP, Build, marker_points, segments
+from myomorph.simulate.mat import LAPEL, PARTS, compile_pair, fighter_text
+from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.parts import tension_of

@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.murai_tables import SPECIMENS
-from myomorph.identify.specimen import Specimen, SpecimenNames, build_specimen
-from myomorph.identify.specimen_muscles import fig1_muscles
-from myomorph.io.mjcf import read_mjcf
+from myomorph.io.mjcf.read import read_mjcf
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData, BadModel
@@ -21,10 +18,10 @@ from myomorph.model.paths import Path as MusclePath
 from myomorph.model.paths import PathWrap
 from myomorph.model.series import Motion
 from myomorph.muscles.path import muscle_kinematics
-from myomorph.study.virtual_files import specimen_mjcf, write_recording
-from myomorph.study.virtual_limb import HeldLimb, tendon_wraps, with_scaled_muscles
-from myomorph.study.virtual_recording import Noise, Sampled
-from myomorph.study.virtual_shoulder import (
+from myomorph.simulate.files import specimen_mjcf, write_recording
+from myomorph.simulate.limb import HeldLimb, tendon_wraps, with_scaled_muscles
+from myomorph.simulate.recording import Noise, Sampled
+from myomorph.simulate.shoulder import (
     BASE,
     FIRST,
     FURTHER,
@@ -34,6 +31,9 @@ from myomorph.study.virtual_shoulder import (
     arm_specimen,
     virtual_specimen,
 )
+from myomorph.viscosity.murai_tables import SPECIMENS
+from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen
+from myomorph.viscosity.specimen_muscles import fig1_muscles
 
 pytest.importorskip("myo_sim")
 
@@ -160,8 +160,8 @@ def test_files_say_what_the_specimen_is(made: VirtualSpecimen, tmp_path) -> None
 
 
 def test_example_study_is_written_and_read(tmp_path) -> None:
-    from myomorph.study.shoulder_demo import write_shoulder_study
-    from myomorph.study.viscosity_plan import read_viscosity_plan
+    from myomorph.demo.shoulder import write_shoulder_study
+    from myomorph.viscosity.study.plan import read_viscosity_plan
 
     path = write_shoulder_study(tmp_path / "here", (3,), seconds=1.0, trials=1)
     raw = tomllib.loads(path.read_text())

@@ -8,14 +8,14 @@ import io
 import numpy as np
 import pytest
 
-from myomorph.identify.cohort import specimen_row
-from myomorph.identify.murai_tables import MEAN, SPECIMENS
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
-from myomorph.report.viscosity import viscosity_page
-from myomorph.report.viscosity_given import SpecimenReport, ViscosityInput, specimen_report
-from myomorph.study import viscosity_files as files
-from myomorph.study.viscosity_store import STORE, read_store, write_store
+from myomorph.viscosity.cohort import specimen_row
+from myomorph.viscosity.murai_tables import MEAN, SPECIMENS
+from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput, specimen_report
+from myomorph.viscosity.report.page import viscosity_page
+from myomorph.viscosity.study import files
+from myomorph.viscosity.study.store import STORE, read_store, write_store
 from swing_cohort import MUSCLES, specimens
 
 COLUMNS = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.viscosity_plan import read_viscosity_plan
+from myomorph.viscosity.study.plan import read_viscosity_plan
 
 SMALLEST = """
 [study]

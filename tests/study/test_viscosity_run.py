@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from myomorph.cli.program import main
-from myomorph.identify.murai_tables import SPECIMENS
 from myomorph.model.errors import BadData, BadFile
-from myomorph.report.viscosity_given import specimen_report
-from myomorph.study import viscosity
-from myomorph.study.viscosity_plan import read_viscosity_plan
-from myomorph.study.viscosity_specimen import Studied, StudyOptions
+from myomorph.viscosity.murai_tables import SPECIMENS
+from myomorph.viscosity.report.given import specimen_report
+from myomorph.viscosity.study import run as viscosity
+from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.viscosity.study.specimen import Studied, StudyOptions
 from swing_cohort import specimens
 
 

@@ -9,13 +9,13 @@ import pytest
 from tests.identify.swung_specimen import arm_specimen, swing
 
 from myomorph.cli.program import main
-from myomorph.io.osim import read_osim
-from myomorph.io.osim_write import write_osim
+from myomorph.io.osim.read import read_osim
+from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Markers, Table
-from myomorph.study.viscosity import run_viscosity
-from myomorph.study.viscosity_plan import read_viscosity_plan
+from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.viscosity.study.run import run_viscosity
 
 JOINT, TOTAL = 0.05, 0.09
 RELEASES = ((0.6, 0.2, -0.5), (-0.3, -0.6, 0.5))

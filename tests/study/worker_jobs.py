@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.study.jobs import Job, Outcome
+from myomorph.study.run.jobs import Job, Outcome
 
 
 def outcome(name, *done):
@@ -55,7 +55,7 @@ def speak(model, name):
 
 def no_space(model, name):
     error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    from myomorph.study.failures import failed
+    from myomorph.store.failures import failed
 
     return failed(outcome(name), error, "ik")
 

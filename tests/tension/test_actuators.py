@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Actuator
 from myomorph.model.scale import scale

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from walking import full
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.series import Motion, Wrenches

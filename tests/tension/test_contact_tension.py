@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from walking import full, soles, task, walk
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, SharedWrench, Site
 from myomorph.model.errors import BadData, BadModel

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walking import task, walk
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Motion, Series

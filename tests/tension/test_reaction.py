@@ -9,7 +9,7 @@ import pytest
 
 from looped import looped_tree
 from myomorph.io.loads import read_external_loads
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator

@@ -10,7 +10,7 @@ import pytest
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import find_contacts
 from myomorph.contact.strengths import strengths
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData

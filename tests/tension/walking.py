@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.io.loads import read_external_loads
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.model import Model

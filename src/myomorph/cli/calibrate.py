@@ -31,9 +31,9 @@ def calibrate_command(
     threads: Threads = None,
 ) -> int:
     """Link lengths and marker positions of the body that the recordings show."""
-    from myomorph.study import calibrating
-    from myomorph.study.made_model import check_out_model
-    from myomorph.study.settings import with_settings
+    from myomorph.store.settings import with_settings
+    from myomorph.study.subject import calibrating
+    from myomorph.study.subject.made_model import check_out_model
 
     use_threads(threads)
     files = calibrating.CalibrationFiles(model, markers, static, marker_set, tasks, time)

@@ -12,7 +12,7 @@ from myomorph.cli.output import said
 
 def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
     """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it."""
-    from myomorph.study.inspect import inspect
+    from myomorph.study.info.inspect import inspect
 
     for line in inspect(file).lines():
         said(line)
@@ -33,7 +33,7 @@ def report_command(
     ] = (),
 ) -> int:
     """Make report.html of a folder of results."""
-    from myomorph.study.reporting import report_folder
+    from myomorph.study.trial.reporting import report_folder
 
     for path in report_folder(folder, preset=preset, times=times):
         said(f"wrote {path}")

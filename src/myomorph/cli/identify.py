@@ -11,8 +11,8 @@ from myomorph.cli.options import ModelFile, Threads, Time, given, options_class,
 from myomorph.cli.output import said, warn
 from myomorph.identify.recordings import RecordingOptions
 from myomorph.identify.subject import GENERIC, IdentificationOptions
-from myomorph.study.body_shape import BodyOptions
-from myomorph.study.live import LiveOptions
+from myomorph.live.identification import LiveOptions
+from myomorph.study.subject.body_shape import BodyOptions
 
 IdentifySettings = options_class(RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
 
@@ -54,10 +54,10 @@ def identify_command(
     threads: Threads = None,
 ) -> int:
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
-    from myomorph.study import identifying
-    from myomorph.study.body_shape import BodyShape
-    from myomorph.study.inputs import open_model
-    from myomorph.study.made_model import check_out_model
+    from myomorph.study.subject import identifying
+    from myomorph.study.subject.body_shape import BodyShape
+    from myomorph.study.subject.made_model import check_out_model
+    from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
     check_out_model(out, read=(model,))

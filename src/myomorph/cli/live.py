@@ -10,8 +10,8 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import ModelFile, given, options_class
 from myomorph.cli.output import said, warn
+from myomorph.live.chain import ChainOptions
 from myomorph.model.errors import BadData
-from myomorph.study.live_chain import ChainOptions
 from myomorph.tension.tension import TensionOptions
 
 LiveSettings = options_class(ChainOptions, TensionOptions)
@@ -44,8 +44,8 @@ def live_command(
     options: LiveSettings | None = None,  # type: ignore[valid-type]
 ) -> int:
     """Joint angles, torques and muscle activations while frames arrive."""
-    from myomorph.study.live_run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
-    from myomorph.study.settings import with_settings
+    from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
+    from myomorph.store.settings import with_settings
 
     if (markers is None) == (not lsl_markers):
         raise BadData("live needs either a recording (--markers FILE) or a stream (--lsl-markers NAME)")

@@ -13,7 +13,7 @@ from myomorph.model.errors import BadData
 from myomorph.morph.fields import MapOptions
 from myomorph.morph.morphed import MorphOptions
 from myomorph.morph.nonrigid import MatchOptions
-from myomorph.study.morph_files import Unit
+from myomorph.study.subject.morph_files import Unit
 
 MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)
 
@@ -61,10 +61,10 @@ def morph_command(
     threads: Threads = None,
 ) -> int:
     """A model's muscles in other bones: those of a subject, from a scan or a shape model."""
-    from myomorph.study import morphing
-    from myomorph.study.made_model import check_out_model
-    from myomorph.study.morph_files import MorphFiles
-    from myomorph.study.reporting import REPORT
+    from myomorph.study.subject import morphing
+    from myomorph.study.subject.made_model import check_out_model
+    from myomorph.study.subject.morph_files import MorphFiles
+    from myomorph.study.trial.reporting import REPORT
 
     use_threads(threads)
     tables = morphing.tables_folder(out)
@@ -75,7 +75,7 @@ def morph_command(
             raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")
         mine = (("landmarks", landmarks), ("skin", skin), ("mass", mass), ("mirror", mirror), ("together", together))
         _not_given(mine, "goes with --bones: another species' skeleton keeps its joints and masses")
-        from myomorph.study.species_morphing import SpeciesFiles, species_files
+        from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 
         files = SpeciesFiles(source, target, species or "human-mouse", geometry, target_geometry, beside)
         morphed, drawn = species_files(files, settings)

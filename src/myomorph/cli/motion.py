@@ -22,7 +22,7 @@ from myomorph.cli.options import (
 from myomorph.cli.output import said, table_beside, warn
 from myomorph.motion.crossings import CrossingOptions
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.study.settings import Differentiation, TorqueTable
+from myomorph.store.settings import Differentiation, TorqueTable
 
 IkOptions = options_class(InverseKinematicsOptions, CrossingOptions, leave_out=("only_weighted",))
 IdOptions = options_class(Differentiation, TorqueTable)
@@ -39,8 +39,8 @@ def ik_command(
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
-    from myomorph.study.steps import Found, run_step
-    from myomorph.study.takes import FileTake, open_take
+    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.takes import FileTake, open_take
 
     use_threads(threads)
     files = FileTake(model=model, markers=markers, tasks=tasks, time=time)
@@ -65,8 +65,8 @@ def id_command(
     threads: Threads = None,
 ) -> int:
     """Inverse dynamics: the generalized force of every coordinate."""
-    from myomorph.study.steps import Found, run_step
-    from myomorph.study.takes import FileTake, open_motion_take
+    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.takes import FileTake, open_motion_take
 
     use_threads(threads)
     files = FileTake(model=model, motion=motion, loads=loads, time=time)

@@ -22,7 +22,7 @@ from myomorph.cli.options import (
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
 from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.study.settings import Differentiation, EmgUse, Measured, Side, TensionTables
+from myomorph.store.settings import Differentiation, EmgUse, Measured, Side, TensionTables
 from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.solve import Tension, TensionOptions
@@ -43,8 +43,8 @@ def muscles_command(
     threads: Threads = None,
 ) -> int:
     """Muscle lengths, lengthening velocities and moment arms."""
-    from myomorph.study.steps import Found, run_step
-    from myomorph.study.takes import FileTake, open_motion_take
+    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.takes import FileTake, open_motion_take
 
     use_threads(threads)
     files = FileTake(model=model, motion=motion, time=time)
@@ -89,8 +89,8 @@ def tension_command(
     threads: Threads = None,
 ) -> int:
     """Muscle tensions that make the joint torques with the least effort, and contact forces with them."""
-    from myomorph.study.steps import Found, run_step
-    from myomorph.study.takes import FileTake, open_motion_take
+    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.takes import FileTake, open_motion_take
 
     if measured is not None and not contacts:
         raise BadData(f"--measured {measured} without --contacts: give --contacts auto, or a contact file")

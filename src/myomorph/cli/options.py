@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.study.settings import settings_of
+from myomorph.store.settings import settings_of
 
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
 MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]

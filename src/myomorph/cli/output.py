@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from myomorph.model.errors import BadFile, one_line
-from myomorph.study.results import STORED, ResultWriter, new_result, whole_folder
+from myomorph.store.results import STORED, ResultWriter, new_result, whole_folder
 
 MOST_WARNINGS = 5
 

@@ -14,8 +14,8 @@ from myomorph.cli.options import OutFolder, Threads, use_threads
 from myomorph.cli.output import said
 
 if TYPE_CHECKING:
-    from myomorph.study.jobs import Outcome, Workers
-    from myomorph.study.plan import Plan
+    from myomorph.study.plan.plan import Plan
+    from myomorph.study.run.jobs import Outcome, Workers
 
 BAD_INPUT, OUR_FAULT = 2, 1
 MOST_REMARKS = 12
@@ -38,19 +38,19 @@ def demo_command(
     use_threads(threads)
     if study == "shoulder":
         from myomorph.cli.viscosity import ended, told
-        from myomorph.study.shoulder_demo import run_shoulder_demo
+        from myomorph.demo.shoulder import run_shoulder_demo
 
         return ended(run_shoulder_demo(out, told), out)
     if study == "morph":
-        from myomorph.study.morph_demo import run_morph_demo, summary
+        from myomorph.demo.morph import run_morph_demo, summary
 
         found = run_morph_demo(out)
         for line in summary(found):
             said(line)
         said(f"report: {found.report.resolve()}")
         return 0
-    from myomorph.study.demo import run_demo
-    from myomorph.study.reporting import REPORT
+    from myomorph.demo.jump import run_demo
+    from myomorph.study.trial.reporting import REPORT
 
     outcome = run_demo(study, out)
     if outcome.error:
@@ -61,7 +61,7 @@ def demo_command(
         f"{100 * outcome.rms:.2f} cm"
     )
     if study == "judo":
-        from myomorph.study.judo_demo import ERRORS
+        from myomorph.demo.judo import ERRORS
 
         said(f"errors of feet and grips against the true forces: {out / ERRORS}")
     said(f"report: {(out / REPORT).resolve()}")
@@ -78,8 +78,8 @@ def _say_remarks(plan: Plan) -> None:
 
 def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     """Print what a run by so many workers would do."""
-    from myomorph.study.dry_run import dry_run
-    from myomorph.study.dry_run_text import dry_run_lines
+    from myomorph.study.run.dry_run import dry_run
+    from myomorph.study.run.dry_run_text import dry_run_lines
 
     _say_remarks(plan)
     found = dry_run(plan, out, fresh, count)
@@ -91,7 +91,7 @@ def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
 def _hands(plan: Plan, workers: int | None, memory: float | None, threads: int | None) -> Workers:
     """Workers of this machine for a study; raises `BadData` where there cannot be any."""
     from myomorph.model.errors import BadData
-    from myomorph.study.local_workers import local_workers
+    from myomorph.study.run.local_workers import local_workers
 
     if memory is not None and not math.isfinite(memory):
         raise BadData(f"--memory {memory:g}: expected a number of GB")
@@ -144,8 +144,8 @@ def run_command(
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
     from myomorph.model.errors import BadData
-    from myomorph.study.plan import read_plan
-    from myomorph.study.run import run_study
+    from myomorph.study.plan.plan import read_plan
+    from myomorph.study.run.run import run_study
 
     if resume and fresh:
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
@@ -161,7 +161,7 @@ def run_command(
     _say_remarks(plan)
     hands: Workers
     if scheduler is not None:
-        from myomorph.study.dask_workers import DaskWorkers
+        from myomorph.study.run.dask_workers import DaskWorkers
 
         hands = cluster = DaskWorkers(scheduler, out)
         for text in cluster.refused.values():
@@ -174,8 +174,8 @@ def run_command(
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say what a run came to, where its results are and what failed where; the exit status."""
-    from myomorph.study.schedule import FULL
-    from myomorph.study.study_tables import PAGE
+    from myomorph.study.run.schedule import FULL
+    from myomorph.study.summary.study_tables import PAGE
 
     trials = [one for one in outcomes if one.trial]
     failed = [one for one in outcomes if one.error]

@@ -18,7 +18,7 @@ def run_tool_command(
     threads: Threads = None,
 ) -> int:
     """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool."""
-    from myomorph.study.tools import run_tool
+    from myomorph.opensim_tools.run import run_tool
 
     use_threads(threads)
     result = run_tool(setup)

@@ -22,7 +22,7 @@ def view_command(
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
 ) -> int:
     """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
-    from myomorph.study.viewing import open_replay
+    from myomorph.study.trial.viewing import open_replay
 
     def served(opened: int) -> None:
         address = f"http://127.0.0.1:{opened}"

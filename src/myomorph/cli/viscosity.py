@@ -11,12 +11,12 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import OutFolder, Threads, Time, given, options_class, use_threads
 from myomorph.cli.output import said, warn
-from myomorph.identify.tracking import TrackingOptions
-from myomorph.identify.viscosity import ViscosityOptions
 from myomorph.model.errors import BadData
-from myomorph.study.viscosity import SpecimenOutcome
-from myomorph.study.viscosity_files import NOTES
-from myomorph.study.viscosity_specimen import FilterOptions
+from myomorph.viscosity.study.files import NOTES
+from myomorph.viscosity.study.run import SpecimenOutcome
+from myomorph.viscosity.study.specimen import FilterOptions
+from myomorph.viscosity.tracking import TrackingOptions
+from myomorph.viscosity.viscosity import ViscosityOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
 MOST_NOTES = 4
@@ -63,8 +63,8 @@ def viscosity_command(
     threads: Threads = None,
 ) -> int:
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
-    from myomorph.study.viscosity import run_viscosity
-    from myomorph.study.viscosity_plan import fixed_plan, read_viscosity_plan
+    from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
+    from myomorph.viscosity.study.run import run_viscosity
 
     use_threads(threads)
     if study is not None:
@@ -80,7 +80,7 @@ def viscosity_command(
 
 def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
     """Say how many specimens were done and where the report is; the exit status."""
-    from myomorph.study.viscosity_store import REPORT
+    from myomorph.viscosity.study.store import REPORT
 
     failed = [one for one in outcomes if one.report.failure]
     said(f"{len(outcomes) - len(failed)} of {len(outcomes)} specimens done")

@@ -1,1 +1,4 @@
-"""Inertial parameters of the links from motion, forces and body shape."""
+"""Inertial parameters of the links from motion and forces; the body's shape is in `identify.body`.
+
+It reads no file and draws nothing.
+"""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from myomorph.identify.points import Links, MassPoints
+from myomorph.identify.body.points import Links, MassPoints
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.spatial import Array, frozen_array

@@ -21,9 +21,9 @@ from typing import Literal
 import numpy as np
 from scipy import linalg, sparse
 
-from myomorph.identify.point_sums import PointSums
-from myomorph.identify.points import MassPoints
-from myomorph.identify.weights import checked_weights
+from myomorph.identify.body.point_sums import PointSums
+from myomorph.identify.body.points import MassPoints
+from myomorph.identify.body.weights import checked_weights
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Array
 

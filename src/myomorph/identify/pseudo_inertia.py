@@ -20,7 +20,7 @@ import clarabel
 import numpy as np
 from scipy import linalg, sparse
 
-from myomorph.identify.mass_map import parameters_of
+from myomorph.identify.body.mass_map import parameters_of
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.spatial import Array

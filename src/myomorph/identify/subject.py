@@ -12,10 +12,10 @@ from scipy import sparse
 
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters, held_in
+from myomorph.identify.body.points import MassPoints, point_moments
 from myomorph.identify.consistency import Consistency, Inside, consistency
 from myomorph.identify.held_out import Parts, held_out, parts_of
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, prior_variances, solve_mass_points
-from myomorph.identify.points import MassPoints, point_moments
 from myomorph.identify.pseudo_inertia import (
     PseudoInertiaFit,
     PseudoInertiaOptions,

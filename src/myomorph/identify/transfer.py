@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.identify.center_fit import (
+from myomorph.identify.body.center_fit import (
     CenterFit,
     LengthMatch,
     between_grounds,
@@ -21,9 +21,15 @@ from myomorph.identify.center_fit import (
     hinge_cues,
     skeleton,
 )
-from myomorph.identify.mass_map import frames_in_ground, ground_pseudo_inertias, parameters_of, spread, spread_mass
-from myomorph.identify.points import Links, links_of
-from myomorph.identify.regions import Center, Region, center_places, centers_of, regions_of
+from myomorph.identify.body.mass_map import (
+    frames_in_ground,
+    ground_pseudo_inertias,
+    parameters_of,
+    spread,
+    spread_mass,
+)
+from myomorph.identify.body.points import Links, links_of
+from myomorph.identify.body.regions import Center, Region, center_places, centers_of, regions_of
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Marker, Model

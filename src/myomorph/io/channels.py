@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from myomorph.io.text import file_text, line_from, parse_cells, quick_numbers, rising, split_cells
+from myomorph.io.parsing.text import file_text, line_from, parse_cells, quick_numbers, rising, split_cells
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Series
 
@@ -26,7 +26,7 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
     path = Path(path)
     ending = path.suffix.lower()
     if ending == ".c3d":
-        from myomorph.io.c3d import read_c3d
+        from myomorph.io.c3d.read import read_c3d
 
         analog = read_c3d(path).analog
         if analog is None:

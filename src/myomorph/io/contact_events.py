@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.text import file_text, written
+from myomorph.io.parsing.text import file_text, written
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadFile
 from myomorph.model.model import GROUND

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.io.hdf5_guard import check_hdf5
-from myomorph.io.text import unique_names, without_far_away
+from myomorph.io.parsing.hdf5_guard import check_hdf5
+from myomorph.io.parsing.text import unique_names, without_far_away
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Trial
 from myomorph.model.spatial import Array

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim_document import Node, read_document
-from myomorph.io.osim_frames import Frames
-from myomorph.io.text import file_text, number
+from myomorph.io.osim.document import Node, read_document
+from myomorph.io.osim.frames import Frames
+from myomorph.io.parsing.text import file_text, number
 from myomorph.model.errors import BadFile, UnknownName
 from myomorph.model.landmarks import LandmarkPairs
 from myomorph.model.spatial import Array, frozen_array

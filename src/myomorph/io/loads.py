@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim_document import Node, read_document
-from myomorph.io.osim_joints import plain_name
+from myomorph.io.osim.document import Node, read_document
+from myomorph.io.osim.joints import plain_name
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName
 from myomorph.model.model import GROUND

@@ -9,8 +9,8 @@ from types import MappingProxyType
 import numpy as np
 from lxml import etree
 
+from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
-from myomorph.io.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND
 from myomorph.model.series import Table, Wrenches

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 from lxml import etree
 
-from myomorph.io.xml import ENTITIES, read_xml
+from myomorph.io.parsing.xml import ENTITIES, read_xml
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.model import Model
 from myomorph.model.spatial import Array

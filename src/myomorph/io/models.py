@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from myomorph.io.osim import read_osim
+from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 
@@ -23,7 +23,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         return read_osim(path)
     if ending in (".xml", ".mjcf"):
         # MuJoCo takes a moment to import, and OpenSim's users never need it.
-        from myomorph.io.mjcf import read_mjcf
+        from myomorph.io.mjcf.read import read_mjcf
 
         return read_mjcf(Path(path))
     raise BadFile(path, f"is not a model: its name ends in '{ending}'", "expected .osim or .xml")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.io.text import unique_names, without_far_away
+from myomorph.io.parsing.text import unique_names, without_far_away
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Trial
 from myomorph.model.spatial import Array

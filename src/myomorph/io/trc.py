@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.io.text import (
+from myomorph.io.parsing.text import (
     file_text,
     line_from,
     number,

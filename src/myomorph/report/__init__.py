@@ -1,1 +1,1 @@
-"""What was found, for people: events, tables, figures, pictures and one HTML page. Changes no result."""
+"""What was computed, for people: charts, pictures, scenes and HTML pages. Changes no result and computes none."""

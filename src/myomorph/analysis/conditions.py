@@ -1,0 +1,103 @@
+"""Conditions of a study: mean curves with their spread, and every pair of conditions compared."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups
+from myomorph.analysis.paired import compare_paired
+from myomorph.analysis.permutations import FEWEST
+from myomorph.model.spatial import Array
+
+
+@dataclass(frozen=True, eq=False)
+class MeanCurves:
+    """Signals over the cycle, as the mean of several subjects or trials.
+
+    Attributes
+    ----------
+    mean, deviation, low, high : (samples, names); standard deviation with ddof = 1, and the interval of the mean; NaN
+        with fewer than two
+    count : (samples, names) subjects or trials that are known there
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    deviation: Array
+    low: Array
+    high: Array
+    count: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """One condition of a study.
+
+    Attributes
+    ----------
+    subjects : each with the means of its trials
+    trials : how many went well
+    cycle : what curves go over: "stride" or "trial"
+    unit : what the curves' spread is of: "subjects", or "trials" where there is one subject
+    curves : by family
+    """
+
+    name: str
+    subjects: tuple[Animal, ...]
+    trials: int
+    cycle: str
+    unit: str
+    curves: Mapping[str, MeanCurves]
+
+
+def mean_curves(
+    names: Sequence[str], count: Array, mean: Array, squares: Array, confidence: float = 0.95
+) -> MeanCurves:
+    """Curves from their number, mean and sum of squared deviations, each (samples, names)."""
+    some = count > 0
+    freedom = np.maximum(count - 1.0, 1.0)
+    deviation = np.where(count > 1, np.sqrt(squares / freedom), np.nan)
+    half = student.ppf(0.5 + 0.5 * confidence, freedom) * deviation / np.sqrt(np.maximum(count, 1.0))
+    mean = np.where(some, mean, np.nan)
+    return MeanCurves(tuple(names), mean, deviation, mean - half, mean + half, count)
+
+
+def compare_conditions(conditions: Sequence[Condition], options: GroupOptions | None = None) -> list[Comparison]:
+    """Every pair of conditions; alpha is divided by the number of pairs (Bonferroni).
+
+    Where subjects have both conditions these are compared within subjects; where none has, as groups (also where fewer
+    than three have, and three or more of each are without them). Conditions whose curves go over different cycles are
+    compared in numbers only.
+    """
+    options = options or GroupOptions()
+    pairs = list(itertools.combinations([one for one in conditions if one.subjects], 2))
+    own = replace(options, alpha=options.alpha / max(len(pairs), 1))
+    found = []
+    for one, other in pairs:
+        first, second = (Group(each.name, each.subjects) for each in (one, other))
+        if one.cycle != other.cycle:
+            first, second = _without_curves(first), _without_curves(second)
+        found.append(_compared(first, second, own))
+    return found
+
+
+def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
+    """Within subjects where some have both, else as groups; a few with both are left out of large groups."""
+    shared = {one.name for one in first.animals} & {one.name for one in second.animals}
+    if not shared:
+        return compare_groups(first, second, options)
+    alone = [Group(one.name, tuple(each for each in one.animals if each.name not in shared)) for one in (first, second)]
+    if len(shared) >= FEWEST or min(len(one.animals) for one in alone) < FEWEST:
+        return compare_paired(first, second, options)
+    found = compare_groups(alone[0], alone[1], options)
+    told = f"in both conditions, too few to be compared within subjects, and left out: {', '.join(sorted(shared))}"
+    return replace(found, notes=(*found.notes, told))
+
+
+def _without_curves(group: Group) -> Group:
+    return Group(group.name, tuple(replace(one, curves={}) for one in group.animals))

@@ -1,0 +1,207 @@
+"""Strikes and lifts of one foot, seen from the trunk, and which way and over what the body goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from myomorph.analysis.phases import contacts
+from myomorph.model.errors import BadData
+from myomorph.model.series import Wrenches
+from myomorph.model.spatial import Array
+
+FEWEST = 8
+"""Frames in which trunk and foot must be seen."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A leg and what of it is watched.
+
+    Attributes
+    ----------
+    name : as results call it, with its side ("hind_r")
+    points : whose mean tells when the foot strikes (the heel, or the paw)
+    lifting : whose mean tells when it lifts (the toes); those of `points` where empty
+    bodies : of wrenches that act on this foot
+    """
+
+    name: str
+    points: tuple[str, ...]
+    lifting: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class StrideOptions:
+    """What counts as a stride.
+
+    Attributes
+    ----------
+    prominence : how far a foot must go forward and back, as a share of its usual way
+    gap : an event is only told where the foot was seen so shortly before and after, as a share of the stride
+    seen : and a stride where the foot was seen for at least this share of it
+    belt : the ground moves where feet on it move faster than this share of the speed of travel
+    threshold : force that is contact, as a share of body weight
+    shortest : contacts and gaps on plates shorter than this share of a stride are noise
+    """
+
+    prominence: float = 0.4
+    gap: float = 0.06
+    seen: float = 0.5
+    belt: float = 0.2
+    threshold: float = 0.03
+    shortest: float = 0.04
+
+
+@dataclass(frozen=True, eq=False)
+class FootTrack:
+    """A foot and its events.
+
+    Attributes
+    ----------
+    place : (frames, 3) of what tells strikes [m], NaN where unseen
+    strikes, lifts : (events,) [s]
+    seen : (frames,)
+    source : "markers" or "plates"
+    """
+
+    place: Array
+    strikes: Array
+    lifts: Array
+    seen: np.ndarray
+    source: str = "markers"
+
+
+def direction_of(
+    time: Array, trunk: Array, feet: Sequence[Array], up: Array, given: Array | None, notes: list[str]
+) -> tuple[Array, bool]:
+    """Direction of travel, and whether the body goes over the ground rather than in place on a belt."""
+    flat = np.eye(3) - np.outer(up, up)
+    seen = np.isfinite(trunk[:, 0])
+    span = time[seen] - time[seen].mean()
+    slope = span @ (trunk[seen] @ flat) / max(float(span @ span), 1e-12)
+    relative = [(foot - trunk) @ flat for foot in feet]
+    speeds = np.concatenate([np.gradient(one, time, axis=0) for one in relative])
+    speeds = speeds[np.isfinite(speeds[:, 0])]
+    if not len(speeds):
+        raise BadData("no foot is seen in frames in which the trunk is: there is no direction of travel")
+    # Over ground the trunk is as fast as feet that stand are seen from it; on a belt it only drifts.
+    travels = bool(np.linalg.norm(slope) > 0.3 * np.median(np.linalg.norm(speeds, axis=1)))
+    if given is not None:
+        slope = given @ flat
+        if not np.linalg.norm(slope) > 0.0:
+            raise BadData("the direction of travel is vertical, or no direction at all")
+    if travels or given is not None:
+        return slope / np.linalg.norm(slope), travels
+    seen_feet = [one[np.isfinite(one[:, 0])] for one in relative]
+    swept = np.concatenate([one - np.median(one, axis=0) for one in seen_feet if len(one)])
+    # A marker that was taken for another one for a while does not turn the way.
+    swept = swept[np.linalg.norm(swept, axis=1) <= np.percentile(np.linalg.norm(swept, axis=1), 95.0)]
+    axis = np.linalg.svd(swept, full_matrices=False)[2][0]
+    # In place: swing is faster than stance.
+    forward = speeds @ axis
+    axis = axis if float(np.mean((forward - forward.mean()) ** 3)) > 0.0 else -axis
+    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where feet swing fastest; give it if it is not")
+    return axis, False
+
+
+def foot_track(
+    time: Array, foot: Array, lifting: Array, trunk: Array, along: Array, options: StrideOptions
+) -> FootTrack | None:
+    """Strikes where the foot is farthest ahead of the trunk, lifts where it is farthest behind; None without any."""
+    ahead, behind = (foot - trunk) @ along, (lifting - trunk) @ along
+    strikes, lifts = _extremes(time, ahead, options), _extremes(time, -behind, options)
+    if not len(strikes):
+        return None
+    both = np.concatenate([np.diff(strikes), np.diff(lifts)])
+    usual = float(np.median(both)) if len(both) else np.inf
+    strikes = strikes[[_is_seen(time, ahead, at, options.gap * usual) for at in strikes]]
+    lifts = lifts[[_is_seen(time, behind, at, options.gap * usual) for at in lifts]] if len(lifts) else lifts
+    return FootTrack(foot, strikes, lifts, np.isfinite(ahead))
+
+
+def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
+    """Times of the maxima that stand out, between samples by the parabola around each."""
+    known = np.isfinite(values)
+    if known.sum() < FEWEST:
+        return np.zeros(0)
+    filled = np.interp(time, time[known], values[known])
+    way = float(np.ptp(np.percentile(values[known], (5.0, 95.0))))
+    if not way > 0.0:
+        return np.zeros(0)
+    # A foot that begins or ends at its extreme has not been seen to turn there.
+    found, _ = find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
+    if not len(found):
+        return np.zeros(0)
+    usual = float(np.median(np.diff(time[found]))) if len(found) > 1 else 0.2 * float(np.ptp(time))
+    reach = max(1, round(0.02 * usual / float(np.median(np.diff(time)))))
+    return np.array([_vertex(time, filled, int(k), reach) for k in found])
+
+
+def _vertex(time: Array, values: Array, k: int, reach: int) -> float:
+    window = slice(max(k - reach, 0), k + reach + 1)
+    t, x = time[window] - time[k], values[window]
+    if len(t) < 3:
+        return float(time[k])
+    _, slope, bend = np.polynomial.polynomial.polyfit(t, x, 2)
+    return float(time[k] + np.clip(-0.5 * slope / bend, t[0], t[-1])) if bend < 0.0 else float(time[k])
+
+
+def _is_seen(time: Array, values: Array, at: float, within: float) -> bool:
+    seen = time[np.isfinite(values)]
+    after = int(np.searchsorted(seen, at))
+    step = 1.01 * float(np.median(np.diff(time)))
+    reach = max(within, step)
+    return 0 < after < len(seen) and seen[after] - at <= reach and at - seen[after - 1] <= reach
+
+
+def on_plates(
+    track: FootTrack, limb: Limb, wrenches: Wrenches, up: Array, threshold: float, options: StrideOptions
+) -> FootTrack:
+    """Events that plates show in place of the nearest ones of the points."""
+    columns = [k for k, body in enumerate(wrenches.bodies) if body in limb.bodies]
+    if not columns:
+        return track
+    usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else float(np.ptp(wrenches.time))
+    force = np.nan_to_num(wrenches.forces[:, columns] @ up).sum(axis=1)
+    touches = contacts(wrenches.time, force, threshold, options.shortest * usual)
+    inner = len(wrenches) - 1
+    strikes = [wrenches.time[start] for start, _ in touches if start > 0]
+    lifts = [wrenches.time[stop] for _, stop in touches if stop < inner]
+    near = 0.25 * usual
+    return FootTrack(
+        track.place,
+        _replaced(track.strikes, strikes, near),
+        _replaced(track.lifts, lifts, near),
+        track.seen,
+        "plates" if len(strikes) > 1 else "markers",
+    )
+
+
+def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
+    kept = [one for one in events if all(abs(one - other) > near for other in better)]
+    return np.array(sorted([*kept, *better]))
+
+
+def ground_speed_of(
+    time: Array, tracks: Mapping[str, FootTrack], trunk: Array, along: Array, options: StrideOptions
+) -> float:
+    """How fast feet that stand move along the travel: the belt's speed, 0 over ground."""
+    standing, traveling = [], []
+    trunk_speed = np.gradient(trunk @ along, time)
+    for track in tracks.values():
+        speed = np.gradient(track.place @ along, time)
+        for strike in track.strikes:
+            lift = next((one for one in track.lifts if one > strike), np.nan)
+            middle = (time > strike + 0.25 * (lift - strike)) & (time < strike + 0.75 * (lift - strike))
+            standing.append(speed[middle])
+            traveling.append((trunk_speed - speed)[middle])
+    stood = np.concatenate(standing) if standing else np.zeros(0)
+    if not np.isfinite(stood).any():
+        return 0.0
+    ground = float(np.nanmedian(stood))
+    return ground if abs(ground) > options.belt * abs(float(np.nanmedian(np.concatenate(traveling)))) else 0.0

@@ -1,0 +1,215 @@
+"""Muscle-length analysis: what every muscle-tendon unit does over the stride of its limb, stride by stride.
+
+Lengths are told in millimetres, against the length on the standing animal (the model's default pose) and in optimal
+fiber lengths; velocities in optimal fiber lengths a second, positive while the unit lengthens. [D] ch. 6.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.cycles import Band, Cycles, band, over_cycles
+from myomorph.analysis.strides import Stride, Strides
+from myomorph.analysis.walking import chains, walking_limbs
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Series
+from myomorph.model.spatial import Array
+from myomorph.muscles.scaling import default_path_lengths
+
+FEWEST = 2
+"""Strides whose mean has an interval."""
+
+
+@dataclass(frozen=True)
+class MuscleRange:
+    """What a muscle-tendon unit does in a stride, means over the strides.
+
+    Attributes
+    ----------
+    strides : that show it whole
+    shortest, longest : [m]
+    shortest_at, longest_at : where the mean curve is so [% of the stride]
+    standing : length on the standing animal [m]
+    fiber : optimal fiber length [m]
+    shortening, lengthening : fastest [optimal fiber lengths/s]; nan where velocities are not known
+    """
+
+    muscle: str
+    limb: str
+    strides: int
+    shortest: float
+    longest: float
+    shortest_at: float
+    longest_at: float
+    standing: float
+    fiber: float
+    shortening: float
+    lengthening: float
+
+    @property
+    def excursion(self) -> float:
+        """Longest less shortest [optimal fiber lengths]."""
+        return (self.longest - self.shortest) / self.fiber if self.fiber > 0.0 else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class LengthAnalysis:
+    """Lengths of all muscle-tendon units over the strides of their limbs.
+
+    Attributes
+    ----------
+    limbs : of each muscle
+    strides : by limb, those analysed
+    lengths, rates : by limb, over its strides [m], [m/s]; `rates` is empty where velocities are not known
+    standing, fiber : (muscles,) length in the model's default pose, optimal fiber length [m]
+    """
+
+    muscles: tuple[str, ...]
+    limbs: tuple[str, ...]
+    strides: Mapping[str, tuple[Stride, ...]]
+    lengths: Mapping[str, Cycles]
+    rates: Mapping[str, Cycles]
+    standing: Array
+    fiber: Array
+
+    def curves(self, muscle: str) -> Array:
+        """(strides, samples) of one muscle [m], NaN where not known."""
+        limb = self.limbs[self.muscles.index(muscle)]
+        cycles = self.lengths[limb]
+        found: Array = cycles.values[:, :, cycles.names.index(muscle)]
+        return found
+
+    def mean(self, muscle: str, confidence: float = 0.95) -> Band:
+        """Mean curve of a muscle and its interval [m]."""
+        return band(self.curves(muscle), confidence)
+
+    @property
+    def ranges(self) -> tuple[MuscleRange, ...]:
+        """What each muscle does in a stride; those without a whole stride are left out."""
+        found = (self._range(k) for k in range(len(self.muscles)))
+        return tuple(one for one in found if one is not None)
+
+    def _range(self, k: int) -> MuscleRange | None:
+        muscle, limb = self.muscles[k], self.limbs[k]
+        curves = self.curves(muscle)
+        whole = np.isfinite(curves).all(axis=1)
+        if not whole.any():
+            return None
+        mean = curves[whole].mean(axis=0)
+        percent = self.lengths[limb].percent
+        fastest = (float("nan"), float("nan"))
+        if limb in self.rates and self.fiber[k] > 0.0:
+            rates = self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)] / self.fiber[k]
+            if np.isfinite(rates).all():
+                fastest = (float(-rates.min(axis=1).mean()), float(rates.max(axis=1).mean()))
+        return MuscleRange(
+            muscle,
+            limb,
+            int(whole.sum()),
+            float(curves[whole].min(axis=1).mean()),
+            float(curves[whole].max(axis=1).mean()),
+            float(percent[int(np.argmin(mean))]),
+            float(percent[int(np.argmax(mean))]),
+            float(self.standing[k]),
+            float(self.fiber[k]),
+            *fastest,
+        )
+
+
+def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Series | None = None) -> LengthAnalysis:
+    """Muscle-tendon lengths over every stride of the limb that each muscle moves.
+
+    A muscle belongs to the limb that any of its points or surfaces is on; one that is on none (of the trunk)
+    goes with the first limb's strides.
+
+    Parameters
+    ----------
+    lengths : (frames, muscles) [m], NaN where not known
+    rates : (frames, muscles) their velocities [m/s]
+
+    Raises
+    ------
+    BadData : no limb has a stride
+    """
+    owners = _owners(model, tuple(lengths.names))
+    by_limb = {name: strides.of(name) for name in strides.strikes}
+    if not any(by_limb.values()):
+        raise BadData("there is no whole stride to analyse muscle lengths over")
+    every, speeds = {}, {}
+    for limb, own in by_limb.items():
+        names = tuple(muscle for muscle, owner in zip(lengths.names, owners, strict=True) if owner == limb)
+        spans = [(one.start, one.stop) for one in own]
+        every[limb] = over_cycles(_columns(lengths, names), spans)
+        if rates is not None:
+            speeds[limb] = over_cycles(_columns(rates, names), spans)
+    standing = dict(zip(model.muscle_names, default_path_lengths(model), strict=True))
+    fibers = {one.name: one.optimal_fiber_length for one in model.muscles}
+    return LengthAnalysis(
+        tuple(lengths.names),
+        owners,
+        by_limb,
+        every,
+        speeds,
+        np.array([standing[name] for name in lengths.names]),
+        np.array([fibers[name] for name in lengths.names]),
+    )
+
+
+def _owners(model: Model, muscles: tuple[str, ...]) -> tuple[str, ...]:
+    """The limb of each muscle."""
+    limbs = walking_limbs(model)
+    if not limbs:
+        raise BadData(f"no body of model '{model.name}' is a foot by its name")
+    reach = chains(model, limbs)
+    found = []
+    for name in muscles:
+        on = {point.body for point in model.muscle(name).path.points}
+        found.append(next((limb for limb, bodies in reach.items() if on & bodies), limbs[0].name))
+    return tuple(found)
+
+
+def _columns(series: Series, names: tuple[str, ...]) -> Series:
+    return Series(series.time, names, series.values[:, [series.names.index(name) for name in names]])
+
+
+def curves_table(analysis: LengthAnalysis) -> str:
+    """Every stride of every muscle as CSV: limb, start, end, muscle, and the length at each percent [mm]."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    samples = next(iter(analysis.lengths.values())).values.shape[1]
+    percent = np.linspace(0.0, 100.0, samples)
+    table.writerow(("limb", "start [s]", "end [s]", "muscle", *(f"{one:g} %" for one in percent)))
+    for limb, cycles in analysis.lengths.items():
+        for stride, curves in zip(analysis.strides[limb], cycles.values, strict=True):
+            for j, muscle in enumerate(cycles.names):
+                values = ("" if np.isnan(one) else f"{1e3 * one:.5g}" for one in curves[:, j])
+                table.writerow((limb, f"{stride.start:.4f}", f"{stride.stop:.4f}", muscle, *values))
+    return text.getvalue()
+
+
+RANGE_HEAD = (
+    "muscle", "limb", "strides", "shortest [mm]", "at [%]", "longest [mm]", "at [%]", "standing [mm]",
+    "excursion [fiber lengths]", "shortening [fiber lengths/s]", "lengthening [fiber lengths/s]",
+)  # fmt: skip
+
+
+def range_row(one: MuscleRange) -> tuple[str, ...]:
+    """A muscle's line, under `RANGE_HEAD`."""
+    numbers = (1e3 * one.shortest, one.shortest_at, 1e3 * one.longest, one.longest_at, 1e3 * one.standing)
+    shares = (one.excursion, one.shortening, one.lengthening)
+    return (one.muscle, one.limb, str(one.strides), *(f"{value:.4g}" for value in (*numbers, *shares)))
+
+
+def ranges_table(analysis: LengthAnalysis) -> str:
+    """What every muscle does in a stride, as CSV."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(RANGE_HEAD)
+    table.writerows(range_row(one) for one in analysis.ranges)
+    return text.getvalue()

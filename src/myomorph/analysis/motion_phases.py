@@ -1,0 +1,239 @@
+"""Phases of a motion: how it is cut, and what the center of gravity, muscles and contacts do in each."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.presets import Cut
+from myomorph.model.series import Event, Series
+from myomorph.model.spatial import Array
+from myomorph.report.trial.given import Phase
+
+MOST_STAGES = 16
+SHORTEST = 0.03
+PARTS = 4
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What is treated as one: a phase, or all phases with the same contacts."""
+
+    name: str
+    phases: tuple[Phase, ...]
+
+    @property
+    def duration(self) -> float:
+        """Of all together [s]."""
+        return sum(one.stop - one.start for one in self.phases)
+
+    def inside(self, time: Array) -> np.ndarray:
+        """(frames,) which times belong to it; a border belongs to the later one."""
+        found = np.zeros(len(time), dtype=bool)
+        for one in self.phases:
+            found |= (time >= one.start - 1e-9) & (time < one.stop - 1e-9)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Cutting:
+    """A motion in stages, and how it was cut: "given", or one of the cuts of a preset."""
+
+    stages: tuple[Stage, ...]
+    by: str
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        """All phases in order of time."""
+        return tuple(sorted((one for stage in self.stages for one in stage.phases), key=lambda one: one.start))
+
+
+@dataclass(frozen=True, eq=False)
+class Cuttable:
+    """What phases are made from.
+
+    Attributes
+    ----------
+    span : first and last time [s]
+    contact_names, touching : what can touch, and (frames, names) whether it does, at `time`
+    nothing : what no contact is called
+    period : of the center of gravity [s], nan where it has none
+    """
+
+    span: tuple[float, float]
+    time: Array
+    events: tuple[Event, ...] = ()
+    contact_names: tuple[str, ...] = ()
+    touching: np.ndarray | None = None
+    nothing: str = "no contact"
+    period: float = float("nan")
+
+
+def cut(what: Cuttable, cuts: Sequence[Cut], given: Sequence[Phase] = ()) -> Cutting:
+    """Phases as given; else by the first of the cuts that makes at least two and not too many of them."""
+    if given:
+        return Cutting(tuple(Stage(one.name, (one,)) for one in sorted(given, key=lambda one: one.start)), "given")
+    makers: dict[Cut, Callable[[Cuttable], tuple[Stage, ...]]] = {
+        "events": _between_events,
+        "contacts": _by_contacts,
+        "cycles": _cycles,
+        "parts": _parts,
+    }
+    for one in cuts:
+        stages = makers[one](what)
+        if 2 <= len(stages) <= MOST_STAGES:
+            return Cutting(stages, one)
+    return Cutting((), "")
+
+
+def _single(borders: Sequence[float], names: Sequence[str]) -> tuple[Stage, ...]:
+    return tuple(
+        Stage(name, (Phase(name, start, stop),))
+        for (start, stop), name in zip(itertools.pairwise(borders), names, strict=True)
+        if stop - start > 1e-6
+    )
+
+
+def _between_events(what: Cuttable) -> tuple[Stage, ...]:
+    """From one event to the next, named after both; what lies before the first and after the last too."""
+    inside = [one for one in what.events if what.span[0] < one.time < what.span[1]]
+    if not inside:
+        return ()
+    labels = [f"{one.side[:1]} {one.label.replace('Foot ', '').lower()}".strip() for one in inside]
+    borders = [what.span[0], *(one.time for one in inside), what.span[1]]
+    names = [f"to {labels[0]}", *(f"{a} – {b}" for a, b in itertools.pairwise(labels))]
+    return _single(borders, [*names, f"from {labels[-1]}"])
+
+
+def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
+    """Where what touches changes; all phases with the same contacts are one stage, in order of appearance.
+
+    What touches from the first frame to the last tells no phase from another, and is not named.
+    """
+    if what.touching is None or not len(what.contact_names) or not what.touching.any():
+        return ()
+    runs = _steady(what.touching, what.time)
+    always = what.touching.all(axis=0)
+    if always.all():
+        return ()
+    found: dict[str, list[Phase]] = {}
+    for start, stop in runs:
+        on = what.touching[(start + stop) // 2] & ~always
+        touching = [name for name, one in zip(what.contact_names, on, strict=True) if one]
+        name = together(touching, "nothing else" if always.any() else what.nothing)
+        last = float(what.time[min(stop + 1, len(what.time) - 1)])
+        if last > what.time[start]:
+            found.setdefault(name, []).append(Phase(name, float(what.time[start]), last))
+    return tuple(Stage(name, tuple(phases)) for name, phases in found.items())
+
+
+def together(names: Sequence[str], nothing: str = "no contact") -> str:
+    """What touches in words: both of a pair as such, nothing as flight."""
+    if not names:
+        return nothing
+    left = list(names)
+    told = []
+    for name in names:
+        if name not in left:
+            continue
+        side = next((one for one in ("right", "left") if one in name.split()), "")
+        mate = name.replace(side, "left" if side == "right" else "right", 1) if side else name
+        if mate != name and mate in left:
+            told.append(name.replace(side, "both", 1).removesuffix("foot") + ("feet" if name.endswith("foot") else "s"))
+            left.remove(mate)
+        else:
+            told.append(name)
+        left.remove(name)
+    return " + ".join(told)
+
+
+def _steady(touching: np.ndarray, time: Array) -> list[tuple[int, int]]:
+    """Runs [first, last] of frames of the same contacts; a run too short to be one joins the one before it."""
+    changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=1)) + 1
+    borders = [0, *changes.tolist(), len(touching)]
+    runs: list[tuple[int, int]] = []
+    for start, stop in itertools.pairwise(borders):
+        short = time[stop - 1] - time[start] < SHORTEST
+        same = bool(runs) and np.array_equal(touching[sum(runs[-1]) // 2], touching[start])
+        if runs and (short or same):
+            runs[-1] = runs[-1][0], stop - 1
+        else:
+            runs.append((start, stop - 1))
+    return runs
+
+
+def _cycles(what: Cuttable) -> tuple[Stage, ...]:
+    """One period of the center of gravity after another, from the start."""
+    if not np.isfinite(what.period) or what.period <= 0.0:
+        return ()
+    count = int((what.span[1] - what.span[0]) / what.period + 1e-6)
+    borders = [what.span[0] + what.period * i for i in range(count + 1)]
+    names = [f"Cycle {i + 1}" for i in range(count)]
+    if what.span[1] - borders[-1] > 0.1 * what.period:
+        borders.append(what.span[1])
+        names.append("Remainder")
+    return _single(borders, names)
+
+
+def _parts(what: Cuttable) -> tuple[Stage, ...]:
+    borders = np.linspace(*what.span, PARTS + 1).tolist()
+    return _single(borders, [f"Part {i + 1}" for i in range(PARTS)])
+
+
+@dataclass(frozen=True, eq=False)
+class StageMeasures:
+    """What a stage is like.
+
+    Attributes
+    ----------
+    mean, range, variance : (3,) of the center of gravity along the ground's axes [m], [m], [m^2]; range and
+        variance are those within a phase, their means over the phases of a stage
+    activity, peak : mean over time and muscles, and largest activation; nan where none is known
+    strongest : index of the muscle of the largest mean activation, -1 where none is known
+    contact : (names,) share of its time that each limb touches; empty where contacts are not known
+    """
+
+    stage: Stage
+    mean: Array
+    range: Array
+    variance: Array
+    activity: float
+    peak: float
+    strongest: int
+    contact: Array
+
+
+def measure(
+    stage: Stage, center: Series | None, activations: Series | None, time: Array, touching: np.ndarray | None
+) -> StageMeasures:
+    """Measures of one stage; NaN where it has no frames.
+
+    Parameters
+    ----------
+    center : center of gravity (frames, 3) [m]
+    activations : (frames, muscles)
+    time, touching : (frames,) and (frames, limbs)
+    """
+    unknown = np.full(3, np.nan)
+    mean, reach, variance = unknown, unknown, unknown
+    if center is not None:
+        own = [center.values[Stage("", (one,)).inside(center.time)] for one in stage.phases]
+        own = [kept for one in own if len(kept := one[np.isfinite(one).all(axis=1)])]
+        if own:
+            share = np.array([len(one) for one in own]) / sum(len(one) for one in own)
+            mean = share @ [one.mean(axis=0) for one in own]
+            reach, variance = share @ [np.ptp(one, axis=0) for one in own], share @ [one.var(axis=0) for one in own]
+    activity, peak, strongest = float("nan"), float("nan"), -1
+    if activations is not None and activations.names:
+        rows = activations.values[stage.inside(activations.time)]
+        if rows.size and np.isfinite(rows).any():
+            means = np.array([np.nanmean(one) if np.isfinite(one).any() else np.nan for one in rows.T])
+            activity, peak, strongest = float(np.nanmean(means)), float(np.nanmax(rows)), int(np.nanargmax(means))
+    contact = np.zeros(0)
+    if touching is not None:
+        inside = stage.inside(time)
+        contact = touching[inside].mean(axis=0) if inside.any() else np.full(touching.shape[1], np.nan)
+    return StageMeasures(stage, mean, reach, variance, activity, peak, strongest, contact)

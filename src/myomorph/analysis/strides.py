@@ -1,0 +1,242 @@
+"""Strides of any number of legs: when each foot strikes and lifts, how long and how fast the strides are.
+
+Seen from the body a foot goes forward in swing and backward in stance, on a treadmill as over ground: it strikes where
+it is farthest ahead and lifts where it is farthest behind (Zeni et al. 2008). Neither forces nor the height of the
+floor are needed; where plates tell, they go before.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.analysis.foot_events import (
+    FEWEST,
+    FootTrack,
+    Limb,
+    StrideOptions,
+    direction_of,
+    foot_track,
+    ground_speed_of,
+    on_plates,
+)
+from myomorph.model.errors import BadData
+from myomorph.model.model import index_of
+from myomorph.model.series import Series, Wrenches
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import Array, frozen_array
+
+__all__ = ["Limb", "Stride", "StrideOptions", "Strides", "find_strides"]
+
+
+@dataclass(frozen=True)
+class Stride:
+    """From one strike of a foot to its next.
+
+    Attributes
+    ----------
+    start, lift, stop : strike, lift and next strike [s]; the lift is nan where it was not seen
+    length : way of the foot over the ground along the direction of travel [m]
+    width : distance to the other side's track, across the direction of travel [m]; nan without another side
+    seen : share of the stride in which the foot was seen
+    source : "markers" or "plates", what told the strikes
+    """
+
+    limb: str
+    start: float
+    lift: float
+    stop: float
+    length: float
+    width: float
+    seen: float
+    source: str
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.stop - self.start
+
+    @property
+    def duty(self) -> float:
+        """Share of stance in the stride (duty factor)."""
+        return (self.lift - self.start) / self.duration
+
+    @property
+    def speed(self) -> float:
+        """Of travel [m/s]."""
+        return self.length / self.duration
+
+
+@dataclass(frozen=True, eq=False)
+class Strides:
+    """All strides of a recording.
+
+    Attributes
+    ----------
+    strides : of all limbs, in order of time
+    strikes, lifts : by limb, (events,) [s]
+    phases : of each limb against the first: its strike, as a share of the first limb's stride (0 together, 0.5
+        in turn), one value for each of those strides; none where the first limb was not seen to strike
+    direction : (3,) of travel
+    ground_speed : of the ground, along `direction` [m/s]; negative on a treadmill, 0 over ground
+    notes : what is missing, one line each
+    """
+
+    strides: tuple[Stride, ...]
+    strikes: Mapping[str, Array]
+    lifts: Mapping[str, Array]
+    phases: Mapping[str, Array]
+    direction: Array
+    ground_speed: float
+    notes: tuple[str, ...] = ()
+
+    def of(self, limb: str) -> tuple[Stride, ...]:
+        """Strides of one limb; raises `UnknownName`."""
+        index_of("limb", limb, tuple(self.strikes), "the strides")
+        return tuple(one for one in self.strides if one.limb == limb)
+
+
+def find_strides(
+    points: Series,
+    limbs: Sequence[Limb],
+    body: Sequence[str],
+    up: Array,
+    *,
+    direction: Array | None = None,
+    ground_speed: float | None = None,
+    wrenches: Wrenches | None = None,
+    weight: float | None = None,
+    options: StrideOptions | None = None,
+) -> Strides:
+    """Strides of each limb, from points on feet and trunk, and from plates where they tell.
+
+    Parameters
+    ----------
+    points : values (frames, points, 3) in ground [m], NaN where unseen
+    body : points of the trunk whose mean the feet are seen from
+    up : (3,) unit vector against gravity
+    direction : (3,) of travel; by default the way of the trunk, or, where it stays in place as on a treadmill, the
+        way on which feet are faster in one direction than back (a guess, said in `notes`)
+    ground_speed : of a belt [m/s], against the travel; by default 0 where the trunk travels, else what standing feet do
+    wrenches : on the limbs' bodies; strikes and lifts that they show replace those of the points
+    weight : of the body [N], needed with wrenches
+
+    Raises
+    ------
+    BadData : no limb, points without a third axis, wrenches without a weight, or a trunk that is never seen
+    UnknownName : a point is not there
+    """
+    options = options or StrideOptions()
+    if not limbs:
+        raise BadData("no limb is named: strides need at least one")
+    if points.values.ndim != 3:
+        raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
+    if wrenches is not None and not (weight is not None and weight > 0.0):
+        raise BadData("plates tell contact by the share of body weight on them: the weight is missing")
+    trunk = _mean(points, body)
+    if np.isfinite(trunk[:, 0]).sum() < FEWEST:
+        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen together in fewer than {FEWEST} frames")
+    feet = {limb.name: _mean(points, limb.points) for limb in limbs}
+    notes: list[str] = []
+    up = np.asarray(up, dtype=np.float64)
+    along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes)
+    tracks: dict[str, FootTrack] = {}
+    for limb in limbs:
+        lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
+        track = foot_track(points.time, feet[limb.name], lifting, trunk, along, options)
+        if track is None:
+            notes.append(f"{limb.name}: the foot is not seen to go forward and back")
+            continue
+        if wrenches is not None and weight is not None:
+            track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
+        tracks[limb.name] = track
+    ground = -abs(ground_speed) if ground_speed is not None else 0.0
+    if ground_speed is None and not travels:
+        ground = ground_speed_of(points.time, tracks, trunk, along, options)
+        if ground:
+            notes.append(
+                f"the ground moves at {ground:.3g} m/s as standing feet do; give the belt's speed if it is known"
+            )
+    strides = [
+        one
+        for name, track in tracks.items()
+        for one in _strides(points.time, name, tracks, along, np.cross(up, along), ground, options)
+    ]
+    strikes, lifts = (
+        {limb.name: getattr(tracks[limb.name], what) if limb.name in tracks else np.zeros(0) for limb in limbs}
+        for what in ("strikes", "lifts")
+    )
+    first = strikes[limbs[0].name]
+    return Strides(
+        tuple(sorted(strides, key=lambda one: one.start)),
+        MappingProxyType(strikes),
+        MappingProxyType(lifts),
+        MappingProxyType({name: _phases(first, track.strikes) for name, track in tracks.items()}),
+        frozen_array(along),
+        ground,
+        tuple(notes),
+    )
+
+
+def _mean(points: Series, names: Sequence[str]) -> Array:
+    """(frames, 3) mean of points, NaN where one of them is unseen."""
+    columns = [index_of("point", name, points.names, "the recording") for name in names]
+    mean: Array = points.values[:, columns].mean(axis=1)
+    return mean
+
+
+def _strides(
+    time: Array,
+    name: str,
+    tracks: Mapping[str, FootTrack],
+    along: Array,
+    across: Array,
+    ground: float,
+    options: StrideOptions,
+) -> list[Stride]:
+    track = tracks[name]
+    usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
+    base, side = split_side(name)
+    other = next((one for key, one in tracks.items() if side and split_side(key)[0] == base and key != name), None)
+    found = []
+    for start, stop in itertools.pairwise(track.strikes):
+        inside = (time >= start) & (time <= stop)
+        seen = float(track.seen[inside].mean()) if inside.any() else 0.0
+        lifts = track.lifts[(track.lifts > start) & (track.lifts < stop)]
+        # Two strides in one: a strike between was not seen.
+        if stop - start > 1.6 * usual or seen < options.seen or len(lifts) > 1:
+            continue
+        way = (_at(time, track.place, stop) - _at(time, track.place, start)) @ along - ground * (stop - start)
+        width = np.nan if other is None else _width(time, track, other, start, stop, across)
+        lift = float(lifts[0]) if len(lifts) else np.nan
+        found.append(Stride(name, float(start), lift, float(stop), float(way), width, seen, track.source))
+    return found
+
+
+def _at(time: Array, place: Array, at: float) -> Array:
+    known = np.isfinite(place[:, 0])
+    return np.array([np.interp(at, time[known], place[known, i]) for i in range(3)])
+
+
+def _width(time: Array, track: FootTrack, other: FootTrack, start: float, stop: float, across: Array) -> float:
+    between = other.strikes[(other.strikes > start) & (other.strikes < stop)]
+    if not len(between):
+        return float("nan")
+    at = float(between[0])
+    share = (at - start) / (stop - start)
+    own = (1.0 - share) * _at(time, track.place, start) + share * _at(time, track.place, stop)
+    return abs(float((_at(time, other.place, at) - own) @ across))
+
+
+def _phases(first: Array, strikes: Array) -> Array:
+    """Share of each stride of the first limb at which the other strikes, NaN where it does not."""
+    found = np.full(max(len(first) - 1, 0), np.nan)
+    for k, (start, stop) in enumerate(itertools.pairwise(first)):
+        inside = strikes[(strikes >= start) & (strikes < stop)]
+        if len(inside):
+            found[k] = (inside[0] - start) / (stop - start)
+    return found

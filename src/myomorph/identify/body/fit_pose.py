@@ -1,0 +1,227 @@
+"""The pose in which a model's skeleton stands in a skin, by virtual markers, [D] 3.3."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.identify.body.landmarks import landmark_of_marker
+from myomorph.identify.body.points import links_of
+from myomorph.identify.body.regions import Center, centers_of, regions_of
+from myomorph.identify.body.shape import Shape
+from myomorph.identify.body.skin import Skin, inside
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Marker, Model
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array, frozen_array
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+LANDMARK_WEIGHT = 0.1
+"""Of a marker over a landmark, whose place on the model is that of some laboratory, and of the spine's joint
+centers, which models place differently; the other joint centers weigh 1."""
+
+SPINE = ("lumbar", "neck")
+
+FAR = 0.03
+"""Root mean square of the errors above which the model is not of this body's size [m]."""
+
+SHARE_INSIDE = 0.8
+ITERATIONS = 300
+POSTURE = 1e-3
+"""Pull towards the default pose in a statistical body, which keeps spines of many joints from buckling; a user's
+landmarks are followed without it."""
+
+TRUNK = ("hip", "lumbar", "neck", "shoulder", "pelvis", "ASIS", "PSIS", "C7", "sternum", "acromion")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFit:
+    """A model's pose in a skin, both in the model's ground.
+
+    Attributes
+    ----------
+    motion : one frame
+    skin : moved to where the model is
+    rotation, translation : (3, 3), (3,) [m] by which it was moved
+    names : of the virtual markers: joint centers ("right hip") and the model's own markers
+    errors : (markers,) distances of model and skin's virtual markers [m]
+    notes : what looks wrong, one line each
+    """
+
+    motion: Motion
+    skin: Skin
+    rotation: Array
+    translation: Array
+    names: tuple[str, ...]
+    errors: Array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the errors [m]; NaN without virtual markers."""
+        return float(np.sqrt(np.mean(np.square(self.errors)))) if len(self.errors) else float("nan")
+
+
+def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str, Array] | None = None) -> PoseFit:
+    """The coordinates in which a model's joint centers and markers are where a body has them.
+
+    The skin is first moved to the model's default pose (Kabsch 1976, over the points of the trunk), whatever its
+    axes are, then inverse kinematics runs over virtual markers. A skin without landmarks is taken to be
+    in the model's default pose and ground already, which is checked.
+
+    Parameters
+    ----------
+    model : scaled to the body
+    landmarks : of a user's skin, (3,) by the name of a model marker or a joint center ("right knee", "neck") [m];
+        in the place of a shape's own
+
+    Raises
+    ------
+    UnknownName : a landmark that is neither a marker nor a joint center of the model
+    BadData : fewer than three points that model and body share, or a skin that the default pose does not fit
+    """
+    skin = body.skin if isinstance(body, Shape) else body
+    if landmarks is None and isinstance(body, Skin):
+        return _default_pose(model, skin)
+    centers = _centers(model)
+    targets, markers, missed = _paired(model, centers, body, landmarks)
+    if len(targets) < 3:
+        raise BadData(
+            f"model '{model.name}' and the body share {len(targets)} points: expected at least three markers or joint "
+            "centers, as 'right knee'"
+        )
+    seen = np.array(list(targets.values()))
+    rotation, translation = _aligned(seen, _default_places(model, markers), list(targets))
+    virtual = replace(model, markers=tuple(markers))
+    recorded = Markers(np.zeros(1), tuple(targets), (seen @ rotation.T + translation)[None])
+    weights = {name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in targets}
+    if landmarks is not None:
+        weights = dict.fromkeys(targets, 1.0)
+    pull = POSTURE if landmarks is None else InverseKinematicsOptions.posture_weight
+    options = InverseKinematicsOptions(marker_weights=weights, iterations=ITERATIONS, posture_weight=pull)
+    fit = inverse_kinematics(virtual, recorded, options)
+    errors = frozen_array(fit.errors[0])
+    notes = []
+    if missed:
+        notes.append(f"the model has no {', '.join(missed)}: what lies beyond belongs to the segment before")
+    counted = np.array([weights[name] == 1.0 for name in fit.marker_names])
+    rms = float(np.sqrt(np.mean(np.square(errors[counted])))) if counted.any() else 0.0
+    if rms > FAR:
+        worst = int(np.argmax(np.where(counted, errors, 0.0)))
+        notes.append(
+            f"the model fits the skin within {1000 * rms:.0f} mm (root mean square; '{fit.marker_names[worst]}' "
+            f"{1000 * errors[worst]:.0f} mm): it is not of this body's size; calibrate or scale it first"
+        )
+    if not fit.converged[0]:
+        notes.append("the pose did not converge")
+    motion = fit.motion
+    return PoseFit(
+        motion=motion,
+        skin=skin.moved(rotation, translation),
+        rotation=frozen_array(rotation),
+        translation=frozen_array(translation),
+        names=fit.marker_names,
+        errors=errors,
+        notes=tuple(notes),
+    )
+
+
+def _centers(model: Model) -> dict[str, Center]:
+    """Joint centers of a human model by name, none of others.
+
+    Where nothing moves in the spine, the frame of the joint may be anywhere.
+    """
+    try:
+        found = centers_of(model, regions_of(model))
+    except BadData:
+        return {}
+    moving = {name for name, one in found.items() if any(axis.function.arity for axis in one.joint.axes)}
+    return {name: one for name, one in found.items() if name not in SPINE or name in moving}
+
+
+def _paired(
+    model: Model, centers: Mapping[str, Center], body: Shape | Skin, landmarks: Mapping[str, Array] | None
+) -> tuple[dict[str, Array], list[Marker], list[str]]:
+    """Points of the body by name, virtual markers for each, and names of joint centers that the model lacks."""
+    own = {marker.name: marker for marker in model.markers}
+    targets: dict[str, Array] = {}
+    markers: list[Marker] = []
+    if landmarks is not None:
+        for name, point in landmarks.items():
+            if name not in own and name not in centers:
+                raise UnknownName("landmark", name, (*own, *centers), f"model '{model.name}'")
+            if np.shape(point) != (3,) or not np.isfinite(point).all():
+                raise BadData(f"landmark '{name}': expected three finite coordinates, but got {point}")
+            targets[name] = np.asarray(point, dtype=np.float64)
+            markers.append(own[name] if name in own else _at_center(name, centers[name]))
+        return targets, markers, []
+    assert isinstance(body, Shape)
+    missed = []
+    for name, point in body.centers.items():
+        if name in centers:
+            targets[name] = point
+            markers.append(_at_center(name, centers[name]))
+        elif name not in ("pelvis", "head top"):
+            missed.append(name)
+    for name, marker in own.items():
+        landmark = landmark_of_marker(name)
+        if landmark in body.landmarks and name not in targets:
+            targets[name] = body.landmarks[landmark]
+            markers.append(marker)
+    return targets, markers, missed
+
+
+def _at_center(name: str, center: Center) -> Marker:
+    return Marker(name, center.joint.child, center.location)
+
+
+def _default_places(model: Model, markers: list[Marker]) -> Array:
+    """(markers, 3) in ground in the model's default pose [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))[:1])
+    bodies = np.array([tree.body_index[marker.body] for marker in markers])
+    places: Array = poses.points(bodies, np.array([marker.location for marker in markers]))[0]
+    return places
+
+
+def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Array]:
+    """Rotation and translation that bring points (n, 3) nearest to targets (n, 3), by those of the trunk if enough."""
+    trunk = [i for i, name in enumerate(names) if any(part in f"{name} {landmark_of_marker(name)}" for part in TRUNK)]
+    for used in (trunk, list(range(len(names)))):
+        if len(used) < 3:
+            continue
+        p, q = points[used], targets[used]
+        u, size, vt = np.linalg.svd((q - q.mean(axis=0)).T @ (p - p.mean(axis=0)))
+        if size[1] > 1e-3 * size[0]:
+            break
+    else:
+        raise BadData("the points that model and body share lie on one line: give a landmark beside it")
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ sign @ vt
+    return rotation, q.mean(axis=0) - rotation @ p.mean(axis=0)
+
+
+def _default_pose(model: Model, skin: Skin) -> PoseFit:
+    """The model's default pose, once the skin is seen to be around it."""
+    tree = compile_tree(model)
+    values = tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))
+    pose = Motion(np.zeros(1), model.coordinate_names, values[:1])
+    links = links_of(model, pose)
+    heavy = [i for i, one in enumerate(model.bodies) if one.mass > 0.0]
+    within = inside(skin, links.centers[heavy])
+    outside = [links.names[i] for i, one in zip(heavy, within, strict=True) if not one]
+    if within.mean() < SHARE_INSIDE:
+        axes = f"; it stands along {skin.up}" if skin.up else ""
+        raise BadData(
+            f"the skin is not where model '{model.name}' stands in its default pose: {len(outside)} of {len(heavy)} "
+            f"mass centers are outside of it, as that of '{outside[0]}'{axes}; give landmarks on the skin, or "
+            "move it into the model's ground and default pose"
+        )
+    notes = ["the skin was taken to be in the model's default pose and ground"]
+    if outside:
+        notes.append(f"mass centers outside of the skin: {', '.join(outside[:6])}")
+    return PoseFit(pose, skin, np.eye(3), np.zeros(3), (), np.zeros(0), tuple(notes))

@@ -1,0 +1,111 @@
+"""C3D by the ezc3d library, in a child process: it hangs on some broken files and crashes on others.
+
+`python -m myomorph.io.c3d.ezc3d IN.c3d OUT.npz` is the child's side.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.c3d.raw import RawC3d, Value
+from myomorph.io.parsing.guard import limit_memory, run_guarded
+from myomorph.model.spatial import Array
+
+SECONDS = 10.0
+BYTES_PER_SECOND = 20e6
+
+
+def read_c3d_ezc3d(path: Path) -> RawC3d | str:
+    """Read a C3D file with ezc3d in a child process; a text says why it could not."""
+    seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
+    with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
+        target = Path(folder) / "c3d.npz"
+        outcome = run_guarded("myomorph.io.c3d.ezc3d", [str(path.resolve()), str(target)], seconds)
+        if outcome.status != "done" or not target.exists():
+            return outcome.message or "gave no result"
+        with np.load(target) as arrays:
+            about = json.loads(str(arrays["about"]))
+            points, residuals, analog = arrays["points"], arrays["residuals"], arrays["analog"]
+    groups: dict[str, dict[str, Value]] = {
+        group: {name: _value(value) for name, value in parameters.items()}
+        for group, parameters in about["groups"].items()
+    }
+    return RawC3d(
+        groups=groups,
+        first_frame=about["first_frame"],
+        point_rate=about["point_rate"],
+        analog_rate=about["analog_rate"],
+        points=points,
+        residuals=residuals,
+        analog=analog,
+        events=tuple((label, time) for label, time in about["events"]),
+        reader=f"ezc3d {about['version']}",
+    )
+
+
+def _value(stored: dict[str, list]) -> Value:
+    if "texts" in stored:
+        return tuple(stored["texts"])
+    numbers: Array = np.array(stored["numbers"], dtype=np.float64).reshape(stored["shape"])
+    return numbers
+
+
+def _stored(value: object) -> dict[str, object]:
+    if isinstance(value, (list, tuple)) and all(isinstance(one, str) for one in value) and value:
+        return {"texts": list(value)}
+    numbers = np.asarray(value if value is not None else [], dtype=np.float64)
+    return {"numbers": numbers.ravel().tolist(), "shape": list(numbers.shape)}
+
+
+def _convert(source: str, target: str) -> None:
+    """The child's work: read with ezc3d, save plain arrays."""
+    limit_memory(4.0 + 40.0 * Path(source).stat().st_size / (1 << 30))
+    import ezc3d
+
+    file = ezc3d.c3d(source, extract_forceplat_data=False)
+    header, parameters, samples = file["header"], file["parameters"], file["data"]
+    groups: dict[str, dict[str, object]] = {}
+    for group in parameters:
+        groups[group.upper()] = {}
+        for name, parameter in parameters[group].items():
+            if name.startswith("__"):
+                continue
+            try:
+                groups[group.upper()][name.upper()] = _stored(parameter["value"])
+            except (ValueError, TypeError):
+                continue
+    events = header.get("events", {})
+    labels, times = events.get("events_label", ()), np.ravel(events.get("events_time", ()))
+    about = {
+        "groups": groups,
+        "first_frame": int(header["points"]["first_frame"]) + 1,
+        "point_rate": float(header["points"]["frame_rate"]),
+        "analog_rate": float(header["analogs"]["frame_rate"]),
+        "events": [(str(label), float(time)) for label, time in zip(labels, times, strict=False)],
+        "version": ezc3d.__version__,
+    }
+    points = samples["points"][:3].transpose(2, 1, 0)
+    residuals = samples["meta_points"]["residuals"][0].T
+    analog = samples["analogs"][0].T
+    np.savez(target, about=np.array(json.dumps(about)), points=points, residuals=residuals, analog=analog)
+
+
+def _main() -> int:
+    try:
+        _convert(*sys.argv[1:3])
+    except MemoryError:
+        sys.stderr.write("asked for more memory than such a file can need\n")
+        return 1
+    except Exception as error:
+        sys.stderr.write(" ".join(str(error).split())[:300] + "\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_main())

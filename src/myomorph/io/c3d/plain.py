@@ -1,0 +1,298 @@
+"""A C3D reader of our own, for files that ezc3d refuses: three byte orders, integers and reals.
+
+Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of linked
+records, and frames of points and analog samples. It believes the header where header and parameters
+differ, stops at the first broken parameter record and keeps the ones before it, and never reads
+more than the file holds.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.c3d.raw import RawC3d, Value
+from myomorph.model.errors import BadFile
+from myomorph.model.spatial import Array
+
+BLOCK = 512
+PC, DEC, SGI = 84, 85, 86
+EVENT_KEY = 12345
+MOST_DIMENSIONS = 7
+
+
+def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
+    """Read a C3D file with NumPy alone.
+
+    Raises
+    ------
+    BadFile : it is no C3D file, or holds neither a point nor an analog sample
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    if len(data) < BLOCK:
+        raise BadFile(path, "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)")
+    if data[1] != 0x50:
+        raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
+    remarks: list[str] = []
+    # A damaged file holds numbers of any size; what is not finite is dealt with where it is used.
+    with np.errstate(all="ignore"):
+        section, order = _section(data, remarks)
+        header = _header(data, order)
+        groups = _parameters(data, section, order, remarks)
+        return _samples(data, header, groups, order, remarks, path)
+
+
+def claimed_frames(head: bytes) -> tuple[int, float]:
+    """Frames and their rate [Hz] as the first bytes of a C3D file claim them, header and parameters; 0 for unknown."""
+    with np.errstate(all="ignore"):
+        section, order = _section(head, [])
+        header = _header(head, order)
+        groups = _parameters(head, section, order, [])
+        nothing = np.zeros((0, 0, 3))
+        raw = RawC3d(groups, header.first, header.rate, 0.0, nothing, nothing[..., 0], np.zeros((0, 0)))
+        return _frames(raw, header, 0), _first(raw, "POINT", "RATE", header.rate)
+
+
+@dataclass(frozen=True)
+class _Order:
+    """How a processor writes numbers."""
+
+    processor: int
+
+    @property
+    def end(self) -> str:
+        return ">" if self.processor == SGI else "<"
+
+    def ints(self, data: bytes, signed: bool = True) -> np.ndarray:
+        return np.frombuffer(data, dtype=self.end + ("i2" if signed else "u2"))
+
+    def floats(self, data: bytes) -> Array:
+        if self.processor == DEC:
+            # A VAX real: its 16-bit halves are swapped, its exponent is two larger than IEEE's.
+            halves = np.frombuffer(data, dtype="<u2").reshape(-1, 2)[:, ::-1]
+            values = np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+        else:
+            values = np.frombuffer(data, dtype=self.end + "f4").astype(np.float64)
+        return values
+
+
+@dataclass(frozen=True)
+class _Header:
+    points: int
+    analog_per_frame: int
+    first: int
+    last: int
+    scale: float
+    data_block: int
+    samples_per_frame: int
+    rate: float
+    events: tuple[tuple[str, float], ...]
+
+
+def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
+    """Where the parameter section begins, and the byte order it names."""
+    start = (data[0] - 1) * BLOCK
+    for guess in (start, BLOCK):
+        if 0 < guess <= len(data) - 4 and data[guess + 3] in (PC, DEC, SGI):
+            if guess != start:
+                remarks.append("the parameter section was looked for at its usual place: the header points elsewhere")
+            return guess, _Order(data[guess + 3])
+    remarks.append("the parameter section names no processor: taken as PC")
+    return start, _Order(PC)
+
+
+def _header(data: bytes, order: _Order) -> _Header:
+    words = order.ints(data[:BLOCK], signed=False)
+    events: list[tuple[str, float]] = []
+    if words[149] == EVENT_KEY and words[150] <= 18:
+        count = int(words[150])
+        times = order.floats(data[304 : 304 + 4 * count])
+        for index in range(count):
+            label = data[396 + 4 * index : 400 + 4 * index].decode("latin-1").strip(" \0")
+            events.append((label, float(times[index])))
+    return _Header(
+        points=int(words[1]),
+        analog_per_frame=int(words[2]),
+        first=int(words[3]),
+        last=int(words[4]),
+        scale=float(order.floats(data[12:16])[0]),
+        data_block=int(words[8]),
+        samples_per_frame=int(words[9]),
+        rate=float(order.floats(data[20:24])[0]),
+        events=tuple(events),
+    )
+
+
+def _parameters(data: bytes, section: int, order: _Order, remarks: list[str]) -> dict[str, dict[str, Value]]:
+    """Groups of parameters; records after a broken one are lost, which is told in `remarks`."""
+    names: dict[int, str] = {}
+    records: list[tuple[int, str, Value]] = []
+    at = section + 4
+    while 0 <= at < len(data) - 4:
+        length, group = abs(_signed(data[at])), _signed(data[at + 1])
+        if length == 0:
+            break
+        field = at + 2 + length
+        name = data[at + 2 : field].decode("latin-1").strip(" \0").upper()
+        if group == 0 or field + 2 > len(data) or not name.isprintable():
+            remarks.append("the parameter section is broken: what follows the first broken record was left out")
+            break
+        step = int(order.ints(data[field : field + 2])[0])
+        if group < 0:
+            names[-group] = name
+        else:
+            value = _value(data, field + 2, order)
+            if value is None:
+                remarks.append(f"parameter '{name}' is broken or reaches past the end of the file: it was left out")
+            else:
+                records.append((group, name, value))
+        if step <= 0:
+            break
+        at = field + step
+    groups: dict[str, dict[str, Value]] = {}
+    for group, name, value in records:
+        groups.setdefault(names.get(group, f"GROUP {group}"), {}).setdefault(name, value)
+    return groups
+
+
+def _signed(byte: int) -> int:
+    return byte - 256 if byte > 127 else byte
+
+
+def _value(data: bytes, at: int, order: _Order) -> Value | None:
+    """Value of a parameter that begins at its type byte, or None if the file ends before it does."""
+    if at + 2 > len(data) or data[at + 1] > MOST_DIMENSIONS:
+        return None
+    kind, rank = _signed(data[at]), data[at + 1]
+    shape = tuple(data[at + 2 : at + 2 + rank])
+    start = at + 2 + rank
+    count = int(np.prod(shape, dtype=np.int64)) if rank else 1
+    size = count * {-1: 1, 1: 1, 2: 2, 4: 4}.get(kind, 0)
+    raw = data[start : start + size]
+    if len(raw) < size or len(shape) < rank or kind not in (-1, 1, 2, 4):
+        return None
+    if kind == -1:
+        width = shape[0] if rank else 1
+        rows = count // width if width else 0
+        return tuple(raw[row * width : (row + 1) * width].decode("latin-1") for row in range(rows))
+    if kind == 1:
+        values = np.frombuffer(raw, dtype=np.int8).astype(np.float64)
+    elif kind == 2:
+        values = order.ints(raw).astype(np.float64)
+    else:
+        values = order.floats(raw)
+    return values.reshape(shape or (1,), order="F")
+
+
+def _samples(
+    data: bytes,
+    header: _Header,
+    groups: Mapping[str, Mapping[str, Value]],
+    order: _Order,
+    remarks: list[str],
+    path: Path,
+) -> RawC3d:
+    """Points and analog samples of every frame the file holds."""
+    about = RawC3d(groups, header.first, 0.0, 0.0, np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0)))
+    points, per_frame = header.points, header.samples_per_frame
+    channels = header.analog_per_frame // per_frame if per_frame else 0
+    scale = header.scale
+    if not np.isfinite(scale) or scale == 0.0:
+        scale = _first(about, "POINT", "SCALE", -1.0)
+        remarks.append("the header holds no point scale: the parameter POINT:SCALE was used")
+    real = scale < 0
+    width = 4 if real else 2
+    size = (4 * points + channels * per_frame) * width
+    block = header.data_block or int(_first(about, "POINT", "DATA_START", 0))
+    start = (block - 1) * BLOCK
+    if size == 0 or start <= 0 or start >= len(data):
+        raise BadFile(path, "holds neither points nor analog samples", "the recording may have been cut off")
+    held = (len(data) - start) // size
+    used = int(_first(about, "ANALOG", "USED", 0.0))
+    if used == header.analog_per_frame > channels:
+        # Some programs write the number of channels where that of samples in a frame belongs.
+        larger = (4 * points + used * per_frame) * width
+        if (len(data) - start) // larger >= _frames(about, header, held):
+            channels, size = used, larger
+            held = (len(data) - start) // size
+    frames = min(_frames(about, header, held), held)
+    if frames < _frames(about, header, held):
+        remarks.append(f"the file ends early: it holds {frames} frames of {_frames(about, header, held)}")
+    if frames <= 0:
+        raise BadFile(path, "holds no whole frame", "the recording may have been cut off")
+    raw = data[start : start + frames * size]
+    unsigned = any(text.upper().startswith("UNSIGNED") for text in about.texts("ANALOG", "FORMAT"))
+    if real:
+        table = order.floats(raw).reshape(frames, -1)
+        coordinates, analog = table[:, : 4 * points], table[:, 4 * points :]
+        factor = 1.0
+    else:
+        coordinates = order.ints(raw).reshape(frames, -1)[:, : 4 * points].astype(np.float64)
+        analog = order.ints(raw, signed=not unsigned).reshape(frames, -1)[:, 4 * points :].astype(np.float64)
+        factor = scale
+    places = coordinates.reshape(frames, points, 4)
+    residuals = _residuals(places[:, :, 3], abs(scale))
+    positions = np.where((residuals < 0)[:, :, None], np.nan, places[:, :, :3] * factor)
+    rate = header.rate if 0 < header.rate < 1e6 else _first(about, "POINT", "RATE", 0.0)
+    return RawC3d(
+        groups=groups,
+        first_frame=header.first,
+        point_rate=rate,
+        analog_rate=rate * per_frame,
+        points=positions,
+        residuals=residuals,
+        analog=_scaled(about, analog.reshape(frames * per_frame, channels), unsigned, real),
+        events=header.events,
+        reader="Myomorph's own reader",
+        remarks=tuple(remarks),
+    )
+
+
+def _first(raw: RawC3d, group: str, name: str, default: float) -> float:
+    values = raw.numbers(group, name)
+    return float(values[0]) if len(values) and np.isfinite(values[0]) else default
+
+
+def _frames(raw: RawC3d, header: _Header, held: int) -> int:
+    """Number of frames the file claims: 16 bits in the header, more in parameters of long files."""
+    begin, end = raw.numbers("TRIAL", "ACTUAL_START_FIELD"), raw.numbers("TRIAL", "ACTUAL_END_FIELD")
+    if len(begin) == 2 and len(end) == 2:
+        long = (end[0] % 65536 + 65536 * end[1]) - (begin[0] % 65536 + 65536 * begin[1]) + 1
+        if 0 < long < 2**31 and (header.last == 65535 or long == header.last - header.first + 1):
+            return int(long)
+    if header.last == 65535:
+        return int(_first(raw, "POINT", "LONG_FRAMES", 0.0)) or held
+    return header.last - header.first + 1
+
+
+def _residuals(words: Array, scale: float) -> Array:
+    """Residual of each point [file's unit], -1 where invalid: the low byte of the fourth word, scaled."""
+    whole = np.where(np.isfinite(words), words, -1.0)
+    whole = np.clip(np.rint(whole), -1.0, 32767.0).astype(np.int64)
+    return np.where(whole < 0, -1.0, (whole & 0xFF) * scale)
+
+
+def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
+    """Analog samples with offset and scale applied: (raw - offset) * scale * general scale."""
+    channels = analog.shape[1]
+    scale, offset = np.ones(channels), np.zeros(channels)
+    stated = raw.numbers("ANALOG", "SCALE")[:channels]
+    scale[: len(stated)] = stated
+    stated = next((one for one in map(partial(raw.numbers, "ANALOG"), ("OFFSET", "OFFSETS")) if len(one)), np.zeros(0))
+    stated = stated[:channels]
+    if unsigned:
+        stated = np.where(stated < 0, stated + 65536, stated)
+    elif real:
+        # The middle of an unsigned 16-bit converter, which a signed parameter cannot hold.
+        stated = np.where(stated == -32768, 32768, stated)
+    offset[: len(stated)] = stated
+    return (analog - offset) * (scale * _first(raw, "ANALOG", "GEN_SCALE", 1.0))

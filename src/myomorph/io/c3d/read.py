@@ -1,0 +1,293 @@
+"""C3D files: markers, analog channels, force plates, events and what the file says of itself."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.c3d.ezc3d import read_c3d_ezc3d
+from myomorph.io.c3d.plain import read_c3d_plain
+from myomorph.io.c3d.plates import plate_recordings
+from myomorph.io.c3d.raw import RawC3d
+from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.model.errors import BadFile
+from myomorph.model.series import Analog, Event, Markers, Series, Trial
+from myomorph.model.spatial import Array
+
+HINT = "try to open it in the program that wrote it and save it again as C3D"
+QUANTITIES = ("ANGLES", "MOMENTS", "POWERS", "FORCES", "SCALARS", "REACTIONS", "USERMOS")
+QUANTITY_NAME = re.compile(r"(angles?|moments?|powers?|forces?|grf)$", re.IGNORECASE)
+UNLABELLED = re.compile(r"(\*.*|unlabel\w*.*|unidentified.*|uname\*?\d*)?$", re.IGNORECASE)
+EMG_NAME = re.compile(
+    r"emg|rect|fem|vast|bicep|tricep|gast|sol(eus)?\b|tib|ham|glut|delt|trap|pect?\b|infra|supra|subscap|lat(iss)?\b"
+    r"|semi[tm]|peron|erect|sartor|addu|(^|[\W_])([rl][\W_]?)?(ta|gm|gl|gas|rf|re|rec|vl|vm|va|vas|bf|bi|st|ham|isc|gmed|"
+    r"gmax|glu|so|pe|pl|es|mh|lh|mg|lg)\d?$",
+    re.IGNORECASE,
+)
+NOT_EMG = re.compile(
+    r"switch|sync|trig|speed|\b(force|moment)\b|handle|accel|acc\b|gyro|\bpin\b|goni|digital|foot", re.IGNORECASE
+)
+
+
+def read_c3d(path: str | os.PathLike[str]) -> Trial:
+    """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1.
+
+    ezc3d reads it in a child process with a time limit; what ezc3d refuses, hangs on or reads only in
+    part goes to our own reader. Points that a program computed (angles, moments, powers, forces) are in
+    `other_points`; computed positions stay among the markers, as OpenSim has it. Force plates are
+    `plate_recordings`: `contact.plates` makes forces of them. EMG stays in `analog`; see `emg_channels`.
+
+    Raises
+    ------
+    BadFile : neither reader can make sense of the file
+    """
+    path = Path(path)
+    raw = _read_raw(path)
+    if not 0.0 < raw.point_rate < 1e6:
+        raise BadFile(path, f"states a frame rate of {raw.point_rate:g} Hz", HINT)
+    found = [*raw.remarks, *_cut_off(raw, path)]
+    facts = _facts(raw)
+    meters = _meters(raw, found)
+    start = (max(raw.first_frame, 1) - 1) / raw.point_rate
+    time = start + np.arange(len(raw.points)) / raw.point_rate
+    markers, others = _points(raw, time, meters, facts, found)
+    analog = _analog(raw, start, found)
+    plates = plate_recordings(raw, meters, found)
+    return Trial(
+        markers=markers,
+        plate_recordings=plates,
+        plate_time=analog.time if analog is not None else np.zeros(0),
+        analog=analog,
+        events=_events(raw, found),
+        other_points=others,
+        facts=MappingProxyType(facts),
+        warnings=tuple(found),
+        source=str(path),
+    )
+
+
+def _read_raw(path: Path) -> RawC3d:
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(512)
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    if len(head) < 512 or head[1] != 0x50:
+        return read_c3d_plain(path)  # which says what is wrong with it
+    raw = read_c3d_ezc3d(path)
+    if isinstance(raw, RawC3d) and _whole(raw, head):
+        return raw
+    reason = raw if isinstance(raw, str) else "it left out what the header announces"
+    plain = read_c3d_plain(path)
+    remark = f"ezc3d could not read it ({re.split('[,.]', reason)[0]}): our own reader did"
+    return RawC3d(**{**plain.__dict__, "remarks": (remark, *plain.remarks)})
+
+
+def _whole(raw: RawC3d, head: bytes) -> bool:
+    """Whether a little-endian header announces no more than ezc3d found."""
+    words = np.frombuffer(head, dtype="<u2")
+    announced, analog = int(words[1]), int(words[2])
+    return raw.points.shape[1] >= announced and len(raw.points) > 0 and (analog == 0 or raw.analog.size > 0)
+
+
+def _cut_off(raw: RawC3d, path: Path) -> list[str]:
+    """A warning if ezc3d, which does not tell, met the end of the file before the last frame."""
+    if not raw.reader.startswith("ezc3d"):
+        return []
+    with path.open("rb") as stream:
+        first, last = np.frombuffer(stream.read(10)[6:], dtype="<u2").astype(int)
+    announced = last - first + 1
+    if last == 65535 or len(raw.points) >= announced:
+        return []
+    return [f"the file ends early: it holds {len(raw.points)} frames of {announced}"]
+
+
+def _meters(raw: RawC3d, found: list[str]) -> float:
+    """Metres in the file's unit of length."""
+    text = (raw.texts("POINT", "UNITS") or ("",))[0].lower()
+    for begin, factor in (
+        ("mm", 1e-3),
+        ("mil", 1e-3),
+        ("cm", 1e-2),
+        ("cen", 1e-2),
+        ("dm", 0.1),
+        ("m", 1.0),
+        ("in", 0.0254),
+    ):
+        if text.startswith(begin):
+            return factor
+    size = float(np.nanmedian(np.abs(raw.points))) if np.isfinite(raw.points).any() else 0.0
+    unit, factor = ("mm", 1e-3) if size > 20.0 else ("m", 1.0)
+    found.append(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
+    return factor
+
+
+def _points(
+    raw: RawC3d, time: Array, meters: float, facts: dict[str, str], found: list[str]
+) -> tuple[Markers | None, Series | None]:
+    """Markers [m] and computed quantities [the file's units] of the points."""
+    count = raw.points.shape[1]
+    if not count or not len(time):
+        return None, None
+    labels = list(raw.texts("POINT", "LABELS")[:count])
+    labels += [""] * (count - len(labels))
+    labels = _full_labels(labels, raw.texts("POINT", "DESCRIPTIONS"), found)
+    computed = _quantities(raw)
+    qualisys = any("qualisys" in text.lower() for text in raw.texts("MANUFACTURER", "COMPANY"))
+    plain = [UNLABELLED.match(label) or (qualisys and re.match(r"U\d+$", label)) for label in labels]
+    quantity = [label in computed or bool(QUANTITY_NAME.search(label)) for label in labels]
+    if all(plain):
+        found.append(f"no point has a label: the {count} points were named unnamed_1, ...")
+        labels, plain = [f"unnamed_{one + 1}" for one in range(count)], [None] * count
+    names = _without_prefix(labels, facts)
+    real = [one for one in range(count) if not plain[one] and not quantity[one]]
+    other = [one for one in range(count) if quantity[one] and not plain[one]]
+    if any(plain):
+        facts["unlabelled points"] = str(sum(1 for one in plain if one))
+    values = raw.points[:, real] * meters
+    values = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
+    # Programs differ in how they mark a hidden point; an exact zero in all three is never a place.
+    values = np.where(np.all(values == 0.0, axis=2, keepdims=True), np.nan, values)
+    values = without_far_away(values, found)
+    markers = Markers(time, unique_names([names[one] for one in real], "marker", found), values) if real else None
+    others = None
+    if other:
+        others = Series(time, unique_names([names[one] for one in other], "quantity", []), raw.points[:, other])
+    return markers, others
+
+
+def _full_labels(labels: list[str], descriptions: Sequence[str], found: list[str]) -> list[str]:
+    """The descriptions in place of labels that old programs cut to four letters, so that they repeat."""
+    if len(set(labels)) == len(labels) or max(map(len, labels)) > 4 or len(descriptions) < len(labels):
+        return labels
+    full = list(descriptions[: len(labels)])
+    if not all(full) or len(set(full)) < len(full):
+        return labels
+    found.append("the labels are cut to four letters and repeat: markers were named by their descriptions")
+    return full
+
+
+def _quantities(raw: RawC3d) -> set[str]:
+    """Labels of points that hold no position, by the lists the file keeps of them."""
+    groups = raw.texts("POINT", "TYPE_GROUPS")[::2]
+    lists = [*QUANTITIES, *(group for group in groups if group and "MARKER" not in group.upper())]
+    labels = {label for name in lists for label in raw.texts("POINT", name) if label}
+    return labels | {label for label in raw.texts("POINT", "USERMOS") if label}
+
+
+def _without_prefix(labels: Sequence[str], facts: dict[str, str]) -> list[str]:
+    """Labels without the name of the subject before a colon, where that keeps them apart."""
+    short = [label.rpartition(":")[2].strip() or label for label in labels]
+    prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
+    if prefixes:
+        facts["label prefixes"] = ", ".join(prefixes)
+    times = Counter(short)
+    return [one if times[one] == 1 else label for one, label in zip(short, labels, strict=True)]
+
+
+def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
+    """Analog channels in the units the file names."""
+    samples, channels = raw.analog.shape
+    if not samples or not channels:
+        return None
+    rate = raw.analog_rate if raw.analog_rate > 0 else raw.point_rate * samples / max(len(raw.points), 1)
+    labels = list(raw.texts("ANALOG", "LABELS")[:channels])
+    labels += [""] * (channels - len(labels))
+    names = [label or f"channel_{one + 1}" for one, label in enumerate(labels)]
+    units = list(raw.texts("ANALOG", "UNITS")[:channels])
+    units += [""] * (channels - len(units))
+    values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
+    if np.isnan(values).any():
+        found.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
+    return Analog(start + np.arange(samples) / rate, unique_names(names, "channel", found), values, units=tuple(units))
+
+
+def _events(raw: RawC3d, found: list[str]) -> tuple[Event, ...]:
+    """Events with their side, in order of time."""
+    labels, sides = raw.texts("EVENT", "LABELS"), raw.texts("EVENT", "CONTEXTS")
+    times = raw.numbers("EVENT", "TIMES")
+    used = raw.numbers("EVENT", "USED")
+    count = min(len(labels), len(times) // 2, int(used[0]) if len(used) else len(labels))
+    events = []
+    for index in range(count):
+        side = sides[index] if index < len(sides) else ""
+        moment = 60.0 * times[2 * index] + times[2 * index + 1]
+        if not labels[index].isprintable() or not np.isfinite(moment) or abs(moment) > 1e6:
+            found.append(f"event {index + 1} is broken and was left out")
+            continue
+        events.append(Event(float(moment), labels[index], side if side in ("Left", "Right") else ""))
+    if not events:
+        events = [
+            Event(time, label) for label, time in raw.events if label.strip() and np.isfinite(time) and abs(time) < 1e6
+        ]
+    return tuple(sorted(events, key=lambda event: event.time))
+
+
+def _facts(raw: RawC3d) -> dict[str, str]:
+    """What the file says of itself, in words."""
+    facts = {"reader": raw.reader, "point rate": f"{raw.point_rate:g} Hz", "first frame": str(raw.first_frame)}
+    if raw.analog.size:
+        facts["analog rate"] = f"{raw.analog_rate:g} Hz"
+    company, software, version = (
+        (raw.texts("MANUFACTURER", name) or ("",))[0] for name in ("COMPANY", "SOFTWARE", "VERSION_LABEL")
+    )
+    maker = [software if software.startswith(company) else f"{company} {software}".strip(), version]
+    if any(maker):
+        facts["maker"] = " ".join(text for text in maker if text)
+    units = raw.texts("POINT", "UNITS")
+    if units and units[0]:
+        facts["unit of length"] = units[0]
+    names = [name for name in raw.texts("SUBJECTS", "NAMES") if name]
+    if names:
+        facts["subjects"] = ", ".join(names)
+    modelled = [name for name in raw.texts("POINT", "MODELED_MARKERS") if name]
+    if modelled:
+        facts["computed positions"] = ", ".join(modelled)
+    mass = _measure(raw, ("BODYMASS", "MASS", "WEIGHT"))
+    if mass:
+        facts["body mass"] = f"{mass:.4g} kg"
+    height = _measure(raw, ("HEIGHT", "BODYHEIGHT"))
+    if height:
+        facts["height"] = f"{height / 1000.0 if height > 3.0 else height:.4g} m"
+    return facts
+
+
+def _measure(raw: RawC3d, names: Sequence[str]) -> float:
+    """A measure of the subject that is larger than zero, 0 if the file holds none."""
+    for group in ("PROCESSING", "SUBJECTS", "SUBJECT", "ANALYSIS_SUBJECT"):
+        for name in names:
+            values = raw.numbers(group, name)
+            if len(values) and np.isfinite(values[0]) and values[0] > 0:
+                return float(values[0])
+    return 0.0
+
+
+def emg_channels(trial: Trial) -> tuple[str, ...]:
+    """Analog channels that are probably muscle signals: a guess from labels and units, not a claim.
+
+    Channels that a force plate uses are left out. Those whose label says EMG or a muscle are taken;
+    without any, all that are in volts and do not look like a switch, a trigger or an accelerometer.
+    """
+    if trial.analog is None:
+        return ()
+    plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
+    volts = []
+    named = []
+    units = trial.analog.units or ("",) * len(trial.analog.names)
+    for name, unit in zip(trial.analog.names, units, strict=True):
+        if (
+            name in plates
+            or NOT_EMG.search(name)
+            or unit.lower().replace("µ", "u") not in ("v", "mv", "uv", "volts", "")
+        ):
+            continue
+        volts.append(name)
+        if EMG_NAME.search(name):
+            named.append(name)
+    return tuple(named or volts)

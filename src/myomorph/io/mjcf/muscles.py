@@ -1,0 +1,164 @@
+"""Tendons, muscles and other actuators of a compiled MuJoCo model."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from myomorph.io.mjcf.names import MjcfNames, pose_of
+from myomorph.model.model import Actuator, Kept
+from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
+
+SITE = int(mujoco.mjtWrap.mjWRAP_SITE)
+PULLEY = int(mujoco.mjtWrap.mjWRAP_PULLEY)
+SPHERE = int(mujoco.mjtWrap.mjWRAP_SPHERE)
+CYLINDER = int(mujoco.mjtWrap.mjWRAP_CYLINDER)
+JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
+PARAMETERS = ("range0", "range1", "force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
+SMALLEST = 1e-15
+
+
+def muscles_of(m: Any, names: MjcfNames) -> tuple[tuple[Muscle, ...], tuple[WrapObject, ...], list[Kept]]:
+    """Muscles on spatial tendons, the surfaces that their tendons wrap around, and what is left out."""
+    muscles: list[Muscle] = []
+    wraps: dict[int, WrapObject] = {}
+    driven: set[int] = set()
+    for i in range(m.nu):
+        if not is_muscle(m, i) or _tendon_of(m, i) is None:
+            continue
+        tendon = int(m.actuator_trnid[i, 0])
+        driven.add(tendon)
+        path = _path(m, names, tendon, float(m.actuator_gear[i, 0]), wraps)
+        muscles.append(_muscle(m, names, i, path))
+    lost = []
+    for t in sorted(set(range(m.ntendon)) - driven):
+        fixed = int(m.wrap_type[m.tendon_adr[t]]) == JOINT
+        kind = "fixed tendon" if fixed else "tendon without muscle"
+        effect = "it couples or resists joints in MuJoCo; the model moves without it"
+        lost.append(Kept(kind, names.tendons[t], effect, "", "tendon"))
+    return tuple(muscles), tuple(wraps.values()), lost
+
+
+def is_muscle(m: Any, i: int) -> bool:
+    """Whether actuator `i` has MuJoCo's muscle gain."""
+    return int(m.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_MUSCLE)
+
+
+def _tendon_of(m: Any, i: int) -> int | None:
+    """Spatial tendon that actuator `i` pulls, None where it acts otherwise or pushes (gear <= 0)."""
+    if int(m.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_TENDON) or m.actuator_gear[i, 0] <= 0.0:
+        return None
+    tendon = int(m.actuator_trnid[i, 0])
+    return None if int(m.wrap_type[m.tendon_adr[tendon]]) == JOINT else tendon
+
+
+def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, WrapObject]) -> Path:
+    """Sites as points, geoms between them as wraps, pulleys as divisors of the segments that follow."""
+    points: list[PathPoint] = []
+    used: list[TendonWrap] = []
+    divisors: list[float] = []
+    divisor, apart = 1.0, False
+    start = int(m.tendon_adr[tendon])
+    for k in range(start, start + int(m.tendon_num[tendon])):
+        kind, what = int(m.wrap_type[k]), int(m.wrap_objid[k])
+        if kind == PULLEY:
+            divisor, apart = float(m.wrap_prm[k]), True
+        elif kind == SITE:
+            if points:
+                divisors.append(0.0 if apart else divisor / gear)
+            apart = False
+            points.append(PathPoint(names.sites[what], names.bodies[m.site_bodyid[what]], m.site_pos[what]))
+        else:
+            if what not in wraps:
+                wraps[what] = _wrap_object(m, names, what, kind)
+            side = round(float(m.wrap_prm[k]))
+            used.append(
+                TendonWrap(
+                    names.geoms[what],
+                    len(points) - 1,
+                    names.bodies[m.site_bodyid[side]] if side >= 0 else "",
+                    np.array(m.site_pos[side]) if side >= 0 else None,
+                )
+            )
+    if all(one == 1.0 for one in divisors):
+        divisors = []
+    return Path(tuple(points), tuple(used), tuple(divisors))
+
+
+def _wrap_object(m: Any, names: MjcfNames, geom: int, kind: int) -> WrapObject:
+    radius = float(m.geom_size[geom, 0])
+    return WrapObject(
+        names.geoms[geom],
+        names.bodies[m.geom_bodyid[geom]],
+        "sphere" if kind == SPHERE else "cylinder",
+        pose_of(m.geom_pos[geom], m.geom_quat[geom]),
+        (radius,) if kind == SPHERE else (radius, np.inf),
+    )
+
+
+def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
+    """MuJoCo's muscle: the length range is mapped to the operating range of the fiber.
+
+    L0 = (lengthrange1 - lengthrange0) / (range1 - range0), LT = lengthrange0 - range0 L0 [m]; the peak
+    force is `force`, or `scale` / acc0 where that is negative [N].
+    """
+    given = dict(zip(PARAMETERS, np.array(m.actuator_gainprm[i, :9], dtype=np.float64).tolist(), strict=True))
+    short, long = (float(x) for x in m.actuator_lengthrange[i])
+    fiber = (long - short) / max(SMALLEST, given["range1"] - given["range0"])
+    slack = short - given["range0"] * fiber
+    acc0 = float(m.actuator_acc0[i])
+    force = given["force"] if given["force"] >= 0.0 else given["scale"] / max(SMALLEST, acc0)
+    parameters = {
+        **given,
+        "L0": fiber,
+        "LT": slack,
+        "F0": force,
+        "acc0": acc0,
+        "lengthrange0": short,
+        "lengthrange1": long,
+        "timeconst0": float(m.actuator_dynprm[i, 0]),
+        "timeconst1": float(m.actuator_dynprm[i, 1]),
+    }
+    limited = bool(m.actuator_ctrllimited[i])
+    return Muscle(
+        names.actuators[i],
+        "mujoco",
+        path,
+        max_isometric_force=force,
+        optimal_fiber_length=fiber,
+        tendon_slack_length=slack,
+        max_contraction_velocity=given["vmax"],
+        min_activation=max(0.0, float(m.actuator_ctrlrange[i, 0])) if limited else 0.0,
+        max_activation=float(m.actuator_ctrlrange[i, 1]) if limited else 1.0,
+        parameters=MappingProxyType(parameters),
+    )
+
+
+def actuators_of(m: Any, names: MjcfNames) -> tuple[tuple[Actuator, ...], list[Kept]]:
+    """Force actuators on hinge and slide joints; servos and other transmissions are left out by name."""
+    found: list[Actuator] = []
+    lost: list[Kept] = []
+    on_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    one_dof = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    for i in range(m.nu):
+        name, joint = names.actuators[i], int(m.actuator_trnid[i, 0])
+        if is_muscle(m, i):
+            if _tendon_of(m, i) is None:
+                effect = "a muscle that does not pull a spatial tendon is not modelled"
+                lost.append(Kept("muscle", name, effect, "", "actuator"))
+            continue
+        if int(m.actuator_trntype[i]) not in on_joint or int(m.jnt_type[joint]) not in one_dof:
+            lost.append(Kept("actuator", name, "only actuators on hinge and slide joints are kept", "", "actuator"))
+            continue
+        gain = int(m.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+        if not gain or int(m.actuator_biastype[i]) != int(mujoco.mjtBias.mjBIAS_NONE):
+            lost.append(Kept("actuator", name, "its force is not proportional to its control", "", "actuator"))
+            continue
+        limited = bool(m.actuator_ctrllimited[i])
+        low, high = (float(x) for x in m.actuator_ctrlrange[i]) if limited else (-np.inf, np.inf)
+        strength = float(m.actuator_gainprm[i, 0] * m.actuator_gear[i, 0])
+        found.append(Actuator(name, "coordinate", strength, low, high, coordinate=names.joints[joint]))
+    return tuple(found), lost

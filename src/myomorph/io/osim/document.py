@@ -1,0 +1,240 @@
+"""An OpenSim document as typed properties: versions, defaults sections and component paths."""
+
+from __future__ import annotations
+
+import os
+import posixpath
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from myomorph.io.parsing.xml import read_xml
+from myomorph.model.errors import BadFile
+from myomorph.model.spatial import Array
+
+OLDEST, NEWEST = 10901, 40600
+RENAMED = {
+    "NaturalCubicSpline": "SimmSpline",
+    "natCubicSpline": "SimmSpline",
+    "MuscleWrap": "PathWrap",
+    "MusclePoint": "PathPoint",
+    "MuscleViaPoint": "ConditionalPathPoint",
+    "MovingMusclePoint": "MovingPathPoint",
+    "GeneralizedForce": "CoordinateActuator",
+    "Schutte1993Muscle": "Schutte1993Muscle_Deprecated",
+    "Delp1990Muscle": "Delp1990Muscle_Deprecated",
+}
+NUMBER = re.compile(r"[\s,()\[\]~]+")
+INFINITE = {"inf": np.inf, "+inf": np.inf, "-inf": -np.inf, "infinity": np.inf, "-infinity": -np.inf}
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """What all parts of one file share.
+
+    Attributes
+    ----------
+    version : five or six digits, 40000 for OpenSim 4.0
+    defaults : by class, the element of the file's defaults section
+    warnings : filled while reading, one line each
+    """
+
+    path: Path
+    version: int
+    root: etree._Element
+    defaults: dict[str, etree._Element] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def warn(self, line: str) -> None:
+        """Remember a warning once."""
+        if line not in self.warnings:
+            self.warnings.append(line)
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One object of the file: its properties, those of the defaults section where it has none itself.
+
+    Attributes
+    ----------
+    path : component path as OpenSim 4 would write it ("/jointset/hip_r")
+    """
+
+    element: etree._Element
+    document: Document
+    path: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Class name in today's spelling."""
+        tag = str(self.element.tag)
+        return RENAMED.get(tag, tag)
+
+    @cached_property
+    def name(self) -> str:
+        """The name attribute, without the blanks that OpenSim 4 takes out of old names."""
+        name = str(self.element.get("name", "")).strip()
+        return re.sub(r"\s+", "", name) if self.document.version < 30500 else name
+
+    def find(self, *tags: str) -> etree._Element | None:
+        """First child element of one of the tags, or the defaults section's."""
+        for tag in tags:
+            found = self.element.find(tag)
+            if found is not None:
+                return found
+        default = self.document.defaults.get(self.kind)
+        if default is None or default is self.element:
+            return None
+        return next((found for tag in tags if (found := default.find(tag)) is not None), None)
+
+    def child(self, *tags: str) -> Node | None:
+        """First child of one of the tags as a node."""
+        found = self.find(*tags)
+        return None if found is None else self.node(found)
+
+    def inner(self, *tags: str) -> Node | None:
+        """The object inside a property: `<function><Constant/></function>` gives the Constant."""
+        found = self.find(*tags)
+        if found is None:
+            return None
+        return next((self.node(element) for element in found if isinstance(element.tag, str)), None)
+
+    def node(self, element: etree._Element) -> Node:
+        """A child element as a node, with its component path."""
+        name = element.get("name", "")
+        return Node(element, self.document, f"{self.path}/{name}" if name else self.path)
+
+    def items(self, tag: str) -> list[Node]:
+        """Objects of a set (`<tag><objects>...`) or of a list property (`<tag>...`)."""
+        found = self.find(tag)
+        if found is None:
+            return []
+        inside = found.find("objects")
+        holder = found if inside is None else inside
+        path = self.path if inside is None else f"{self.path}/{(found.get('name') or tag).lower()}"
+        owner = Node(self.element, self.document, path)
+        return [owner.node(element) for element in holder if isinstance(element.tag, str)]
+
+    def words(self, *tags: str) -> list[str]:
+        """A property that is a list of names."""
+        return self.text("", *tags).split()
+
+    def text(self, default: str, *tags: str) -> str:
+        """A property that is a text."""
+        found = self.find(*tags)
+        return default if found is None else (found.text or "").strip()
+
+    def flag(self, tag: str, default: bool) -> bool:
+        """A property that is true or false."""
+        text = self.text("", tag).lower()
+        if text in ("true", "1", "false", "0"):
+            return text in ("true", "1")
+        if text:
+            raise self.bad(f"'{tag}' is '{text}'", "expected true or false")
+        return default
+
+    def number(self, tag: str, default: float, infinite: bool = False) -> float:
+        """A property that is one number."""
+        values = self.numbers(tag, None, infinite)
+        if values is None or not len(values):
+            return default
+        if len(values) > 1:
+            raise self.bad(f"'{tag}' has {len(values)} numbers", "expected one")
+        return float(values[0])
+
+    def vector(self, tag: str, default: tuple[float, ...], infinite: bool = False) -> Array:
+        """A property of as many numbers as its default."""
+        values = self.numbers(tag, None, infinite)
+        if values is None or not len(values):
+            return np.array(default)
+        if len(values) != len(default):
+            raise self.bad(f"'{tag}' has {len(values)} numbers", f"expected {len(default)}")
+        return values
+
+    def numbers(self, tag: str, default: Array | None = None, infinite: bool = False) -> Array | None:
+        """A property that is a list of numbers."""
+        found = self.find(tag)
+        if found is None:
+            return default
+        parts = [part for part in NUMBER.split(found.text or "") if part]
+        try:
+            values = np.array([INFINITE.get(part.lower()) or float(part) for part in parts])
+        except ValueError:
+            raise self.bad(f"'{tag}' is '{(found.text or '').strip()[:60]}'", "expected numbers", found) from None
+        if np.isnan(values).any() or not (infinite or np.isfinite(values).all()):
+            raise self.bad(f"'{tag}' is '{(found.text or '').strip()[:60]}'", "expected finite numbers", found)
+        return values
+
+    def socket(self, name: str, *old: str) -> str:
+        """What a socket is connected to, in any version's spelling; "" if to nothing."""
+        tags = [f"socket_{name}", f"socket_{name}_connectee_name", f"connector_{name}_connectee_name", name, *old]
+        text = self.text("", *tags)
+        if text:
+            return text
+        for connector in self.element.findall("connectors/*"):
+            if connector.get("name") in (name, *old):
+                return (connector.findtext("connectee_name") or "").strip()
+        return ""
+
+    def bad(self, given: str, expected: str = "", element: etree._Element | None = None) -> BadFile:
+        """The error that says where in the file this object stands."""
+        line = (self.element if element is None else element).sourceline
+        where = f"{self.kind} '{self.name}'" if self.name else self.kind
+        return BadFile(self.document.path, f"line {line}: {where}: {given}", expected)
+
+    def source(self) -> str:
+        """The object as the file has it."""
+        return str(etree.tostring(self.element, encoding="unicode", with_tail=False))
+
+
+def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: str) -> Node:
+    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file holds.
+
+    Raises
+    ------
+    BadFile
+        The file is not XML, not OpenSim's, too old or too new, or holds something else.
+    """
+    file = read_xml(path)
+    root = file.root
+    data = root
+    version = 10500
+    if root.tag == "OpenSimDocument":
+        text = root.get("Version", "")
+        if not text.isdigit():
+            raise BadFile(path, f"OpenSimDocument Version is '{text}'", "expected a number such as 40000")
+        version = int(text)
+        data = next((element for element in root if isinstance(element.tag, str)), root)
+    if wanted and data.tag not in wanted:
+        raise BadFile(path, f"holds <{data.tag}>", f"expected {what}")
+    defaults: dict[str, etree._Element] = {}
+    for section in (*data.findall("defaults"), *root.findall("defaults")):
+        for element in section:
+            defaults.setdefault(RENAMED.get(str(element.tag), str(element.tag)), element)
+    document = Document(file.path, version, data, defaults, list(file.warnings))
+    return Node(data, document, "")
+
+
+def joined(owner: str, path: str) -> str:
+    """A component path made absolute, seen from the component `owner`."""
+    return posixpath.normpath(path if path.startswith("/") else posixpath.join(owner or "/", path))
+
+
+def unique(names: list[str], kind: str, document: Document) -> Iterator[str]:
+    """The names, numbered where one comes twice or is empty, as OpenSim does."""
+    taken: set[str] = set()
+    for name in names:
+        free = name or kind.lower()
+        number = 0
+        while free in taken:
+            free = f"{name or kind.lower()}_{number}"
+            number += 1
+        if name and free != name:
+            document.warn(f"two {kind}s are named '{name}': the later one is called '{free}'")
+        taken.add(free)
+        yield free

@@ -1,0 +1,123 @@
+"""OpenSim's functions of coordinates as `Function`s."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.io.osim.document import Node
+from myomorph.model.errors import BadModel
+from myomorph.model.functions import (
+    Function,
+    PiecewisePolynomial,
+    SineProduct,
+    constant,
+    linear,
+    piecewise_linear,
+    polynomial,
+    simm_spline,
+)
+from myomorph.model.spatial import Array
+
+KNOWN = (
+    "Constant",
+    "LinearFunction",
+    "PolynomialFunction",
+    "SimmSpline",
+    "PiecewiseLinearFunction",
+    "MultiplierFunction",
+    "Sine",
+    "GCVSpline",
+    "StepFunction",
+)
+
+
+def read_function(node: Node, user: Node) -> Function:
+    """The function an object of the file describes; `user` is the object that uses it.
+
+    Raises
+    ------
+    BadModel
+        The class is not one of those that coordinates, couplers and moving points can be made of.
+    """
+    kind = node.kind
+    if kind == "Constant":
+        return constant(node.number("value", 0.0))
+    if kind == "LinearFunction":
+        slope, intercept = node.vector("coefficients", (1.0, 0.0))
+        return linear(slope, intercept)
+    if kind == "PolynomialFunction":
+        coefficients = node.numbers("coefficients", np.ones(1))
+        return polynomial([1.0] if coefficients is None or not len(coefficients) else coefficients[::-1])
+    if kind == "MultiplierFunction":
+        inner = node.inner("function")
+        if inner is None:
+            raise node.bad("has no function inside")
+        return read_function(inner, user).scaled(node.number("scale", 1.0))
+    if kind == "Sine":
+        frequency, phase = node.number("omega", 1.0), node.number("phase", 0.0)
+        return SineProduct(
+            node.number("amplitude", 1.0), np.array([frequency]), np.array([phase]), node.number("offset", 0.0)
+        )
+    if kind == "StepFunction":
+        return _step(node)
+    if kind in ("SimmSpline", "PiecewiseLinearFunction", "GCVSpline"):
+        x, y = _points(node)
+        if len(x) == 1:
+            return constant(float(y[0]))
+        if kind == "SimmSpline":
+            return simm_spline(x, y)
+        return piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _gcv_spline(node, x, y)
+    owner = f"{user.kind} '{user.name}'" if user.name else user.kind
+    raise BadModel(f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are")
+
+
+def _points(node: Node) -> tuple[Array, Array]:
+    x, y = node.numbers("x"), node.numbers("y")
+    if x is None or y is None or not len(x) or len(x) != len(y):
+        counts = [0 if one is None else len(one) for one in (x, y)]
+        raise node.bad(f"has {counts[0]} x and {counts[1]} y values", "expected as many of each, at least one")
+    if np.any(np.diff(x) <= 0):
+        raise node.bad("its x values do not increase")
+    return x, y
+
+
+def _step(node: Node) -> PiecewisePolynomial:
+    start, end = node.number("transition_start_time", 0.99), node.number("transition_end_time", 1.01)
+    if end <= start:
+        raise node.bad(f"transition_end_time {end:g} is not after transition_start_time {start:g}")
+    return smooth_step(start, end, node.number("start_value", 0.0), node.number("end_value", 1.0))
+
+
+def smooth_step(start: float, end: float, low: float, high: float) -> PiecewisePolynomial:
+    """OpenSim's `StepFunction`: the quintic 10 s^3 - 15 s^4 + 6 s^5 between two levels."""
+    width = end - start
+    pieces = np.zeros((3, 6))
+    pieces[:, 0] = low, low, high
+    pieces[1, 3:] = (high - low) * np.array([10.0 / width**3, -15.0 / width**4, 6.0 / width**5])
+    return PiecewisePolynomial(np.array([start, start, end]), pieces)
+
+
+def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
+    half = int(node.number("half_order", 3.0))
+    if node.number("error_variance", 0.0) != 0.0:
+        raise node.bad("smooths with an error variance", "only interpolating splines (error_variance 0) are built")
+    if half < 1 or len(x) < 2 * half:
+        raise node.bad(f"has {len(x)} points", f"a spline of degree {2 * half - 1} needs {2 * half}")
+    return natural_spline(x, y, half)
+
+
+def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
+    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance is zero.
+
+    Beyond its ends it goes on as a polynomial of degree half - 1.
+    """
+    # SciPy takes a while to import, and hardly any model has such a spline.
+    from scipy.interpolate import make_interp_spline
+
+    zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
+    spline = make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None)
+    faculties = np.cumprod([1.0, *range(1, 2 * half)])
+    pieces = np.column_stack([spline(x, nu=order) / faculties[order] for order in range(2 * half)])
+    before = pieces[0].copy()
+    before[half:] = pieces[-1, half:] = 0.0
+    return PiecewisePolynomial(np.concatenate([x[:1], x]), np.vstack([before, pieces]))

@@ -1,0 +1,200 @@
+"""OpenSim models (`.osim`, documents 1.9 to 4.6) as `Model`s."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.osim.bodies import read_body, read_markers, read_meshes, read_wrap_objects
+from myomorph.io.osim.constraints import read_constraints
+from myomorph.io.osim.document import NEWEST, OLDEST, Node, read_document, unique
+from myomorph.io.osim.forces import read_forces
+from myomorph.io.osim.frames import OFFSET_KINDS, Frames
+from myomorph.io.osim.joints import ReadJoint, free_joint, read_joint, reversed_joint
+from myomorph.io.osim.kept import kept_elsewhere, warnings_of
+from myomorph.io.osim.springs import read_bushings, read_passive_torques
+from myomorph.model.errors import BadFile, BadModel
+from myomorph.model.model import GROUND, Body, Coordinate, Joint, Loop, Marker, Mesh, Model
+from myomorph.model.paths import WrapObject
+from myomorph.model.spatial import Transform
+
+
+def read_osim(path: str | os.PathLike[str]) -> Model:
+    """The model of an OpenSim file.
+
+    Raises
+    ------
+    BadFile
+        The file is not XML, cut off, not OpenSim's, or a value in it makes no sense.
+    BadModel
+        The model holds what would change the result and is not built.
+    UnknownName
+        Something refers to a body, coordinate or wrap object that the model does not have.
+    """
+    node = read_document(path, ("Model",), "an OpenSim model")
+    document = node.document
+    if document.version < OLDEST:
+        problem = f"is an OpenSim document of version {document.version}, which OpenSim 4 refuses too"
+        raise BadFile(path, problem, "open and save it in OpenSim 3.3")
+    if document.version > NEWEST:
+        document.warn(f"document version {document.version} is newer than OpenSim 4.6 ({NEWEST}): read as if of 4.6")
+    _check_units(node)
+    frames = Frames(node)
+    ground = node.child("Ground")
+    bodies = []
+    for one in node.items("BodySet"):
+        if one.name == GROUND:
+            ground = ground or one
+        elif one.kind == "Body":
+            bodies.append(one)
+    joints = _joints(node, bodies, frames)
+    tree = _tree(node, [read_body(one) for one in bodies], joints)
+    wraps, wrap_names = _wraps(node, ground, bodies, [body.name for body in tree.bodies], frames)
+    names = tuple(one.name for one in tree.coordinates)
+    forces = read_forces(node, frames, names, wrap_names)
+    couplers, loops, constraints = read_constraints(node, frames, names)
+    kept = (*constraints, *forces.kept, *kept_elsewhere(node, bodies))
+    for line in (*_massless(tree.bodies), *warnings_of(kept)):
+        document.warn(line)
+    return Model(
+        node.name or Path(path).stem,
+        tuple(tree.bodies),
+        tuple(tree.joints),
+        tuple(tree.coordinates),
+        node.vector("gravity", (0.0, -9.80665, 0.0)),
+        _markers(node, frames),
+        forces.muscles,
+        wraps,
+        forces.actuators,
+        couplers,
+        (*tree.loops, *loops),
+        frames.all(),
+        _ground_meshes(ground),
+        kept,
+        str(path),
+        tuple(document.warnings),
+        read_passive_torques(node, tree.coordinates),
+        read_bushings(node, frames),
+        forces.ligaments,
+    )
+
+
+def _check_units(node: Node) -> None:
+    for tag, usual in (
+        ("length_units", ("meters", "metres", "meter", "m")),
+        ("force_units", ("N", "newtons", "Newtons")),
+    ):
+        unit = node.text("", tag)
+        if unit and unit not in usual:
+            node.document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
+
+
+def _ground_meshes(ground: Node | None) -> tuple[Mesh, ...]:
+    return () if ground is None else read_meshes(ground)
+
+
+def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
+    found = []
+    for one in (*node.items("JointSet"), *node.items("components")):
+        if one.kind.endswith("Joint"):
+            found.append(read_joint(one, frames))
+    if node.document.version < 30501:
+        for body in bodies:
+            inner = body.inner("Joint")
+            if inner is not None:
+                found.append(
+                    read_joint(Node(inner.element, node.document, f"/jointset/{inner.name}"), frames, body.name)
+                )
+    names = unique([one.joint.name for one in found], "joint", node.document)
+    return [replace(one, joint=replace(one.joint, name=name)) for one, name in zip(found, names, strict=True)]
+
+
+@dataclass
+class Tree:
+    """Bodies in tree order, a joint for each, the coordinates in the file's order, and the cut loops."""
+
+    bodies: list[Body]
+    joints: list[Joint]
+    coordinates: list[Coordinate]
+    loops: list[Loop]
+
+
+def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
+    """The tree as OpenSim makes it: loose bodies float, loops are cut and their ends welded."""
+    by_name = {body.name: body for body in bodies}
+    if len(by_name) != len(bodies):
+        names = [body.name for body in bodies]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise BadModel(f"{node.document.path}: two bodies are named '{twice}'")
+    placed = {GROUND}
+    tree = Tree([], [], [one for joint in joints for one in joint.coordinates], [])
+    waiting = list(joints)
+    while len(placed) <= len(bodies):
+        step = next((one for one in waiting if (one.joint.parent in placed) != (one.joint.child in placed)), None)
+        if step is None:
+            step = _base(node, by_name, placed, waiting)
+            tree.coordinates += step.coordinates
+        else:
+            waiting.remove(step)
+        joint = step.joint if step.joint.parent in placed else reversed_joint(step.joint)
+        placed.add(joint.child)
+        tree.joints.append(joint)
+        tree.bodies.append(by_name[joint.child])
+    for one in waiting:
+        _cut(node, one.joint, tree)
+    return tree
+
+
+def _base(node: Node, bodies: dict[str, Body], placed: set[str], waiting: list[ReadJoint]) -> ReadJoint:
+    children = {one.joint.child for one in waiting}
+    loose = [name for name in bodies if name not in placed]
+    base = next((name for name in loose if name not in children), loose[0])
+    node.document.warn(f"no joint leads to body '{base}': it floats freely, as in OpenSim")
+    return free_joint(base)
+
+
+def _cut(node: Node, joint: Joint, tree: Tree) -> None:
+    """A joint that closes a loop leads to a massless copy of its child, welded to it."""
+    if joint.parent == joint.child or joint.child == GROUND:
+        raise BadModel(f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'")
+    name = f"{joint.child}_slave_{sum(one.name.startswith(f'{joint.child}_slave_') for one in tree.bodies)}"
+    node.document.warn(f"joint '{joint.name}' closes a loop: it was cut at body '{joint.child}'")
+    still = Transform.identity()
+    tree.bodies.append(Body(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+    tree.joints.append(replace(joint, child=name))
+    tree.loops.append(Loop(f"{name}_weld", "WeldConstraint", joint.child, name, still, still))
+
+
+def _wraps(
+    node: Node, ground: Node | None, bodies: list[Node], tree: list[str], frames: Frames
+) -> tuple[tuple[WrapObject, ...], dict[str, str]]:
+    """All wrap objects in tree order, and the one that each name in a path means: the file's first."""
+    holders = [] if ground is None else [ground]
+    for body in bodies:
+        holders += [body, *(one for one in body.items("components") if one.kind in OFFSET_KINDS)]
+    holders += [one for one in node.items("components") if one.kind in OFFSET_KINDS]
+    found = [wrap for one in holders for wrap in read_wrap_objects(one, frames)]
+    names = [one.name for one in found]
+    wraps: list[WrapObject] = []
+    meant: dict[str, str] = {}
+    for wrap in found:
+        own = wrap.name if names.count(wrap.name) == 1 else f"{wrap.body}/{wrap.name}"
+        wraps.append(replace(wrap, name=own))
+        meant.setdefault(wrap.name, own)
+    order = {name: i for i, name in enumerate((GROUND, *tree))}
+    return tuple(sorted(wraps, key=lambda one: order[one.body])), meant
+
+
+def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:
+    markers = read_markers(node, frames)
+    names = unique([one.name for one in markers], "marker", node.document)
+    return tuple(replace(one, name=name) for one, name in zip(markers, names, strict=True))
+
+
+def _massless(bodies: list[Body]) -> list[str]:
+    if bodies and sum(body.mass for body in bodies) == 0.0:
+        return ["all bodies have zero mass: the model moves, but has no dynamics"]
+    return []

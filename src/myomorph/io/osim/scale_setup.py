@@ -1,0 +1,181 @@
+"""The setup file of OpenSim's ScaleTool."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.osim.document import Node
+from myomorph.io.osim.setup_paths import output_of, path_of, unknown_parts
+from myomorph.io.osim.tasks import IkTasks, tasks_of
+from myomorph.model.measurement import Measurement
+from myomorph.model.spatial import Array
+
+SCALE_TOOL = "ScaleTool"
+ORDERS = ("measurements", "manualScale")
+TOOL = ("mass", "height", "age", "notes", "GenericModelMaker", "ModelScaler", "MarkerPlacer", "defaults")
+SCALER = (
+    "apply", "scaling_order", "MeasurementSet", "ScaleSet", "marker_file", "time_range",
+    "preserve_mass_distribution", "output_model_file", "output_scale_file",
+)  # fmt: skip
+PLACER = (
+    "apply", "IKTaskSet", "marker_file", "coordinate_file", "time_range", "output_motion_file", "output_model_file",
+    "output_marker_file", "max_marker_movement", "optimizer_algorithm",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ScalerSetup:
+    """How bodies are stretched.
+
+    Attributes
+    ----------
+    order : "measurements" and "manualScale", as they are carried out
+    measurements : those that are switched on
+    factors : (3,) by body, given by hand
+    time_range : frames of `markers` that are averaged [s]
+    """
+
+    order: tuple[str, ...]
+    measurements: tuple[Measurement, ...]
+    factors: Mapping[str, Array]
+    markers: Path | None
+    time_range: tuple[float, float]
+    preserve_mass_distribution: bool
+    output_model: Path | None
+    output_factors: Path | None
+
+
+@dataclass(frozen=True)
+class PlacerSetup:
+    """How markers are moved to where a static trial shows them.
+
+    Attributes
+    ----------
+    coordinates : table that gives coordinate tasks their values
+    most_movement : of a marker in the static frames [m]; inf for no limit
+    """
+
+    tasks: IkTasks
+    markers: Path | None
+    coordinates: Path | None
+    time_range: tuple[float, float]
+    output_model: Path | None
+    output_motion: Path | None
+    output_markers: Path | None
+    most_movement: float = np.inf
+
+
+@dataclass(frozen=True)
+class ScaleSetup:
+    """Settings of a ScaleTool; paths are absolute or relative to the setup file's folder.
+
+    Attributes
+    ----------
+    model, marker_set : the generic model, and markers that replace or join its own
+    mass : of the person [kg], None where the scaling gives it
+    scaler, placer : None where switched off
+    """
+
+    name: str
+    model: Path | None
+    marker_set: Path | None
+    mass: float | None
+    scaler: ScalerSetup | None
+    placer: PlacerSetup | None
+    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    warnings: tuple[str, ...] = ()
+
+
+def scale_setup(node: Node) -> ScaleSetup:
+    """The settings of a ScaleTool.
+
+    Raises
+    ------
+    BadFile
+        A measurement is not of two markers, a body's axes are none, factors are not positive, or the
+        order names something else than `ORDERS`.
+    """
+    maker, scaler, placer = (node.child(tag) for tag in ("GenericModelMaker", "ModelScaler", "MarkerPlacer"))
+    warnings = list(unknown_parts(node, TOOL))
+    for part, read in ((scaler, SCALER), (placer, PLACER)):
+        warnings += unknown_parts(part, read) if part is not None else ()
+    mass = node.number("mass", -1.0)
+    return ScaleSetup(
+        node.name,
+        None if maker is None else path_of(maker, "model_file"),
+        None if maker is None else path_of(maker, "marker_set_file"),
+        mass if mass > 0.0 else None,
+        None if scaler is None or not scaler.flag("apply", True) else _scaler(scaler),
+        None if placer is None or not placer.flag("apply", True) else _placer(placer),
+        MappingProxyType({tag: text for tag in ("height", "age", "notes") if (text := node.text("", tag))}),
+        tuple(warnings),
+    )
+
+
+def _scaler(node: Node) -> ScalerSetup:
+    order = tuple(node.words("scaling_order"))
+    for one in order:
+        if one not in ORDERS:
+            raise node.bad(f"'scaling_order' names '{one}'", f"expected {' or '.join(ORDERS)}")
+    measurements = [_measurement(one) for one in node.items("MeasurementSet") if one.flag("apply", True)]
+    factors = dict(_factors(one) for one in node.items("ScaleSet") if one.flag("apply", True))
+    return ScalerSetup(
+        order,
+        tuple(measurements),
+        MappingProxyType(factors),
+        path_of(node, "marker_file"),
+        _range(node),
+        node.flag("preserve_mass_distribution", False),
+        output_of(node, "output_model_file"),
+        output_of(node, "output_scale_file"),
+    )
+
+
+def _measurement(node: Node) -> Measurement:
+    pairs = []
+    for pair in node.items("MarkerPairSet"):
+        names = pair.words("markers")
+        if len(names) != 2:
+            raise pair.bad(f"'markers' names {len(names)}", f"expected two markers for measurement '{node.name}'")
+        pairs.append((names[0], names[1]))
+    bodies = {}
+    for body in node.items("BodyScaleSet"):
+        axes = "".join(body.words("axes")).lower()
+        if set(axes) - set("xyz"):
+            raise body.bad(f"'axes' is '{axes}'", "expected some of X, Y and Z")
+        if axes:
+            bodies[body.name] = axes
+    return Measurement(node.name, tuple(pairs), MappingProxyType(bodies))
+
+
+def _factors(node: Node) -> tuple[str, Array]:
+    factors = node.vector("scales", (1.0, 1.0, 1.0))
+    if (factors <= 0.0).any():
+        raise node.bad(f"'scales' is '{node.text('', 'scales')}'", "expected three positive numbers")
+    return node.text("", "segment"), factors
+
+
+def _placer(node: Node) -> PlacerSetup:
+    # In the unit of the marker file, which is the millimetre wherever a static trial is a TRC file.
+    most = node.number("max_marker_movement", -1.0)
+    return PlacerSetup(
+        tasks_of(node),
+        path_of(node, "marker_file"),
+        path_of(node, "coordinate_file"),
+        _range(node),
+        output_of(node, "output_model_file"),
+        output_of(node, "output_motion_file"),
+        output_of(node, "output_marker_file"),
+        most / 1000.0 if most > 0.0 else np.inf,
+    )
+
+
+def _range(node: Node) -> tuple[float, float]:
+    """The range of an unset property, (-1, -1), is the first frame, as OpenSim makes of it."""
+    low, high = node.vector("time_range", (-1.0, -1.0), infinite=True)
+    return float(low), float(high)

@@ -1,0 +1,283 @@
+"""The setup files of OpenSim's tools: inverse kinematics, inverse dynamics and analyses; scaling has its own file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from lxml import etree
+
+from myomorph.io.osim.document import Node, read_document
+from myomorph.io.osim.included import with_included
+from myomorph.io.osim.scale_setup import SCALE_TOOL, ScaleSetup, scale_setup
+from myomorph.io.osim.setup_paths import UNASSIGNED, output_of, path_of, resolved, unknown_parts
+from myomorph.io.osim.tasks import IkTasks, tasks_of
+from myomorph.model.errors import BadFile, listing
+
+IK_TOOLS = ("InverseKinematicsTool", "IKTool")
+MISSPELT = {"InverseKinemtaticsTool": "InverseKinematicsTool"}
+"""Names that setups in the world have, OpenSim's own examples among them, which it reads all the same."""
+
+OTHER_TOOLS = (
+    "ForwardTool", "CMCTool", "RRATool", "IMUInverseKinematicsTool", "COMAKTool", "COMAKInverseKinematicsTool",
+)  # fmt: skip
+TOOLS = (SCALE_TOOL, *IK_TOOLS, "InverseDynamicsTool", "AnalyzeTool")
+EVERY_TOOL = (
+    "model_file", "results_directory", "input_directory", "output_precision", "time_range", "output_motion_file",
+    "notes", "defaults",
+)  # fmt: skip
+READ = {
+    "InverseKinematicsTool": (
+        "IKTaskSet", "marker_file", "coordinate_file", "accuracy", "constraint_weight", "report_errors",
+        "report_marker_locations", "IKTrialSet", "optimizer_algorithm",
+    ),
+    "InverseDynamicsTool": (
+        "coordinates_file", "coordinates_in_degrees", "external_loads_file", "forces_to_exclude",
+        "lowpass_cutoff_frequency_for_coordinates", "output_gen_force_file", "output_body_forces_file",
+    ),
+    "AnalyzeTool": (
+        "force_set_files", "actuator_set_files", "replace_force_set", "replace_actuator_set", "initial_time",
+        "final_time", "AnalysisSet", "Analyses", "external_loads_file", "coordinates_file", "states_file",
+        "lowpass_cutoff_frequency_for_coordinates", "solve_for_equilibrium_for_auxiliary_states",
+        "maximum_number_of_integrator_steps", "maximum_integrator_step_size", "minimum_integrator_step_size",
+        "integrator_error_tolerance",
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class InverseKinematicsSetup:
+    """Settings of an InverseKinematicsTool; paths are absolute or relative to the setup file's folder.
+
+    Attributes
+    ----------
+    time_range : [s]
+    output : the motion to write, None for none
+    constraint_weight : inf where constraints hold strictly
+    warnings : what the file holds that is not read, one line each
+    """
+
+    name: str
+    model: Path | None
+    markers: Path | None
+    coordinates: Path | None
+    tasks: IkTasks
+    time_range: tuple[float, float]
+    output: Path | None
+    results: Path
+    accuracy: float = 1e-5
+    constraint_weight: float = np.inf
+    report_errors: bool = True
+    report_locations: bool = False
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class InverseDynamicsSetup:
+    """Settings of an InverseDynamicsTool.
+
+    Attributes
+    ----------
+    cutoff : low-pass of the coordinates [Hz], None for no filter
+    output : name of the table of generalized forces in the folder `results`
+    excluded : forces left out, as the file names them ("Muscles", "ALL", ...)
+    """
+
+    name: str
+    model: Path | None
+    coordinates: Path | None
+    loads: Path | None
+    time_range: tuple[float, float]
+    cutoff: float | None
+    output: str
+    results: Path
+    excluded: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class StaticOptimizationSettings:
+    """Settings of a StaticOptimization analysis."""
+
+    exponent: float = 2.0
+    use_physiology: bool = True
+    use_model_forces: bool = True
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """One analysis of an AnalyzeTool that is switched on.
+
+    Attributes
+    ----------
+    kind : its class, "StaticOptimization"
+    step : every so many frames
+    options : its other properties as texts
+    forces : the file of forces that a JointReaction takes, None for none
+    """
+
+    kind: str
+    name: str
+    step: int
+    static_optimization: StaticOptimizationSettings | None = None
+    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    forces: Path | None = None
+
+    def flag(self, option: str, default: bool) -> bool:
+        """Whether an option that is true or false is true."""
+        return self.options.get(option, str(default)).strip().lower() in ("true", "1")
+
+
+@dataclass(frozen=True)
+class AnalyzeSetup:
+    """Settings of an AnalyzeTool.
+
+    Attributes
+    ----------
+    actuators : files of forces that are added to the model's, or replace them
+    cutoff : low-pass of the coordinates [Hz], None for no filter
+    equilibrium : whether muscles are put into equilibrium at every frame
+    analyses : in the file's order
+    """
+
+    name: str
+    model: Path | None
+    coordinates: Path | None
+    states: Path | None
+    loads: Path | None
+    actuators: tuple[Path, ...]
+    replace_forces: bool
+    time_range: tuple[float, float]
+    cutoff: float | None
+    results: Path
+    equilibrium: bool = False
+    analyses: tuple[Analysis, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+Setup = ScaleSetup | InverseKinematicsSetup | InverseDynamicsSetup | AnalyzeSetup
+
+
+def read_setup(path: str | os.PathLike[str]) -> Setup:
+    """The settings in an OpenSim setup file: scaling, inverse kinematics, inverse dynamics or analyses.
+
+    Raises
+    ------
+    BadFile
+        The file is the setup of no such tool, or a value in it makes no sense.
+    """
+    node = read_document(path, (), "")
+    kind = MISSPELT.get(node.kind, node.kind)
+    if kind not in TOOLS:
+        what = f"holds <{kind}>" + (", a tool that is not built" if kind in OTHER_TOOLS else "")
+        raise BadFile(path, what, f"the tools that exist are {listing(kind, TOOLS)}")
+    node = with_included(node)
+    if kind == SCALE_TOOL:
+        return scale_setup(node)
+    if kind in IK_TOOLS:
+        setup = _inverse_kinematics(node)
+        told = () if kind == node.kind else (f"<{node.kind}> was taken for <{kind}>",)
+        return replace(setup, warnings=(*told, *setup.warnings))
+    return _inverse_dynamics(node) if kind == "InverseDynamicsTool" else _analyze(node)
+
+
+def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
+    trial = next(node.element.iter("IKTrial"), None)
+    one = node if trial is None else _merged(node, trial)
+    weight = node.number("constraint_weight", np.inf, infinite=True)
+    warnings = unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
+    if np.isfinite(weight):
+        # OpenSim 4.6 reads the weight, but its solver replaces it by infinity.
+        warnings += (f"constraint_weight is {weight:g}: constraints hold strictly all the same, as in OpenSim 4.6",)
+    return InverseKinematicsSetup(
+        node.name,
+        path_of(node, "model_file"),
+        path_of(one, "marker_file"),
+        path_of(one, "coordinate_file"),
+        tasks_of(node),
+        _range(one),
+        output_of(one, "output_motion_file"),
+        _results(node),
+        node.number("accuracy", 1e-5),
+        weight,
+        node.flag("report_errors", True),
+        node.flag("report_marker_locations", False),
+        warnings,
+    )
+
+
+def _merged(node: Node, trial: etree._Element) -> Node:
+    """Before 2.3 a tool had trials inside; the first one's settings count."""
+    if len(list(node.element.iter("IKTrial"))) > 1:
+        raise node.bad("holds several trials", "split it into one setup file a trial")
+    return Node(trial, node.document)
+
+
+def _inverse_dynamics(node: Node) -> InverseDynamicsSetup:
+    return InverseDynamicsSetup(
+        node.name,
+        path_of(node, "model_file"),
+        path_of(node, "coordinates_file"),
+        path_of(node, "external_loads_file"),
+        _range(node),
+        _cutoff(node),
+        node.text("inverse_dynamics.sto", "output_gen_force_file"),
+        _results(node),
+        tuple(node.words("forces_to_exclude")),
+        unknown_parts(node, (*EVERY_TOOL, *READ["InverseDynamicsTool"])),
+    )
+
+
+def _analyze(node: Node) -> AnalyzeSetup:
+    found = node.find("AnalysisSet", "Analyses")
+    analyses = [] if found is None else [node.node(one) for one in found.findall("objects/*")]
+    files = [name for name in node.words("force_set_files", "actuator_set_files") if name not in UNASSIGNED]
+    return AnalyzeSetup(
+        node.name,
+        path_of(node, "model_file"),
+        path_of(node, "coordinates_file"),
+        path_of(node, "states_file"),
+        path_of(node, "external_loads_file"),
+        tuple(resolved(node, name) for name in files),
+        node.flag("replace_force_set", node.flag("replace_actuator_set", False)),
+        (node.number("initial_time", 0.0, infinite=True), node.number("final_time", 1.0, infinite=True)),
+        _cutoff(node),
+        _results(node),
+        node.flag("solve_for_equilibrium_for_auxiliary_states", False),
+        tuple(_analysis(one) for one in analyses if one.flag("on", True)),
+        unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
+    )
+
+
+def _analysis(node: Node) -> Analysis:
+    step = node.number("step_interval", 1.0)
+    if step < 1 or step != int(step):
+        raise node.bad(f"'step_interval' is {step:g}", "expected a whole number of frames")
+    static = None
+    if node.kind == "StaticOptimization":
+        static = StaticOptimizationSettings(
+            node.number("activation_exponent", 2.0),
+            node.flag("use_muscle_physiology", True),
+            node.flag("use_model_force_set", True),
+        )
+    options = {str(one.tag): (one.text or "").strip() for one in node.element if not len(one)}
+    forces = path_of(node, "forces_file")
+    return Analysis(node.kind, node.name or node.kind, int(step), static, MappingProxyType(options), forces)
+
+
+def _range(node: Node) -> tuple[float, float]:
+    low, high = node.vector("time_range", (-np.inf, np.inf), infinite=True)
+    return float(low), float(high)
+
+
+def _cutoff(node: Node) -> float | None:
+    cutoff = node.number("lowpass_cutoff_frequency_for_coordinates", -1.0)
+    return cutoff if cutoff > 0 else None
+
+
+def _results(node: Node) -> Path:
+    return resolved(node, node.text("./", "results_directory") or "./")

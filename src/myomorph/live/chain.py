@@ -1,0 +1,238 @@
+"""The chain while frames arrive: pose, torques and tensions of one frame, without a look ahead."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.contact.online_feet import OnlineFeet
+from myomorph.live.sources import Source
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model, index_of
+from myomorph.model.spatial import Array
+from myomorph.motion.causal import CausalFilter, CausalStream
+from myomorph.motion.measurements import default_markers
+from myomorph.motion.steady_pose import BLEND, SteadyKinematics
+from myomorph.rigid.online import OnlineDynamics
+from myomorph.tension.actuators import floating_joints
+from myomorph.tension.dual import MISSING, OPTIMAL
+from myomorph.tension.online import OnlineTension, TensionFrame
+from myomorph.tension.tension import TensionOptions
+
+GAP = 0.1
+"""Time without a sample of force after which forces are unknown [s]."""
+
+KEPT = 2.0
+"""Forces that no frame has asked for are kept so long [s]."""
+
+SOLVED, HELD, NO_FORCE, SETTLING, UNSOLVED = range(5)
+STATES = ("solved", "markers lost", "no force", "settling", "no solution")
+"""What a frame's torques and activations are: known, or unknown because of what."""
+
+
+@dataclass(frozen=True)
+class ChainOptions:
+    """How the chain works while frames arrive.
+
+    Attributes
+    ----------
+    cutoff : half power of the filter of coordinates and forces; its delay is 0.336 / cutoff [Hz]
+    blend : time constant with which the jump of a lost or found marker is given back [s]
+    late : frames older than that are dropped, the oldest first, so that nothing piles up [s]
+    """
+
+    cutoff: float = 6.0
+    blend: float = BLEND
+    late: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("cutoff", "blend", "late"):
+            if not (getattr(self, name) > 0.0 and np.isfinite(getattr(self, name))):
+                raise BadData(f"{name} {getattr(self, name):g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class ChainFrame:
+    """What one frame gives; everything filtered is of `time` less the filter's delay.
+
+    Attributes
+    ----------
+    time : of the newest frame [s]
+    pose : (coordinates,) as the markers show it, not filtered
+    coordinates, velocities : (coordinates,) filtered
+    torques : (coordinates,) [N m or N]
+    tension : what the torques are shared into
+    wrenches : (bodies, 6) external moment about the ground's origin and force [N m], [N]
+    error : of the markers [m]
+    seen : markers that are
+    owed : jump that is still to be given back, as of `SteadyFrame`
+    state : index into `STATES`
+    """
+
+    time: float
+    pose: Array
+    coordinates: Array
+    velocities: Array
+    torques: Array
+    tension: TensionFrame
+    wrenches: Array
+    error: float
+    seen: int
+    owed: float
+    state: int
+
+
+class LiveChain:
+    """From markers and forces to coordinates, torques, activations.
+
+    Parameters
+    ----------
+    source : which tells what will come: names of markers or coordinates, plates and rates
+
+    Attributes
+    ----------
+    bodies : that external forces act on
+    actuators : reserves and residuals, names
+    notes : what is assumed, one line each
+
+    Raises
+    ------
+    BadData, BadModel, UnknownName : model and source do not fit
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        source: Source,
+        options: ChainOptions | None = None,
+        tension: TensionOptions | None = None,
+    ):
+        self.model, self.options = model, options or ChainOptions()
+        self.filter = CausalFilter(self.options.cutoff)
+        self.kinematics = SteadyKinematics(model, source.names, blend=self.options.blend) if source.markers else None
+        self._columns = (
+            [] if self.kinematics else [index_of("coordinate", name, model.coordinate_names) for name in source.names]
+        )
+        self._names = source.names
+        self.feet = OnlineFeet(model, source.plates, source.bodies)
+        self.bodies = self.feet.bodies
+        self.dynamics = OnlineDynamics(model, self.bodies)
+        self.tension = OnlineTension(model, tension)
+        self.actuators = self.tension.actuators
+        count = len(model.coordinates)
+        self._motion = CausalStream(self.filter, count)
+        self._forces = CausalStream(self.filter, 6 * len(self.bodies))
+        self._has_forces = source.force_rate > 0.0
+        self._waiting: deque[tuple[float, Array]] = deque()
+        self._pose: Array | None = None
+        self._unknown = -np.inf
+        self._rest = np.array([one.default for one in model.coordinates])
+        nothing, no_reserves = np.full(len(model.muscles), np.nan), np.full(len(self.actuators), np.nan)
+        no_torques = np.full(len(self.tension.rows), np.nan)
+        self._unshared = TensionFrame(nothing, nothing, no_reserves, no_torques, MISSING, float("nan"))
+        self.notes = self._told()
+
+    def _told(self) -> tuple[str, ...]:
+        floating = floating_joints(self.model)
+        if self._has_forces or not floating:
+            return ()
+        return (
+            f"no external forces: what carries '{floating[0].child}' is a residual, and torques are those of a body "
+            "that nothing supports",
+        )
+
+    def rehearse(self) -> None:
+        """Do everything once on the default pose, so that nothing is compiled when the first frame comes."""
+        if self.kinematics is not None:
+            rehearsal = SteadyKinematics(self.model, self._names)
+            tracked = [self._names.index(name) for name in rehearsal.marker_names]
+            positions = np.full((len(self._names), 3), np.nan)
+            positions[tracked] = default_markers(self.model, rehearsal.marker_names)
+            rehearsal.solve(0.0, positions)
+            positions[tracked[0]] = np.nan
+            rehearsal.solve(0.01, positions)
+        if self._has_forces:
+            self.feet.given(np.zeros((1, len(self.feet.plates), 6)), None)
+        for stream, width in ((self._motion, len(self._rest)), (self._forces, 6 * len(self.bodies))):
+            stream.push(np.array([0.0, 0.01]), np.zeros((2, width)))
+            stream.at(10.0)
+            stream.forget()
+        still = np.zeros_like(self._rest)
+        self.dynamics.solve(self._rest, still, still, np.zeros((len(self.bodies), 6)))
+        self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
+
+    @property
+    def newest_force(self) -> float:
+        """Time of the newest sample of force that has come, -inf before there is one [s]."""
+        if self._waiting:
+            return self._waiting[-1][0]
+        last = self._forces.last
+        return last if np.isfinite(last) else -np.inf
+
+    def push_forces(self, time: Array, wrenches: Array) -> None:
+        """Take samples of the plates (samples, plates, 6), for frames to come."""
+        if not len(time) or not self.bodies:
+            return
+        self._waiting.extend(zip(time.tolist(), wrenches, strict=True))
+        while self._waiting and self._waiting[-1][0] - self._waiting[0][0] > KEPT:
+            self._waiting.popleft()
+
+    def _forces_at(self, time: float) -> Array | None:
+        """(bodies, 6) filtered wrenches at a time, None where they are not known."""
+        if not self._has_forces:
+            return np.zeros((len(self.bodies), 6))
+        times, rows = [], []
+        while self._waiting and self._waiting[0][0] <= time:
+            moment, row = self._waiting.popleft()
+            times.append(moment)
+            rows.append(row)
+        if times:
+            given = self.feet.given(np.array(rows), self._pose)
+            self._forces.push(np.array(times), given.reshape(len(times), -1))
+        if not time - self._forces.last <= GAP:
+            self._forces.forget()
+            return None
+        found = self._forces.at(time)[0]
+        return found.reshape(-1, 6) if np.isfinite(found).all() else None
+
+    def frame(self, time: float, row: Array) -> ChainFrame:
+        """One frame: markers (markers, 3) [m], or coordinates (coordinates,) of the source's names [rad or m]."""
+        error, seen, owed, held = float("nan"), 0, 0.0, False
+        if self.kinematics is not None:
+            steady = self.kinematics.solve(time, row)
+            pose, error, seen, owed, held = steady.coordinates, steady.error, steady.seen, steady.owed, steady.held
+        else:
+            pose = self._rest.copy()
+            pose[self._columns] = row
+        self._motion.push(np.array([time]), pose[None])
+        self._pose = pose if np.isfinite(pose).all() else self._pose
+        wrenches = self._forces_at(time)
+        value, velocity, acceleration = self._motion.at(time)
+        state = self._state(time, held, value, wrenches)
+        if wrenches is None:
+            wrenches = np.full((len(self.bodies), 6), np.nan)
+        torques = np.full(len(self._rest), np.nan)
+        shared = self._unshared
+        if state == SOLVED:
+            torques = self.dynamics.solve(value, velocity, acceleration, wrenches).copy()
+            # Values of coordinates that follow others are those of the filtered leaders.
+            value, velocity = self.dynamics.coordinates[0], self.dynamics.rates[0]
+            shared = self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
+            state = SOLVED if shared.status == OPTIMAL else UNSOLVED
+        return ChainFrame(
+            time, pose, value.copy(), velocity.copy(), torques, shared, wrenches, error, seen, owed, state
+        )
+
+    def _state(self, time: float, held: bool, value: Array, wrenches: Array | None) -> int:
+        """Whether torques can be known."""
+        if held:
+            self._unknown = time
+            return HELD
+        if not np.isfinite(value).all():
+            return SETTLING
+        # The way from where the body was held to where it is found is no motion of the subject.
+        if time - self._unknown < self.filter.settling:
+            return HELD
+        return SOLVED if wrenches is not None else NO_FORCE

@@ -1,0 +1,157 @@
+"""The page of a live session, in a process of its own: drawing never holds up a frame."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import time as clock
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from myomorph.live.chain import SOLVED, STATES, ChainFrame, LiveChain
+from myomorph.live.delays import Delays
+from myomorph.model.errors import MyomorphError
+from myomorph.model.model import Model
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.viewer.live_page import ChainViewer, Shown
+
+DRAWN = 30.0
+"""Frames a second that the page is sent [Hz]."""
+
+START = 120.0
+"""Longest time that the page may take to start, compilation on a new machine included [s]."""
+
+LOOK = 200
+"""Frames that the delay told on the page is of."""
+
+
+class LivePage:
+    """A page that shows the newest frame.
+
+    Parameters
+    ----------
+    surfaces : meshes by `Mesh.file`
+    port : of the page
+    delays : which are told on it
+
+    Attributes
+    ----------
+    port : of the page
+
+    Raises
+    ------
+    MyomorphError : `viser` is not installed, or the process ended
+    BadData : the port is taken, or none
+    """
+
+    def __init__(
+        self, model: Model, chain: LiveChain, surfaces: Mapping[str, Surface] | None, port: int, delays: Delays
+    ):
+        self._delays, self._filter_delay = delays, chain.filter.delay
+        self._coordinates_only = chain.kinematics is None
+        self._markers = 0 if chain.kinematics is None else len(chain.kinematics.marker_names)
+        own: Connection
+        context = multiprocessing.get_context("spawn")
+        own, other = context.Pipe()
+        self._pipe = own
+        self._process = context.Process(
+            target=_serve, args=(other, model, dict(surfaces or {}), port, len(chain.bodies)), daemon=True
+        )
+        self._process.start()
+        other.close()
+        told = self._answer(START)
+        if not isinstance(told, int):
+            self._process.join()
+            raise told
+        self.port = told
+        self._ready, self._drawn = True, 0.0
+
+    def _answer(self, most: float) -> int | MyomorphError:
+        try:
+            if self._pipe.poll(most):
+                told: int | MyomorphError = self._pipe.recv()
+                return told
+        except (EOFError, OSError):
+            pass
+        self._process.terminate()
+        return MyomorphError(f"the page's process did not start (exit status {self._process.exitcode})")
+
+    def put(self, frame: ChainFrame, markers: Array) -> None:
+        """Send a frame, unless the page still draws another; a page that is gone is left."""
+        now = clock.perf_counter()
+        if now - self._drawn < 1.0 / DRAWN:
+            return
+        try:
+            while not self._ready and self._pipe.poll():
+                self._pipe.recv()
+                self._ready = True
+            if self._ready:
+                self._pipe.send(self._shown(frame, markers))
+                self._ready, self._drawn = False, now
+        except (EOFError, OSError):
+            self._drawn = np.inf
+
+    def _shown(self, frame: ChainFrame, markers: Array) -> Shown:
+        late = self._delays.recent(LOOK)
+        facts = {
+            "Time": f"{frame.time:.2f} s",
+            "Delay": f"{1e3 * late.median:.1f} ms (99 %: {1e3 * late.late:.1f} ms)",
+            "Torques and tensions are older by": f"{1e3 * self._filter_delay:.0f} ms (filter)",
+            "Frames dropped": f"{self._delays.dropped}",
+        }
+        if not self._coordinates_only:
+            facts["Markers"] = f"{frame.seen} of {self._markers}, {1e3 * frame.error:.0f} mm"
+        return Shown(
+            coordinates=frame.pose,
+            activations=frame.tension.activations,
+            forces=frame.tension.forces,
+            torques=frame.torques,
+            wrenches=frame.wrenches,
+            markers=np.zeros((0, 3)) if self._coordinates_only else np.array(markers),
+            state="" if frame.state == SOLVED else STATES[frame.state],
+            facts=facts,
+        )
+
+    def close(self) -> None:
+        """Take the page down."""
+        try:
+            self._pipe.send(None)
+            self._process.join(5.0)
+        except OSError:
+            pass
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join()
+        self._pipe.close()
+
+
+def _serve(pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port: int, wrenches: int) -> None:
+    """The page's process: draw what comes, until nothing more does."""
+    _yield_to_frames()
+    try:
+        viewer = ChainViewer(model, surfaces, port, wrenches)
+    except MyomorphError as error:
+        pipe.send(error)
+        return
+    try:
+        pipe.send(viewer.port)
+        while (shown := pipe.recv()) is not None:
+            viewer.show(shown)
+            pipe.send(True)
+    except (EOFError, OSError, KeyboardInterrupt):
+        # The session has ended, or was ended.
+        pass
+    finally:
+        viewer.close()
+
+
+def _yield_to_frames() -> None:
+    """Let the process that computes go first where both want the same core."""
+    import psutil
+
+    lower = getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", 10)
+    with contextlib.suppress(psutil.Error, OSError):
+        psutil.Process().nice(lower)

@@ -1,0 +1,147 @@
+"""OpenSim's AnalyzeTool: one motion, and what each of its analyses writes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.controls_write import write_controls
+from myomorph.io.osim.tool_setups import Analysis, AnalyzeSetup, StaticOptimizationSettings
+from myomorph.io.sto import write_sto
+from myomorph.model.errors import BadData, listing
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series, Table
+from myomorph.opensim_tools.bodies import body_kinematics, kinematics, point_kinematics
+from myomorph.opensim_tools.forces import actuation, force_columns, net_torques, reported_forces, reported_states
+from myomorph.opensim_tools.muscles import Tables, muscle_analysis
+from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
+from myomorph.opensim_tools.reactions import joint_reaction
+from myomorph.opensim_tools.run import needed
+from myomorph.opensim_tools.states import Analyzed, analyzed
+from myomorph.store.progress import progress
+from myomorph.study.trial import inputs
+
+Found = tuple[Tables, str, tuple[str, ...]]
+"""Tables by the ends of their names, what was found in one line, and warnings."""
+
+
+def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
+    """Run the analyses of a setup that exist here; the others are named in the warnings.
+
+    Raises
+    ------
+    BadData
+        where none of them exists
+    """
+    built = [one for one in setup.analyses if one.kind in ANALYSES]
+    others = tuple(dict.fromkeys(one.kind for one in setup.analyses if one.kind not in ANALYSES))
+    if not built:
+        asked = ", ".join(others) or "none"
+        raise BadData(f"{source}: asks for {asked}, but the analyses that exist are {listing(asked, tuple(ANALYSES))}")
+    model_path = needed(setup.model, "model_file", source)
+    warnings = [*setup.warnings, *(f"analysis {kind} is left out: it is not built" for kind in others)]
+
+    model = inputs.open_model(model_path)
+    warnings += [f"{model_path.name}: {text}" for text in model.warnings]
+    here, notes = analyzed(setup, model, _actuators(setup, model), source)
+    warnings += notes
+    told: list[str] = []
+    tables: dict[Path, Table] = {}
+    controls: dict[Path, Table] = {}
+    name = setup.name or source.stem
+    for analysis in built:
+        found, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
+        told.append(text)
+        warnings += odd
+        for end, table in found.items():
+            tables[setup.results / f"{'_'.join(one for one in (name, analysis.name, end) if one)}.sto"] = table
+        if analysis.kind == "StaticOptimization":
+            controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = found["activation"]
+    named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(one.forces for one in built))
+    check_outputs((*tables, *controls), (source, model_path, *named))
+    writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
+    writers |= {path: partial(write_controls, one) for path, one in controls.items()}
+    return ToolResult("AnalyzeTool", tuple(told), write_outputs(writers), tuple(dict.fromkeys(warnings)))
+
+
+def _optimized(here: Analyzed, analysis: Analysis) -> Found:
+    from myomorph.rigid.dynamics import inverse_dynamics
+
+    assert analysis.static_optimization is not None
+    inputs.has_mass(here.model, "static optimization")
+    torques = inverse_dynamics(here.model, here.motion, here.wrenches)
+    settings, actuators = analysis.static_optimization, here.actuators
+    found, text = static_optimization(here.model, here.motion, torques, settings, actuators, analysis.name)
+    forces = found["force"]
+    names, values, notes = force_columns(here, Series(forces.time, forces.names, forces.values))
+    found["force"] = replace(forces, names=names, values=values)
+    return found, text, tuple(f"{analysis.name}: {one}" for one in notes)
+
+
+def _reactions(here: Analyzed, analysis: Analysis) -> Found:
+    inputs.has_mass(here.model, "joint reactions")
+    table, text, notes = joint_reaction(here, analysis)
+    return {"ReactionLoads": table}, text, notes
+
+
+ANALYSES: dict[str, Callable[[Analyzed, Analysis], Found]] = {
+    "StaticOptimization": _optimized,
+    "MuscleAnalysis": muscle_analysis,
+    "JointReaction": _reactions,
+    "BodyKinematics": body_kinematics,
+    "PointKinematics": point_kinematics,
+    "Kinematics": kinematics,
+    "Actuation": actuation,
+    "ForceReporter": reported_forces,
+    "StatesReporter": reported_states,
+    "InverseDynamics": net_torques,
+}
+"""What runs each kind of analysis."""
+
+
+def static_optimization(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    settings: StaticOptimizationSettings,
+    actuators: Sequence[Actuator],
+    name: str,
+) -> tuple[Tables, str]:
+    """Activations and forces of muscles and actuators: OpenSim's problem, so without the muscles' passive force."""
+    from myomorph.tension.solve import TensionOptions, solve_tension
+
+    if not settings.use_model_forces:
+        raise BadData("StaticOptimization: use_model_force_set is false, which leaves no muscles to solve for")
+    curves = "opensim" if settings.use_physiology else "constant"
+    options = TensionOptions(exponent=settings.exponent, passive=False, curves=curves)  # type: ignore[arg-type]
+    with progress(f"{name}: static optimization", len(motion)) as advance:
+        tension = solve_tension(model, motion, torques, options, actuators, advance)
+    strength = {one.name: one.optimal_force for one in (*model.actuators, *actuators)}
+    controls = tension.reserves / np.array([strength[one] for one in tension.reserve_names])
+    names = (*tension.muscles, *tension.reserve_names)
+    facts = MappingProxyType({"name": "Static Optimization"})
+    # OpenSim has viscosity as a force beside the muscle's.
+    pulls = tension.forces - tension.viscous
+    tables = {
+        "activation": Table(tension.time, names, np.hstack([tension.activations, controls]), facts=facts),
+        "force": Table(tension.time, names, np.hstack([pulls, tension.reserves]), facts=facts),
+    }
+    text = f"static optimization: {len(tension)} frames, {int(tension.optimal.sum())} optimal"
+    if tension.reserves.size and np.isfinite(tension.reserves).any():
+        worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
+        text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
+    return tables, text
+
+
+def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:
+    found: tuple[Actuator, ...] = ()
+    for path in setup.actuators:
+        with inputs.about(path):
+            found += read_actuators(path, model)
+    return found

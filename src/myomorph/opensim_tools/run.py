@@ -1,0 +1,216 @@
+"""OpenSim's tools run from their setup files: what `opensim-cmd run-tool` does, with the same names of results."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.osim.scale_setup import ScaleSetup
+from myomorph.io.osim.tool_setups import InverseDynamicsSetup, InverseKinematicsSetup, read_setup
+from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.sync import resample_wrenches
+from myomorph.opensim_tools.outputs import ToolResult, Writers, check_outputs, write_outputs
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store.progress import progress
+from myomorph.study.trial import inputs
+from myomorph.study.trial.steps import torque_table
+from myomorph.study.trial.takes import task_values, with_tasks
+
+
+def run_tool(source: Path) -> ToolResult:
+    """Run a setup file and write what it asks for, where it asks for it.
+
+    Paths are relative to the setup file's folder, as OpenSim takes them.
+
+    Raises
+    ------
+    MyomorphError
+        where the file is no setup of a tool that exists, or an input is missing, wrong or would be overwritten
+    """
+    setup = read_setup(source)
+    if isinstance(setup, ScaleSetup):
+        from myomorph.opensim_tools.scale import run_scale
+
+        return run_scale(setup, source)
+    if isinstance(setup, InverseKinematicsSetup):
+        return run_inverse_kinematics(setup, source)
+    if isinstance(setup, InverseDynamicsSetup):
+        return run_inverse_dynamics(setup, source)
+    from myomorph.opensim_tools.analyze import run_analyze
+
+    return run_analyze(setup, source)
+
+
+def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolResult:
+    """Inverse kinematics of a marker file: the motion, marker errors, and the model's markers where asked for."""
+    model_path = needed(setup.model, "model_file", source)
+    markers_path = needed(setup.markers, "marker_file", source)
+    name = setup.name or source.stem
+    errors = setup.results / f"{name}_ik_marker_errors.sto" if setup.report_errors else None
+    places = setup.results / f"{name}_ik_model_marker_locations.sto" if setup.report_locations else None
+    targets = [path for path in (setup.output, errors, places) if path is not None]
+    check_outputs(targets, (source, model_path, markers_path, setup.coordinates))
+
+    model = inputs.open_model(model_path)
+    trial = inputs.fitted_to(model, inputs.open_trial(markers_path))
+    assert trial.markers is not None
+    markers = nearest_frames(trial.markers, setup.time_range, markers_path)
+    options = with_tasks(InverseKinematicsOptions(), setup.tasks, model, str(source))
+    options = replace(options, coordinates=task_values(setup.tasks, setup.coordinates, model, source))
+    with inputs.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
+        fit = inverse_kinematics(model, markers, options, advance)
+    tables = {setup.output: table_from_motion(fit.motion, model), errors: error_table(fit)}
+    if places is not None:
+        tables[places] = location_table(model, fit)
+    warnings = (
+        *setup.warnings,
+        *(f"{model_path.name}: {text}" for text in model.warnings),
+        *(f"{markers_path.name}: {text}" for text in trial.warnings),
+    )
+    return ToolResult("InverseKinematicsTool", (fit.summary,), write_outputs(table_writers(tables)), warnings)
+
+
+def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResult:
+    """Inverse dynamics of a table of coordinates: the table of generalized forces.
+
+    External forces are not filtered, and forces of the model's own that are not excluded are taken off,
+    both as in OpenSim.
+    """
+    model_path = needed(setup.model, "model_file", source)
+    motion_path = needed(setup.coordinates, "coordinates_file", source)
+    target = table_path(setup.results, setup.output)
+    check_outputs([target], (source, model_path, motion_path, setup.loads))
+
+    model = inputs.open_model(model_path)
+    inputs.has_mass(model, "inverse dynamics")
+    recorded = inputs.open_motion(motion_path, model)
+    motion = indexed_frames(differentiate(recorded, setup.cutoff), setup.time_range, motion_path)
+    wrenches = loads_at(setup.loads, model, recorded, motion)
+    torques, warnings = net_torques(model, motion, wrenches, setup.excluded)
+    torques = torques_in_order(model, torques)
+    told = f"{len(torques)} frames, {len(torques.names)} coordinates, {wrench_count(wrenches)} external forces"
+    written = write_outputs(table_writers({target: torque_table(torques, model)}))
+    own = (f"{model_path.name}: {text}" for text in model.warnings)
+    return ToolResult("InverseDynamicsTool", (told,), written, (*setup.warnings, *own, *warnings))
+
+
+def net_torques(
+    model: Model, motion: Motion, wrenches: Wrenches | None, excluded: tuple[str, ...]
+) -> tuple[Series, list[str]]:
+    """Generalized forces less those of the model's own springs and dampers that are not excluded, and warnings."""
+    from myomorph.muscles.passive import passive_generalized_forces
+    from myomorph.rigid.dynamics import inverse_dynamics
+
+    words = {word.upper() for word in excluded}
+    torques = inverse_dynamics(model, motion, wrenches)
+    if "ALL" in words:
+        return torques, []
+    passive = passive_generalized_forces(model, motion, excluded)
+    warnings = []
+    if model.muscles and not words & {"MUSCLES", "ACTUATORS"}:
+        warnings.append("forces_to_exclude does not name Muscles: their forces are left out all the same")
+    return replace(torques, values=torques.values - passive.values), warnings
+
+
+def torques_in_order(model: Model, torques: Series) -> Series:
+    """Generalized forces in the order of OpenSim's InverseDynamicsTool: joints by their distance from the ground."""
+    depth = {GROUND: 0}
+    for joint in model.joints:
+        depth[joint.child] = depth[joint.parent] + 1
+    joints = sorted(model.joints, key=lambda joint: depth[joint.child])
+    names = [name for joint in joints for name in joint.coordinates]
+    names += [name for name in torques.names if name not in names]
+    columns = [torques.names.index(name) for name in names]
+    return Series(torques.time, tuple(names), torques.values[:, columns])
+
+
+def needed(path: Path | None, tag: str, source: Path) -> Path:
+    """The path, or `BadData` that says which part of the setup is missing."""
+    if path is None:
+        raise BadData(f"{source}: names no {tag}")
+    return path
+
+
+def table_path(folder: Path, name: str) -> Path:
+    """A table in the folder of results; OpenSim adds the ending where a name has none."""
+    plain = Path(name.replace("\\", "/")).name
+    return folder / (plain if Path(plain).suffix.lower() in (".sto", ".mot") else f"{plain}.sto")
+
+
+def table_writers(tables: dict[Path | None, Table]) -> Writers:
+    """What writes each table that has a path."""
+    return {path: partial(write_sto, table) for path, table in tables.items() if path is not None}
+
+
+def nearest_frames(markers: Markers, span: tuple[float, float], path: Path) -> Markers:
+    """Frames from the one nearest to the start to the one nearest to the end [s]."""
+    start, end = _overlap(span, markers.time, path)
+    first, last = (int(np.argmin(np.abs(markers.time - at))) for at in (start, end))
+    return replace(markers, time=markers.time[first : last + 1], values=markers.values[first : last + 1])
+
+
+def indexed_frames(motion: Motion, span: tuple[float, float], path: Path) -> Motion:
+    """Frames from the last at or before the start to the last at or before the end [s]."""
+    start, end = _overlap(span, motion.time, path)
+    first, last = (max(int(np.searchsorted(motion.time, at, side="right")) - 1, 0) for at in (start, end))
+    return picked(motion, np.arange(first, last + 1))
+
+
+def picked(motion: Motion, frames: np.ndarray) -> Motion:
+    """Some frames of a motion."""
+    parts: dict[str, Any] = {
+        name: None if (given := getattr(motion, name)) is None else given[frames]
+        for name in ("velocities", "accelerations")
+    }
+    return replace(motion, time=motion.time[frames], values=motion.values[frames], **parts)
+
+
+def _overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, float]:
+    start, end = max(span[0], float(time[0])), min(span[1], float(time[-1]))
+    if start > end:
+        raise BadData(
+            f"{path}: runs from {time[0]:g} to {time[-1]:g} s, so nothing is between {span[0]:g} and {span[1]:g} s"
+        )
+    return start, end
+
+
+def loads_at(path: Path | None, model: Model, recorded: Motion, motion: Motion) -> Wrenches | None:
+    """External forces at the motion's times, not filtered."""
+    return None if path is None else resample_wrenches(inputs.open_loads(path, model, recorded), motion.time)
+
+
+def wrench_count(wrenches: Wrenches | None) -> int:
+    """How many external forces there are."""
+    return 0 if wrenches is None else len(wrenches.names)
+
+
+def error_table(fit: KinematicsFit) -> Table:
+    """Marker errors as OpenSim's inverse kinematics reports them: of all markers of a frame together."""
+    total = np.nansum(fit.errors**2, axis=1)
+    names = ("total_squared_error", "marker_error_RMS", "marker_error_max")
+    facts = MappingProxyType({"name": "Model Marker Errors from IK"})
+    return Table(fit.motion.time, names, np.column_stack([total, fit.rms, fit.largest]), facts=facts)
+
+
+def location_table(model: Model, fit: KinematicsFit) -> Table:
+    """Where the model's markers are in every frame, in ground [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(fit.motion))
+    marked = [model.marker(name) for name in fit.marker_names]
+    bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
+    points = poses.points(bodies, np.array([one.location for one in marked]))
+    names = tuple(f"{name}_t{axis}" for name in fit.marker_names for axis in "xyz")
+    facts = MappingProxyType({"name": "Model Marker Locations from IK"})
+    return Table(fit.motion.time, names, points.reshape(len(points), -1), facts=facts)

@@ -1,0 +1,182 @@
+"""OpenSim's ScaleTool: a generic model made as large and as heavy as a person, its markers where a trial shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.osim.marker_set import read_marker_set, write_marker_set, write_scale_set
+from myomorph.io.osim.scale_setup import PlacerSetup, ScalerSetup, ScaleSetup
+from myomorph.io.osim.write import write_osim
+from myomorph.io.sto import write_sto
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers, Motion, Table
+from myomorph.model.spatial import Array
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.motion.measurements import frames_around, measure, with_measured
+from myomorph.motion.place import Placement, place_on_pose
+from myomorph.muscles.fiber_states import default_states, without_fibers
+from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
+from myomorph.study.trial import inputs
+from myomorph.study.trial.takes import task_values, with_tasks
+
+
+def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
+    """Scale a model and place its markers; see OpenSim's ScaleTool.
+
+    Raises
+    ------
+    MyomorphError
+        where a file is missing, does not fit the model, or would be overwritten
+    """
+    if setup.model is None:
+        raise BadData(f"{source}: names no model_file: expected that of the generic model")
+    told, warnings = [], list(setup.warnings)
+    read: list[Path | None] = [source, setup.model, setup.marker_set]
+    writers: dict[Path, Callable[[Path], object]] = {}
+    targets: list[Path] = []
+    for part in (setup.scaler, setup.placer):
+        read += [] if part is None else [part.markers, getattr(part, "coordinates", None)]
+        names = ("output_model", "output_factors", "output_motion", "output_markers")
+        targets += [path for name in names if (path := getattr(part, name, None)) is not None]
+    if _one_model(setup) and setup.scaler is not None and setup.scaler.output_model is not None:
+        # Both steps may write the same file, as many setups say: the placer's model is the one that stays.
+        targets.remove(setup.scaler.output_model)
+    check_outputs(targets, read)
+
+    model = with_marker_set(inputs.open_model(setup.model), setup.marker_set)
+    model = replace(model, name=setup.name or model.name)
+    warnings += [f"{setup.model.name}: {text}" for text in model.warnings]
+    if setup.scaler is None:
+        warnings.append("ModelScaler is switched off: the model keeps its size and its mass")
+    else:
+        model, factors, notes = scaled(model, setup.scaler, setup.mass, source)
+        warnings += notes
+        told.append(_told_factors(factors, model))
+        if setup.scaler.output_model is not None and not _one_model(setup):
+            writers[setup.scaler.output_model] = partial(_write_model, model, warnings)
+        if setup.scaler.output_factors is not None:
+            writers[setup.scaler.output_factors] = partial(write_scale_set, factors)
+    if setup.placer is None:
+        warnings.append("MarkerPlacer is switched off: no marker is moved")
+    else:
+        placement = placed(model, setup.placer, source)
+        warnings += placement.notes
+        told.append(_told_markers(placement))
+        if setup.placer.output_model is not None:
+            writers[setup.placer.output_model] = partial(_write_model, placement.model, warnings)
+        if setup.placer.output_markers is not None:
+            writers[setup.placer.output_markers] = partial(write_marker_set, placement.model)
+        if setup.placer.output_motion is not None:
+            writers[setup.placer.output_motion] = partial(write_sto, pose_table(placement.fit.motion, model))
+    written = write_outputs(writers)
+    return ToolResult("ScaleTool", tuple(told), written, tuple(dict.fromkeys(warnings)))
+
+
+def _one_model(setup: ScaleSetup) -> bool:
+    """Whether scaling and placing want to write one file."""
+    paths = [part.output_model for part in (setup.scaler, setup.placer) if part is not None and part.output_model]
+    return len(paths) == 2 and paths[0].resolve() == paths[1].resolve()
+
+
+def with_marker_set(model: Model, path: Path | None) -> Model:
+    """The model with the markers of a file; they replace those of the same names, and come last."""
+    if path is None:
+        return model
+    with inputs.about(path):
+        new = read_marker_set(path, model)
+    names = {one.name for one in new}
+    return replace(model, markers=(*(one for one in model.markers if one.name not in names), *new))
+
+
+def scaled(
+    model: Model, setup: ScalerSetup, mass: float | None, source: Path
+) -> tuple[Model, dict[str, Array], list[str]]:
+    """The scaled model, the factors (3,) of all its bodies and of the ground, and what is odd about them."""
+    from myomorph.muscles.scaling import default_path_lengths
+
+    notes: list[str] = []
+    factors: dict[str, Array] = {}
+    for kind in setup.order:
+        if kind == "manualScale":
+            factors |= {body: np.array(factor) for body, factor in setup.factors.items()}
+        elif setup.measurements:
+            if setup.markers is None:
+                raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
+            trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
+            measured = [measure(model, trial, one) for one in setup.measurements]
+            notes += [f"{setup.markers.name}: {note}" for one in measured for note in one.notes]
+            factors = with_measured(measured, factors)
+    unknown = [body for body in factors if body not in model.body_names and body != "ground"]
+    notes += [f"scale factors of '{body}' are not used: the model has no such body" for body in unknown]
+    known = {body: factors[body] for body in model.body_names if body in factors}
+    larger = scale(
+        model,
+        known,
+        mass,
+        preserve_mass_distribution=setup.preserve_mass_distribution,
+        path_lengths=default_path_lengths if model.muscles else None,
+    )
+    every = {body: known.get(body, np.ones(3)) for body in ("ground", *model.body_names)}
+    return larger, every, notes
+
+
+def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
+    """The model with its markers where a static trial shows them."""
+    if setup.markers is None:
+        raise BadData(f"{source}: MarkerPlacer names no marker_file: expected a static trial")
+    notes: list[str] = []
+    trial = _markers(setup.markers, model, notes)
+    # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is millimetres off.
+    exact = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-10, iterations=500)
+    options = with_tasks(exact, setup.tasks, model, str(source))
+    options = replace(options, coordinates=task_values(setup.tasks, setup.coordinates, model, source))
+    with inputs.about(setup.markers):
+        placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)
+    return replace(placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes)))
+
+
+def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
+    trial = inputs.fitted_to(model, inputs.open_trial(path))
+    assert trial.markers is not None
+    notes += [f"{path.name}: {text}" for text in trial.warnings]
+    return trial.markers
+
+
+def pose_table(motion: Motion, model: Model) -> Table:
+    """A pose as a table of states at rest, as OpenSim writes the static pose [rad, m]; muscles at their defaults."""
+    owner = {name: joint.name for joint in model.joints for name in joint.coordinates}
+    paths = [f"/jointset/{owner[name]}/{name}" for name in motion.names]
+    values = np.zeros((len(motion), len(paths), 2))
+    values[:, :, 0] = motion.values
+    names = tuple(f"{path}/{kind}" for path in paths for kind in ("value", "speed"))
+    states = {} if without_fibers(model) else default_states(model)
+    rest = np.tile(list(states.values()), (len(motion), 1)).reshape(len(motion), -1)
+    facts = MappingProxyType({"name": "static pose"})
+    labels = (*names, *(f"/forceset/{muscle}/{state}" for muscle, state in states))
+    return Table(motion.time, labels, np.hstack([values.reshape(len(motion), -1), rest]), facts=facts)
+
+
+def _write_model(model: Model, warnings: list[str], path: Path) -> None:
+    warnings += write_osim(model, path)
+
+
+def _told_factors(factors: dict[str, Array], model: Model) -> str:
+    sizes = [factor for body, factor in factors.items() if (factor != 1.0).any()]
+    if not sizes:
+        return f"no body is stretched, mass {model.mass:.2f} kg"
+    span = f"factors {np.min(sizes):.4g} to {np.max(sizes):.4g}"
+    return f"{len(sizes)} of {len(factors) - 1} bodies stretched, {span}, mass {model.mass:.2f} kg"
+
+
+def _told_markers(placement: Placement) -> str:
+    rms, worst = (100.0 * float(one[0]) for one in (placement.fit.rms, placement.fit.largest))
+    text = f"{len(placement.moved)} markers moved; before, root mean square {rms:.2f} cm, largest {worst:.2f} cm"
+    return text + (f"; {len(placement.removed)} that were not recorded removed" if placement.removed else "")

@@ -1,0 +1,1 @@
+"""The page about muscles that were transferred to other bones."""

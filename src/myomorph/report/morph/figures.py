@@ -1,0 +1,221 @@
+"""Drawings of a morphed model: source and target side by side, residuals of its bones, moment arms of its muscles."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from html import escape
+
+import numpy as np
+
+from myomorph.model.model import Mesh, Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, Transform
+from myomorph.model.surface import Surface
+from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.checks import distinct_bones, target_surface
+from myomorph.morph.moment_arm_table import MomentArms
+from myomorph.morph.morphed import Morph
+from myomorph.morph.surface_points import Shape
+from myomorph.report.charts.chart import heading, number, path_data
+from myomorph.report.charts.residual_map import residual_map
+from myomorph.report.scene.image import data_uri
+from myomorph.report.scene.pictures import pictures
+from myomorph.report.scene.scene import Scene, make_scene
+from myomorph.report.scene.shapes import outward, reduced
+
+VIEWS = {"side": "from the right", "front": "from the front", "left": "from the left"}
+MOST_FACES = 60_000
+"""Triangles that pictures are drawn from."""
+
+WIDTH, HEIGHT, WIDEST, GAP = 1040, 560, 340, 10
+"""Of the drawing of both bodies, and of one picture in it at most [pixels]."""
+
+COLUMNS, CELL, ROW = 6, 170.0, 106.0
+MARGIN = 30.0
+MOST_PANELS = 30
+"""Muscles drawn about one coordinate."""
+
+
+def body_figure(morph: Morph) -> str:
+    """Source and target side by side from each of `VIEWS`, in the default pose, all in one height of picture."""
+    names = set(morph.source.muscle_names) & set(morph.model.muscle_names)
+    ours = {bone.body: bone.source for bone in distinct_bones(morph)}
+    both = (
+        ("source", morph.source.name, _scene(morph.source, ours, names)),
+        ("target", morph.model.name, _scene(morph.model, _target_bones(morph), names)),
+    )
+    drawn = [pictures(scene, HEIGHT, WIDEST, views=tuple(VIEWS)) for _, _, scene in both]
+    order = [(view, i, next(one for one in drawn[i] if one.view == view)) for view in VIEWS for i in (0, 1)]
+    wide, tall = sum(one.width for *_, one in order), max(one.height for *_, one in order)
+    shrink = min(1.0, (WIDTH - GAP * (len(order) - 1)) / wide)
+    gap = (WIDTH - shrink * wide) / len(order)
+    height = 20.0 + shrink * tall + 18.0
+    told = " and ".join(f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both)
+    parts = [
+        f'<svg class="chart body" viewBox="0 0 {WIDTH} {height:.0f}" role="img" aria-label="Source and target">',
+        heading("Source and target", f"{told} high as drawn"),
+    ]
+    x = 0.5 * gap
+    for view, i, one in order:
+        w, h = shrink * one.width, shrink * one.height
+        y = 20.0 + 0.5 * (shrink * tall - h)
+        parts.append(
+            f'<image href="{data_uri(one.image)}" x="{x:.1f}" y="{y:.1f}" width="{w:.1f}" height="{h:.1f}"/>'
+            f'<text class="tick x" x="{x + w / 2:.1f}" y="{height - 4:.1f}">{both[i][0]}, {VIEWS[view]}</text>'
+        )
+        x += w + gap
+    parts.append("</svg>")
+    return "".join(parts)
+
+
+def _target_bones(morph: Morph) -> dict[str, Surface]:
+    """Bones of the target by body; several of the source's that became one are drawn once."""
+    found: dict[str, Surface] = {}
+    for bone in morph.bones.values():
+        surface = target_surface(bone)
+        if surface is not None and (bone.target is not None or bone.target_body not in found):
+            found[bone.target_body] = surface
+    return found
+
+
+def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collection[str]) -> Scene:
+    """The model in its default pose with these bones and muscles alone; bodies without a known bone are sticks."""
+    known = {name: outward(one) for name, one in bones.items() if one is not None and name in model.body_names}
+    lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MOST_FACES), strict=True))
+    still = Transform.identity()
+    meshes = {name: (Mesh(name, still, np.ones(3)),) for name in lean}
+    shown = replace(
+        model,
+        bodies=tuple(replace(body, meshes=meshes.get(body.name, ())) for body in model.bodies),
+        muscles=tuple(one for one in model.muscles if one.name in muscles),
+        ground_meshes=(),
+    )
+    scene = make_scene(shown, Motion(np.zeros(1), (), np.zeros((1, 0))), [0], lean)
+    held = {point.body for muscle in shown.muscles for point in muscle.path.points} | set(lean)
+    return _only(scene, [i + 1 for i, name in enumerate(model.body_names) if name in held])
+
+
+def _size(surfaces: Collection[Surface]) -> float:
+    return max((float(np.ptp(one.vertices, axis=0).max()) for one in surfaces), default=1.0)
+
+
+def _only(scene: Scene, bodies: Sequence[int]) -> Scene:
+    """The scene with some of its bodies, and the muscles, framed by these."""
+    numbers = {old: new + 1 for new, old in enumerate(bodies)}
+    kept = [0, *bodies]
+    solids = tuple(replace(one, body=numbers[one.body]) for one in scene.solids if one.body in numbers)
+    R, p = scene.rotations[0, kept], scene.origins[0, kept]
+    clouds = [one.surface.vertices @ R[one.body].T + p[one.body] for one in solids]
+    clouds += [one.points[0][np.isfinite(one.points[0]).all(axis=1)] for one in scene.muscles]
+    if not clouds:
+        return scene
+    everything = np.concatenate(clouds)
+    heights = everything @ scene.up
+    grown = float(np.linalg.norm(np.ptp(everything, axis=0))) / scene.size
+    low, high = float(heights.min()), float(heights.max())
+    return replace(
+        scene,
+        rotations=scene.rotations[:, kept],
+        origins=scene.origins[:, kept],
+        solids=solids,
+        muscles=tuple(replace(one, radius=one.radius * grown) for one in scene.muscles),
+        size=scene.size * grown,
+        low=low,
+        high=high,
+        floor=low,
+    )
+
+
+def _length(meters: float) -> str:
+    return f"{number(meters)} m" if meters >= 0.2 else f"{number(1e3 * meters)} mm"
+
+
+def bone_figures(morph: Morph) -> list[str]:
+    """The target's bones colored by how far the carried source's bones lie from them, each pair of surfaces once."""
+    shared: dict[tuple[int, int], list[BoneMap]] = {}
+    for bone in distinct_bones(morph):
+        if bone.source is not None and bone.target is not None:
+            key = hash(bone.source.faces.tobytes()), hash(bone.target.faces.tobytes())
+            shared.setdefault(key, []).append(bone)
+    return [_bone_figure(bones[0], bones[0].source, bones[0].target, len(bones) - 1) for bones in shared.values()]
+
+
+def _bone_figure(bone: BoneMap, source: Surface | None, target: Surface | None, others: int) -> str:
+    assert source is not None
+    assert target is not None
+    carried = outward(Surface(bone.map.apply(source.vertices), source.faces))
+    distances = Shape(carried).signed(np.array(target.vertices))
+    name = bone.target_body + (f" and {others} more" if others else "")
+    rms = 1e3 * float(np.sqrt(np.mean(distances**2)))
+    return residual_map(name, f"mm, {number(rms)} root mean square", outward(target), distances)
+
+
+def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> str:
+    """Moment arms of all muscles about a coordinate over its range, a small panel each, source grown to the target.
+
+    Parameters
+    ----------
+    sizes : of the target, times the source, by muscle
+    flagged : muscles with a warning, whose names are printed in its color
+    """
+    shown = _shown(one, sizes, flagged)
+    rows = -(-len(shown) // COLUMNS)
+    width, height = COLUMNS * CELL, MARGIN + rows * ROW + 6
+    turning = one.kind == "rotational"
+    low, high = (float(f(one.target_values)) * (180.0 / np.pi if turning else 1e3) for f in (np.min, np.max))
+    unit = "mm" if turning else "mm/mm"
+    told = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
+    if len(shown) < len(one.muscles):
+        told += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
+    name = one.pair.target if one.pair.source == one.pair.target else f"{one.pair.target} (source {one.pair.source})"
+    parts = [
+        f'<svg class="chart arms" viewBox="0 0 {width:g} {height:g}" role="img" '
+        f'aria-label="Moment arms about {escape(name, True)}">',
+        heading(f"About {name}", told),
+    ]
+    factor = 1e3 if turning else 1.0
+    for place, k in enumerate(shown):
+        muscle = one.muscles[k]
+        x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
+        lines = factor * sizes.get(muscle, 1.0) * one.source[:, k], factor * one.target[:, k]
+        parts += _panel(x, y, muscle, one.target_values, lines, muscle in flagged)
+    parts.append("</svg>")
+    return "".join(parts)
+
+
+def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:
+    """Which muscles to draw, in their order: all, or of too many those that are flagged and the largest."""
+    size = np.array([sizes.get(name, 1.0) for name in one.muscles])
+    largest = np.maximum(np.abs(one.source).max(axis=0) * size, np.abs(one.target).max(axis=0))
+    first = np.array([name in flagged for name in one.muscles])
+    order = np.lexsort([-largest, ~first])
+    return sorted(int(k) for k in order[:MOST_PANELS])
+
+
+def _panel(x: float, y: float, muscle: str, values: Array, lines: tuple[Array, Array], flagged: bool) -> list[str]:
+    left, right, top, bottom = x + 34, x + CELL - 8, y + 16, y + ROW - 14
+    low = min(0.0, *(float(one.min()) for one in lines))
+    high = max(0.0, *(float(one.max()) for one in lines))
+    high = high if high > low else low + 1.0
+    span = float(values.max() - values.min()) or 1.0
+    across = left + (values - values.min()) / span * (right - left)
+
+    def down(value: Array | float) -> Array:
+        return np.asarray(bottom - (np.asarray(value) - low) / (high - low) * (bottom - top))
+
+    style = "limit start" if flagged else "tick"
+    anchor = ' style="text-anchor:start"' if flagged else ""
+    parts = [
+        f'<g><text class="{style}" x="{left:g}" y="{y + 9:g}"{anchor}>{escape(muscle)}</text>',
+        f'<path class="zero" d="M{left:g} {float(down(0.0)):.1f}H{right:g}"/>',
+    ]
+    for value in {low, high}:
+        at = float(down(value)) + 3
+        parts.append(f'<text class="tick y" x="{left - 4:g}" y="{at:.1f}">{number(value)}</text>')
+    for one, drawn, label in zip(lines, ("truth", "first"), ("source, grown", "target"), strict=True):
+        parts.append(
+            f'<path class="line {drawn}" data-label="{escape(muscle, True)}, {label}" '
+            f'd="{path_data(across, down(one))}"/>'
+        )
+    return [*parts, "</g>"]

@@ -1,0 +1,140 @@
+"""The page on a morphed model: what looks wrong, source beside target, bones, moment arms, muscles, joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.provenance import Provenance
+from myomorph.morph.checks import MorphChecks
+from myomorph.morph.morphed import Morph
+from myomorph.report.charts.chart import number
+from myomorph.report.morph.sections import morphing_sections
+from myomorph.report.page.references import MORPHING
+from myomorph.report.page.section import Section
+from myomorph.report.trial.given import Note, ReportInput, SourceFile, Step
+from myomorph.report.trial.trial_page import Tile, rendered
+
+__all__ = ["morph_page"]
+
+
+def morph_page(
+    morph: Morph,
+    checks: MorphChecks,
+    made: Provenance,
+    warnings: Sequence[str] = (),
+    *,
+    title: str = "",
+    notes: Sequence[Note] = (),
+    further: Sequence[Section] = (),
+) -> str:
+    """One self-contained HTML page on a morphed model, as HTML text.
+
+    Parameters
+    ----------
+    made : what the morph was made from, its options by name
+    warnings : what the files had to say
+    title : by default the model's name
+    notes : sentences on what is real, assumed or simulated, shown first
+    further : sections that come after the warnings, as of errors against a known truth
+    """
+    title = title or f"{morph.model.name}: muscles of {morph.source.name}"
+    page = ReportInput(
+        title=title,
+        date=made.date,
+        version=made.version,
+        notes=(*notes, *_assumed(morph)),
+        sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
+        steps=(Step("morph", MappingProxyType({name: _told(value) for name, value in made.options.items()})),),
+        warnings=tuple(dict.fromkeys([*warnings, *morph.notes, *checks.notes])),
+    )
+    sections = morphing_sections(morph, checks)
+    return rendered(
+        page,
+        [*sections[:1], *further, *sections[1:]],
+        MORPHING,
+        facts=_facts(morph),
+        tiles=_tiles(morph, checks),
+    )
+
+
+def _assumed(morph: Morph) -> list[Note]:
+    """What no bone told."""
+    found = []
+    by = {
+        "landmarks": "mapped by landmarks alone",
+        "neighbors": "without a bone of the target: scaled as their neighbors",
+        "surrounding": "virtual links, mapped by the bones around",
+    }
+    touched = {point.body for point in morph.points}
+    for basis, words in by.items():
+        bodies = [one.body for one in morph.bones.values() if one.basis == basis and one.body in touched]
+        if bodies:
+            found.append(Note("assumed", f"{', '.join(bodies)}: {words}."))
+    found.append(
+        Note(
+            "assumed",
+            "The same muscles run the same way around the same bones in source and target; how a muscle differs from "
+            "the source's by more than its bones do is not seen.",
+        )
+    )
+    return found
+
+
+def _facts(morph: Morph) -> list[tuple[str, str]]:
+    def told(model: object) -> str:
+        one = morph.source if model is morph.source else morph.model
+        return f"{one.name}: {len(one.bodies)} bodies, {len(one.muscles)} muscles, {number(one.mass)} kg"
+
+    points = len(morph.points)
+    owners = len({one.owner for one in morph.points})
+    return [
+        ("Source", told(morph.source)),
+        ("Target", told(morph.model)),
+        ("Carried", f"{points} points of {owners} muscles and ligaments"),
+        ("Bones", ", ".join(f"{count} by {basis}" for basis, count in _bases(morph).items())),
+    ]
+
+
+def _bases(morph: Morph) -> Mapping[str, int]:
+    found: dict[str, int] = {}
+    for one in morph.bones.values():
+        found[one.basis] = found.get(one.basis, 0) + 1
+    return found
+
+
+def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
+    """The few numbers to see first."""
+    tiles = [_count(len(checks.warnings), "warnings")]
+    through = [one for one in checks.penetrations if one.increase > 0.0]
+    worst = max((one.increase for one in through), default=0.0)
+    deep = len(checks.of("bone"))
+    tiles.append(
+        Tile(f"{number(1e3 * worst)} mm", f"deeper through bone than source, worst; {deep} warned of",
+             "note" if deep else "ok")
+    )  # fmt: skip
+    tiles.append(_count(len(checks.of("sign")), "moment arms of another sign"))
+    tiles.append(_count(len(checks.of("jump")), "moment arms with new jumps"))
+    residuals = [one.measures["residual [m]"] for one in morph.bones.values() if "residual [m]" in one.measures]
+    if residuals:
+        tiles.append(Tile(f"{number(1e3 * max(residuals))} mm", "residual of the worst bone", "ok"))
+    tiles.append(_count(len(checks.folded), "points where space folds"))
+    sizes = [one.whole.scale for one in morph.bones.values() if one.basis in ("bone", "landmarks")]
+    if sizes:
+        tiles.append(Tile(f"{number(float(np.median(sizes)))}", "times the source's size, median of bones", "ok"))
+    return tiles
+
+
+def _count(count: int, name: str) -> Tile:
+    return Tile(str(count), name, "note" if count else "ok")
+
+
+def _told(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,289 @@
+"""The parts of the page on a morphed model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.morph.bone_map import muscle_sizes
+from myomorph.morph.checks import MorphChecks
+from myomorph.morph.moment_arm_table import MomentArms
+from myomorph.morph.morphed import Morph
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.dots import dot_plot
+from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures
+from myomorph.report.morph.tables import (
+    Cell,
+    Rows,
+    arm_summary_rows,
+    joint_rows,
+    mass_rows,
+    penetration_rows,
+    point_rows,
+)
+from myomorph.report.page.section import Figure, Grid, Section
+
+KINDS = {
+    "bone": "Path through bone",
+    "sign": "Moment arm of another sign",
+    "jump": "Moment arm jumps",
+    "fold": "Space folds",
+    "arm": "Moment arm too large or small",
+    "surface": "Off the surface",
+    "fiber": "Fiber length",
+    "joint": "Joint",
+    "order": "Order of moment arms",
+}
+FIRST_ARMS = 6
+"""Coordinates whose curves are open at first."""
+FIRST_WARNINGS = 8
+"""Of each kind, seen at first."""
+
+LONGEST = 30
+MOST_ROWS = 1000
+"""Of a folded table."""
+
+
+def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
+    """All parts, warnings first."""
+    made = (
+        warning_section(checks),
+        body_section(morph),
+        bone_section(morph),
+        arm_section(morph, checks),
+        muscle_section(morph),
+        path_section(morph, checks),
+        joint_section(morph),
+        mass_section(morph),
+        method_section(morph),
+    )
+    return [one for one in made if one is not None]
+
+
+def warning_section(checks: MorphChecks) -> Section:
+    """What looks wrong, the worst of each kind first."""
+    rows = tuple((KINDS[one.kind], one.text) for one in checks.warnings)
+    first = tuple((KINDS[kind], one.text) for kind in KINDS for one in checks.of(kind)[:FIRST_WARNINGS])
+    limits = checks.options
+    lead = (
+        f"{len(rows)} things look worse than in the source, grown to the target's size. "
+        if rows
+        else "Nothing looks worse than in the source, grown to the target's size. "
+    )
+    lead += (
+        f"Looked for: paths that run deeper through a bone than the source's by {100 * limits.deeper:g} % of the "
+        "longest bone, anywhere in the range of a coordinate; moment arms of another sign, with a jump that the source "
+        f"does not have, or {limits.ratio:g} times what the size of the bones explains; points where the map turns "
+        f"space inside out; attachments {100 * limits.off_surface:g} % of the longest bone further from their surface; "
+        f"fibers that leave the source's range by {limits.fiber:g} of their optimal length; joint centers that parent "
+        f"and child put {100 * limits.gap:g} % of the longest bone apart. A source model has faults of its own: they "
+        "are not blamed on the morph."
+    )
+    grids = [Grid(("Kind", "Warning"), first)] if rows else []
+    if len(rows) > len(first):
+        grids.append(Grid(("Kind", "Warning"), rows, f"All {len(rows)} warnings", True))
+    return Section("warnings", "What looks wrong", lead, (), (), tuple(grids))
+
+
+def body_section(morph: Morph) -> Section:
+    """Source and target side by side."""
+    lead = "Both in their default pose with their bones and muscle paths, each to its own scale."
+    return Section("bodies", "Source and target", lead, (), (Figure(body_figure(morph), "full"),))
+
+
+def bone_section(morph: Morph) -> Section:
+    """How well the source's bones, as they are carried, fit the target's."""
+    figures = bone_figures(morph)
+    touched = {point.body for point in morph.points}
+    bones = [one for one in morph.bones.values() if one.basis != "neighbors" or one.body in touched]
+    measures = [name for name in dict.fromkeys(name for one in bones for name in one.measures) if name != "features"]
+    rows = []
+    for bone in bones:
+        known = [_measured(name, bone.measures.get(name)) for name in measures]
+        count = "" if bone.features is None else str(len(bone.features))
+        name = bone.body if bone.body == bone.target_body else f"{bone.body} → {bone.target_body}"
+        rows.append((name, bone.basis, number(bone.whole.scale), count, *known))
+    head = ("Bone", "Basis", "Size", "Features", *(_metric(name) for name in measures))
+    noted = tuple((bone.body, text) for bone in bones for text in bone.notes)
+    grids = [Grid(head, tuple(rows), "Maps of the bones", len(rows) > LONGEST)]
+    if noted:
+        grids.append(Grid(("Bone", "Note"), noted, "What the maps had to say"))
+    lead = (
+        "The target's bones, colored by how far the source's bones lie from them once the maps have carried them: blue "
+        "where the target lies inside, red where outside. Size is how many times larger the target is as a whole."
+    )
+    drawn = tuple(Figure(svg) for svg in figures)
+    return Section("bones", "Bones and their maps", lead, (), drawn, tuple(grids))
+
+
+def _metric(name: str) -> str:
+    told = name.replace("[m]", "[mm]").replace("_", " ")
+    return told[:1].upper() + told[1:]
+
+
+def _measured(name: str, value: float | None) -> str:
+    if value is None:
+        return "–"
+    return number(1e3 * value if "[m]" in name else float(value))
+
+
+def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
+    """Moment arms over the joints' ranges, as curves and as a table."""
+    if not checks.arms:
+        return None
+    sizes = muscle_sizes(morph.source, morph.bones)
+    figures = []
+    for i, one in enumerate(checks.arms):
+        flagged = {w.name for w in checks.warnings if w.kind in ("sign", "jump", "arm") and one.pair.target in w.text}
+        folded = "" if i < FIRST_ARMS else f"About {one.pair.target}: {len(one.muscles)} muscles"
+        figures.append(Figure(arm_figure(one, sizes, flagged), "full", folded=folded))
+    order = tuple(
+        (_named(one), str(len(one.muscles)), number(checks.order[one.pair.source], 0.001)) for one in checks.arms
+    )
+    header, rows = arm_summary_rows(morph, checks)
+    told = [
+        (str(row[0]), str(row[1]), *(number(1e3 * float(x)) for x in row[2:8]), number(float(row[8])),
+         f"{100 * float(row[9]):.0f} %", *(number(1e3 * float(x)) for x in row[10:]))
+        for row in rows
+    ]  # fmt: skip
+    head = (
+        "Coordinate", "Muscle", "Source mean [mm]", "least", "greatest", "Target mean [mm]", "least", "greatest",
+        "Ratio to grown source", "Same sign", "Jump, source [mm]", "target",
+    )  # fmt: skip
+    assert len(head) == len(header)
+    title = f"All {len(rows)} pairs of muscle and coordinate"
+    if len(told) > MOST_ROWS:
+        told = [row for row in told if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)][:MOST_ROWS]
+        title = f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the table of the file"
+    grids = (
+        Grid(("Coordinate", "Muscles", "Rank correlation"), order, "Order of mean moment arms"),
+        Grid(head, tuple(told), title, True),
+    )
+    lead = (
+        "Moment arms r = −dl/dq over each coordinate's range, the other coordinates at their defaults. The source's "
+        "are drawn grown by the size of the bones that each muscle is fixed to. Names of muscles with a warning are "
+        "red. About translations, moment arms have no unit."
+    )
+    legend = (("first", "target"), ("truth", "source, grown to the target's size"))
+    return Section("arms", "Moment arms", lead, legend, tuple(figures), grids)
+
+
+def _named(one: MomentArms) -> str:
+    pair = one.pair
+    return pair.target if pair.source == pair.target else f"{pair.target} (source {pair.source})"
+
+
+def muscle_section(morph: Morph) -> Section | None:
+    """What became of fibers, tendons and forces."""
+    if not morph.muscles:
+        return None
+    names = [one.name for one in morph.muscles]
+    figures: tuple[Figure, ...] = ()
+    if len(names) <= 3 * LONGEST:
+        values = [np.array([getattr(one, field) for one in morph.muscles]) for field in ("fiber", "tendon", "force")]
+        plot = dot_plot("Target over source", "", names, values, ("first", "second", "third"),
+                        ("optimal fiber length", "tendon slack length", "maximum isometric force"), 880)  # fmt: skip
+        figures = (Figure(plot, "full"),)
+    rows = tuple(
+        (
+            one.name,
+            *(number(x) for x in (one.path, one.fiber, one.tendon, one.force)),
+            f"{np.degrees(one.pennation):+.1f}°".replace("-", "−"),
+            "{:.2f} to {:.2f}".format(*one.range_source),
+            "{:.2f} to {:.2f}".format(*one.range_target),
+        )
+        for one in morph.muscles
+    )
+    head = (
+        "Muscle", "Path", "Fiber", "Tendon", "Force", "Pennation", "Fiber range, source", "Fiber range, target",
+    )  # fmt: skip
+    options = morph.options
+    lead = (
+        f"Parameters of the target over those of the source. Fibers: “{options.fibers}”; force: “{options.force}”; "
+        f"pennation: “{options.pennation}”. Fiber ranges are normalized fiber lengths over the joints' ranges of "
+        "motion."
+    )
+    words = ("optimal fiber length", "tendon slack length", "maximum isometric force")
+    legend = tuple(zip(("first", "second", "third"), words, strict=True))
+    grids = (Grid(head, rows, f"Parameters of {len(rows)} muscles, target over source", len(rows) > LONGEST),)
+    return Section("muscles", "Fibers, tendons and forces", lead, legend, figures, grids)
+
+
+def path_section(morph: Morph, checks: MorphChecks) -> Section:
+    """Attachments on the surface, and paths through bones."""
+    lifted = np.array([one.lifted for one in morph.points if one.lifted > 0.0])
+    lead = f"{len(morph.points)} points were carried over"
+    if len(lifted):
+        lead += (
+            f", {len(lifted)} of them put back onto their bone's surface: by {number(1e3 * float(np.median(lifted)))} "
+            f"mm in the median, {number(1e3 * float(lifted.max()))} mm at most"
+        )
+    lead += (
+        f". {len(checks.penetrations)} pairs of a muscle and a bone have the path under the bone's surface somewhere "
+        "in the joints' ranges, in source or target."
+    )
+    grids = [
+        _millimeters(penetration_rows(checks), "Paths under the surface of bones, the largest increase first", {6}),
+        _millimeters(point_rows(morph), f"All {len(morph.points)} points", set()),
+    ]
+    if morph.left_out:
+        grids.insert(0, Grid(("Left out", "Why"), tuple(morph.left_out.items()), "Left out"))
+    return Section("paths", "Muscle paths", lead, (), (), tuple(one for one in grids if one.rows))
+
+
+def joint_section(morph: Morph) -> Section | None:
+    """Where the joints went."""
+    if not morph.joints:
+        return None
+    grid = _millimeters(joint_rows(morph), "Centers in the target's bones", set(), folded=False)
+    fitted = sum(1 for one in morph.joints if one.method in ("sphere", "cylinder"))
+    lead = (
+        f"{fitted} of {len(morph.joints)} joint centers come from spheres and cylinders fitted to the target's "
+        "articular surfaces, the others from the maps. The gap is between the centers that parent and child find, "
+        "known where the target's bones lie in one frame."
+    )
+    return Section("joints", "Joints", lead, (), (), (grid,))
+
+
+def mass_section(morph: Morph) -> Section:
+    """What each body weighs."""
+    grid = _millimeters(mass_rows(morph), "Masses, mass centers and principal moments of inertia", set(), folded=False)
+    lead = f"{number(morph.model.mass)} kg, the source {number(morph.source.mass)} kg."
+    told = [note for note in morph.notes if note.startswith("masses")]
+    return Section(
+        "masses", "Masses", " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in told)]), (), (), (grid,)
+    )
+
+
+def _millimeters(table: Rows, title: str, plain: set[int], folded: bool = True) -> Grid:
+    """A table for print, metres in millimetres."""
+    header, rows = table
+
+    def told(k: int, cell: Cell) -> str:
+        if not isinstance(cell, float):
+            return str(cell)
+        return number(1e3 * cell) if "[m]" in header[k] and k not in plain else number(cell)
+
+    head = tuple(name.replace("[m]", "[mm]").capitalize() for name in header)
+    return Grid(head, tuple(tuple(told(k, one) for k, one in enumerate(row)) for row in rows), title, folded)
+
+
+def method_section(morph: Morph) -> Section:
+    """What was done, in the order it was done."""
+    options = morph.options
+    rows = (
+        ("Features", "Pairs of points of source and target bone: landmarks, and what non-rigid registration finds."),
+        ("Maps", "One map a bone from its features alone; virtual links move with all the bones around them."),
+        (
+            "Points",
+            "Path points, wrap objects, markers and joint frames are carried by the map of their body; wraps and axes "
+            "turn with it and grow as space does there.",
+        ),
+        (
+            "Surfaces",
+            f"Points within {100 * options.surface_within:g} % of bone length of the source's surface are put back at "
+            "the same height over the target's, in its size.",
+        ),
+        ("Joints", f"Centers “{options.joints}”."),
+        ("Muscles", f"Fibers “{options.fibers}”, force “{options.force}”, pennation “{options.pennation}”."),
+    )
+    return Section("method", "Method", "", (), (), (Grid(("Step", "What is done"), rows),))

@@ -1,0 +1,164 @@
+"""Pictures of a scene: the body from the side and from the front at some instants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.report.scene.image import Bytes, activation_color, png
+from myomorph.report.scene.raster import Canvas, View
+from myomorph.report.scene.scene import Scene
+from myomorph.report.scene.shapes import normals
+
+BONE = (0.93, 0.89, 0.80)
+FORCE = (0.10, 0.58, 0.46)
+MUSCLE, UNKNOWN = (0.72, 0.24, 0.24), (0.55, 0.52, 0.52)
+SHRINK = 2
+VIEWS: Mapping[str, float] = MappingProxyType({"side": 0.0, "oblique": 40.0, "front": 90.0, "left": 180.0})
+"""From where a picture is taken, as the angle [deg] from the subject's right side towards its front."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One rendered view.
+
+    Attributes
+    ----------
+    frame : index in the scene
+    view : of `VIEWS`
+    image : a PNG file
+    width, height : of it [pixels]
+    """
+
+    frame: int
+    view: str
+    image: bytes
+    width: int
+    height: int
+
+
+def pictures(
+    scene: Scene,
+    height: int = 460,
+    widest: int = 420,
+    colors: Array | None = None,
+    views: Sequence[str] = ("side", "front"),
+) -> list[Picture]:
+    """Every frame of the scene from its right side, and from the front.
+
+    All share one scale and one floor, so that they can be compared; what is transparent is background.
+
+    Parameters
+    ----------
+    views : of `VIEWS`
+    colors : (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given
+    """
+    shading = [normals(solid.surface) for solid in scene.solids]
+    corners = _corners(scene)
+    framed = {name: _framing(scene, corners, _axes(scene, name)) for name in views}
+    scale = min(min(height / max(tall, 1e-6), widest / max(wide, 1e-6)) for _, wide, tall in framed.values())
+    found = []
+    for name, (centers, wide, tall) in framed.items():
+        width, high = max(int(np.ceil(wide * scale)), 40), max(int(np.ceil(tall * scale)), 40)
+        for frame in range(len(scene.time)):
+            view = View(_axes(scene, name), centers[frame], scale * SHRINK, width * SHRINK, high * SHRINK)
+            canvas = Canvas(view)
+            _draw(canvas, scene, frame, shading, colors)
+            found.append(Picture(frame, name, png(_lean(canvas.picture(SHRINK))), width, high))
+    return found
+
+
+def _lean(pixels: Bytes) -> Bytes:
+    """The same picture in steps of four levels that nobody sees, background without color: a quarter fewer bytes."""
+    lean = pixels & np.array([252, 252, 252, 255], dtype=np.uint8)
+    lean[lean[..., 3] == 0] = 0
+    return lean
+
+
+def proportion(scene: Scene, view: str) -> float:
+    """Width over height of the scene's pictures from one view."""
+    _, wide, tall = _framing(scene, _corners(scene), _axes(scene, view))
+    return wide / max(tall, 1e-6)
+
+
+def _axes(scene: Scene, view: str) -> Array:
+    """Rows: to the right of the picture, up in it, towards the viewer."""
+    turn = np.deg2rad(VIEWS[view])
+    ahead, aside = np.cos(turn), np.sin(turn)
+    return np.stack(
+        [ahead * scene.forward - aside * scene.right, scene.up, ahead * scene.right + aside * scene.forward]
+    )
+
+
+def plain_color(scene: Scene) -> tuple[float, float, float]:
+    """Color of a muscle without an activation: a muscle's own, but grey among others that have one."""
+    known = any(np.isfinite(muscle.activation).any() for muscle in scene.muscles)
+    return UNKNOWN if known else MUSCLE
+
+
+def _corners(scene: Scene) -> Array:
+    """(frames, n, 3) corners of the boxes around all solids and all points of muscle paths, in ground."""
+    clouds = [scene.origins[:, 1:]] + [muscle.points for muscle in scene.muscles]
+    for solid in scene.solids:
+        low, high = solid.surface.vertices.min(axis=0), solid.surface.vertices.max(axis=0)
+        box = np.array(
+            [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        )
+        clouds.append(
+            np.einsum("fij,pj->fpi", scene.rotations[:, solid.body], box) + scene.origins[:, None, solid.body]
+        )
+    return np.concatenate(clouds, axis=1)
+
+
+def _framing(scene: Scene, corners: Array, axes: Array) -> tuple[Array, float, float]:
+    """Middle of every picture (frames, 3), and the width and the height that hold all of them [m]."""
+    across, upward = corners @ axes[0], corners @ axes[1]
+    middle = (np.nanmin(across, axis=1) + np.nanmax(across, axis=1)) / 2
+    wide = float((np.nanmax(across, axis=1) - np.nanmin(across, axis=1)).max()) * 1.06
+    low, high = min(float(np.nanmin(upward)), scene.floor), float(np.nanmax(upward))
+    depth = np.nanmean(corners @ axes[2], axis=1)
+    centers = (
+        middle[:, None] * axes[0] + np.full((len(middle), 1), (low + high) / 2) * axes[1] + depth[:, None] * axes[2]
+    )
+    return centers, wide, (high - low) * 1.05
+
+
+def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array], paint: Array | None) -> None:
+    for solid, normal in zip(scene.solids, shading, strict=True):
+        turn = scene.rotations[frame, solid.body]
+        vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
+        color = np.array(BONE) if paint is None else paint[solid.body]
+        canvas.surface(vertices, normal @ turn.T, solid.surface.faces, color)
+    plain = plain_color(scene)
+    starts, ends, radii, colors = [], [], [], []
+    for muscle in scene.muscles:
+        points = muscle.points[frame]
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points) < 2:
+            continue
+        active = muscle.activation[frame]
+        color = np.array(plain) if np.isnan(active) else activation_color(np.array([active]))[0]
+        starts.append(points[:-1])
+        ends.append(points[1:])
+        radii.append(np.full((len(points) - 1, 2), muscle.radius))
+        colors.append(np.tile(color, (len(points) - 1, 1)))
+    # Half the body's height for one body weight shows both a quiet stance and a landing.
+    meters_per_newton = 0.35 * scene.size / scene.weight
+    for k in range(scene.force_starts.shape[1]):
+        start, force = scene.force_starts[frame, k], scene.force_vectors[frame, k]
+        if not (np.isfinite(start).all() and np.isfinite(force).all()):
+            continue
+        tip = start + force * meters_per_newton
+        along = (tip - start) / max(float(np.linalg.norm(tip - start)), 1e-12)
+        thick = 0.006 * scene.size
+        neck = tip - along * min(4.5 * thick, 0.5 * float(np.linalg.norm(tip - start)))
+        starts.append(np.stack([start, neck]))
+        ends.append(np.stack([neck, tip]))
+        radii.append(np.array([[thick * 0.6, thick * 0.6], [thick * 1.9, 0.1 * thick]]))
+        colors.append(np.tile(FORCE, (2, 1)))
+    if starts:
+        canvas.tubes(np.concatenate(starts), np.concatenate(ends), np.concatenate(radii), np.concatenate(colors))

@@ -1,0 +1,257 @@
+"""The body in space at chosen instants: bones, muscle paths and ground forces, ready to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.subjects import subjects
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.muscles.path import compile_paths
+from myomorph.muscles.path_shape import drawn_paths
+from myomorph.report.scene.shapes import primitive, sticks
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A surface that moves with a body: its number (0 is the ground) and the surface in its frame."""
+
+    body: int
+    surface: Surface
+
+
+@dataclass(frozen=True, eq=False)
+class MusclePath:
+    """A muscle as a line.
+
+    Attributes
+    ----------
+    points : (frames, points, 3) in ground [m], NaN beyond the last that a frame uses
+    radius : to draw it with [m]
+    activation : (frames,), NaN where unknown
+    """
+
+    name: str
+    points: Array
+    radius: float
+    activation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is to be seen at some instants.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    rotations, origins : (frames, bodies, 3, 3), (frames, bodies, 3) poses in ground, body 0 the ground
+    solids : bones, or sticks where a body has no mesh
+    muscles : their paths
+    force_starts, force_vectors : (frames, wrenches, 3) point [m] and force [N], NaN where unloaded
+    weight : of the body [N], the size that force arrows are drawn by
+    up, forward, right : unit vectors of the subject in ground, (3,)
+    size : of the body [m]
+    low, high : lowest and highest height that the body reaches along `up` [m]
+    floor : height of the ground along `up` [m]
+    """
+
+    time: Array
+    rotations: Array
+    origins: Array
+    solids: tuple[Solid, ...]
+    muscles: tuple[MusclePath, ...]
+    force_starts: Array
+    force_vectors: Array
+    weight: float
+    up: Array
+    forward: Array
+    right: Array
+    size: float
+    low: float
+    high: float
+    floor: float
+
+
+def make_scene(
+    model: Model,
+    motion: Motion,
+    frames: Sequence[int],
+    surfaces: Mapping[str, Surface] | None = None,
+    activations: Series | None = None,
+    wrenches: Wrenches | None = None,
+) -> Scene:
+    """The body at some frames of a motion.
+
+    Parameters
+    ----------
+    frames : indices of the motion's frames
+    surfaces : by `Mesh.file`; bodies whose meshes are absent become sticks
+    activations : colors the muscles, at its nearest sample
+    wrenches : become arrows, at their nearest sample
+    """
+    tree = compile_tree(model)
+    chosen = np.asarray(frames, dtype=np.int64)
+    time = motion.time[chosen]
+    coordinates = np.ascontiguousarray(np.nan_to_num(tree.coordinates_of(motion)[chosen]))
+    poses = forward_kinematics(tree, coordinates)
+    solids = _solids(model, tree.body_index, surfaces or {})
+    up = model.up
+    low, high, size = _extent(poses, solids, up)
+    lowest = low
+    forward, right = _facing(model, poses, up) or _heading(model, poses, up)
+    starts, vectors = _forces(wrenches, time)
+    muscles = _muscles(model, coordinates, activations, time, size)
+    for muscle in muscles:
+        heights = muscle.points @ up
+        low, high = min(low, float(np.nanmin(heights))), max(high, float(np.nanmax(heights)))
+    weight = model.weight
+    floor = float(np.nanmedian(starts @ up)) if np.isfinite(starts).any() else lowest
+    if not lowest - 0.2 * size < floor < lowest + 0.2 * size:
+        # Forces far from the feet (a bar, a wheel) say nothing of the ground.
+        floor = lowest
+    return Scene(
+        time=time,
+        rotations=poses.rotations,
+        origins=poses.origins,
+        solids=solids,
+        muscles=muscles,
+        force_starts=starts,
+        force_vectors=vectors,
+        weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)),
+        up=up,
+        forward=forward,
+        right=right,
+        size=size,
+        low=low,
+        high=high,
+        floor=floor,
+    )
+
+
+def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Surface]) -> tuple[Solid, ...]:
+    found: list[Solid] = []
+    fallback = sticks(model)
+    for body in model.bodies:
+        own = []
+        for mesh in body.meshes:
+            surface = primitive(mesh)
+            if mesh.shape == "mesh" and mesh.file in surfaces:
+                loaded = surfaces[mesh.file]
+                # A mirrored mesh is turned inside out, and back by the order of its corners.
+                faces = loaded.faces[:, ::-1] if np.prod(mesh.scale) < 0.0 else loaded.faces
+                surface = Surface(loaded.vertices * mesh.scale, faces)
+            if surface is not None and len(surface.faces):
+                own.append(Surface(mesh.pose.apply(surface.vertices), surface.faces))
+        found += [Solid(numbers[body.name], one) for one in own or fallback[body.name]]
+    return tuple(found)
+
+
+def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
+    """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
+    lows, highs, clouds = [], [], []
+    for solid in solids:
+        vertices = solid.surface.vertices
+        corners = np.array([vertices.min(axis=0), vertices.max(axis=0), vertices.mean(axis=0)])
+        box = np.array([[corners[i, 0], corners[j, 1], corners[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+        points = np.einsum("fij,pj->fpi", poses.rotations[:, solid.body], box) + poses.origins[:, None, solid.body]
+        lows.append((points @ up).min())
+        highs.append((points @ up).max())
+        clouds.append(points)
+    if not clouds:
+        clouds = [poses.origins[:, 1:]]
+        lows = [float((poses.origins[:, 1:] @ up).min())]
+        highs = [float((poses.origins[:, 1:] @ up).max())]
+    stacked = np.concatenate(clouds, axis=1)
+    return float(min(lows)), float(max(highs)), max(float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max()), 1e-6)
+
+
+def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:
+    """From the first person to the second, so that both are seen from the side; None with fewer than two."""
+    people = [one for one in subjects(model) if len(one.bodies) > 1]
+    if len(people) < 2:
+        return None
+    numbers = poses.tree.body_index
+    middles = [poses.origins[:, [numbers[body] for body in one.bodies]].mean(axis=1) for one in people[:2]]
+    ahead = (middles[1] - middles[0]).mean(axis=0)
+    ahead = ahead - (ahead @ up) * up
+    length = float(np.linalg.norm(ahead))
+    if length < 1e-3:
+        return None
+    ahead = ahead / length
+    return ahead, np.cross(ahead, up)
+
+
+def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:
+    """Where the subject looks and where its right is, from bodies that come in pairs; else x is forward."""
+    numbers = poses.tree.body_index
+    sides: dict[str, dict[str, int]] = {}
+    for body in model.bodies:
+        base, side = split_side(body.name)
+        sides.setdefault(base, {})[side] = numbers[body.name]
+    couples = [(both["right"], both["left"]) for both in sides.values() if "right" in both and "left" in both]
+    right = np.zeros(3)
+    for r, left in couples:
+        across = poses.origins[:, r] - poses.origins[:, left]
+        across = across - np.outer(across @ up, up)
+        lengths = np.linalg.norm(across, axis=1, keepdims=True)
+        # Pairs that start in one point (hips in one pelvis frame) tell nothing.
+        right += np.where(lengths > 1e-6, across / np.maximum(lengths, 1e-9), 0.0).mean(axis=0)
+    if np.linalg.norm(right) < 0.3 * max(len(couples), 1):
+        ahead = np.array([1.0, 0.0, 0.0])
+        ahead = ahead - (ahead @ up) * up
+        ahead = ahead / np.linalg.norm(ahead) if np.linalg.norm(ahead) > 0.1 else np.array([0.0, 0.0, 1.0])
+        return ahead, np.cross(ahead, up)
+    right /= np.linalg.norm(right)
+    return np.cross(up, right), right
+
+
+def _forces(wrenches: Wrenches | None, time: Array) -> tuple[Array, Array]:
+    if wrenches is None or not len(wrenches) or not len(wrenches.names):
+        return np.full((len(time), 0, 3), np.nan), np.full((len(time), 0, 3), np.nan)
+    nearest = nearest_samples(wrenches.time, time)
+    points, forces = np.array(wrenches.points[nearest]), np.array(wrenches.forces[nearest])
+    idle = np.linalg.norm(forces, axis=2) < 0.05 * max(float(np.nanmax(np.abs(wrenches.forces), initial=0.0)), 1e-12)
+    points[idle], forces[idle] = np.nan, np.nan
+    forces[~np.isfinite(points).all(axis=2)] = np.nan
+    return points, forces
+
+
+def nearest_samples(clock: Array, time: Array) -> np.ndarray:
+    """(frames,) index of the sample of a clock that is nearest to each time."""
+    after = np.clip(np.searchsorted(clock, time), 1, max(len(clock) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(clock) - 1)
+    return np.where(time - clock[before] <= clock[after] - time, before, after)
+
+
+def _muscles(
+    model: Model, coordinates: Array, activations: Series | None, time: Array, size: float
+) -> tuple[MusclePath, ...]:
+    strongest = max((muscle.max_isometric_force for muscle in model.muscles), default=1.0) or 1.0
+    columns = {} if activations is None else {name: i for i, name in enumerate(activations.names)}
+    nearest = np.zeros(0, np.int64) if activations is None else nearest_samples(activations.time, time)
+    outside = np.zeros(len(time), dtype=bool)
+    if activations is not None and len(activations) > 1:
+        # Between samples the nearest one counts; before and after the solution nothing is known.
+        near = 1.5 / activations.rate
+        outside = (time < activations.time[0] - near) | (time > activations.time[-1] + near)
+    found = []
+    drawn = drawn_paths(compile_paths(model), coordinates) if model.muscles else None
+    for m, muscle in enumerate(model.muscles):
+        assert drawn is not None
+        active = np.full(len(time), np.nan)
+        if activations is not None and muscle.name in columns:
+            active = np.array(activations.values[nearest, columns[muscle.name]])
+            active[outside] = np.nan
+        share = np.sqrt(max(muscle.max_isometric_force, 0.0) / strongest)
+        radius = size * (0.0013 + 0.0036 * float(share))
+        found.append(MusclePath(muscle.name, drawn.places[:, drawn.muscle == m], radius, active))
+    return tuple(found)

@@ -1,0 +1,169 @@
+"""The page on two groups: who was in them, strides, curves over the cycle, effect sizes and what was corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.analysis.groups import Comparison, CurveDifference
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.group_charts import STYLES, cycle_chart, effect_chart, effect_rows
+from myomorph.report.page.references import group_references
+from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.trial.given import Note, ReportInput
+from myomorph.report.trial.trial_page import Tile, rendered
+
+MOST_OPEN = 24
+"""Curves of a family that are shown at once; the rest is folded away."""
+
+
+def group_page(found: Comparison, given: ReportInput) -> str:
+    """One self-contained HTML page, as text.
+
+    Parameters
+    ----------
+    given : title, notes, sources, date and version; everything else is ignored
+    """
+    notes = tuple(Note("warning", one) for one in found.notes)
+    page = ReportInput(
+        title=given.title,
+        date=given.date,
+        version=given.version,
+        notes=(*given.notes, *notes),
+        sources=given.sources,
+        steps=given.steps,
+        warnings=given.warnings,
+    )
+    parts = [*_scalar_sections(found), *(_family_section(found, one) for one in found.families)]
+    return rendered(page, [_who(found), *parts], group_references(), facts=_facts(found), tiles=_tiles(found))
+
+
+def _facts(found: Comparison) -> list[tuple[str, str]]:
+    rows = [
+        (name, f"{len(animals)} animals or subjects, {sum(count for _, count in animals)} strides")
+        for name, animals in zip(found.names, found.animals, strict=True)
+    ]
+    if found.tested:
+        how = "all relabellings" if found.exact else f"{found.options.permutations} random relabellings"
+        rows.append(("Test", f"permutation of animals, {how}; least possible p {number(found.floor)}"))
+    else:
+        rows.append(("Test", "none: too few animals"))
+    rows.append(("Intervals", f"{100 * found.options.confidence:.0f} %"))
+    return rows
+
+
+def _tiles(found: Comparison) -> list[Tile]:
+    different = [one for one in found.scalars if one.holm < found.options.alpha]
+    curves = [one for one in found.curves if one.regions]
+    if not found.tested:
+        return []
+    return [
+        Tile(
+            f"{len(different)} of {len(found.scalars)}", f"parameters differ (Holm p < {found.options.alpha:g})", "ok"
+        ),
+        Tile(
+            f"{len(curves)} of {len(found.curves)}",
+            f"curves differ somewhere (corrected p < {found.options.alpha:g})",
+            "ok",
+        ),
+    ]
+
+
+def _who(found: Comparison) -> Section:
+    rows = [
+        (group, ", ".join(f"{name} ({count})" for name, count in animals))
+        for group, animals in zip(found.names, found.animals, strict=True)
+    ]
+    lead = (
+        f"Differences are {found.names[0]} less {found.names[1]}. The animal is the unit: the mean of its strides "
+        "stands for it, so that more strides of one animal are not more animals."
+    )
+    return Section("animals", "Who was compared", lead, grids=(Grid(("Group", "Animals (strides)"), tuple(rows)),))
+
+
+def _scalar_sections(found: Comparison) -> list[Section]:
+    if not found.scalars:
+        return []
+    lead = "Mean ± standard deviation of the animals."
+    if found.tested:
+        lead += (
+            " p by relabelling animals; Holm’s correction holds the chance of any false call among the parameters, q "
+            "the share of false ones among those called."
+        )
+    figure = Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
+    return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(found),))]
+
+
+def scalar_grid(found: Comparison, title: str = "") -> Grid:
+    """Parameters of both groups, their differences and tests."""
+    first, second = found.names
+    size = "Effect size" if found.paired else "Hedges’ g"
+    head = ("Parameter", first, second, "Difference", size, "p", "p, Holm", "q")
+    rows = [
+        (
+            one.name,
+            _mean(one.first),
+            _mean(one.second),
+            _with_interval(one.difference, one.low, one.high),
+            _with_interval(one.g, one.g_low, one.g_high),
+            *(_probability(p) for p in (one.p, one.holm, one.q)),
+        )
+        for one in found.scalars
+    ]
+    return Grid(head, tuple(rows), title)
+
+
+def _family_section(found: Comparison, family: str) -> Section:
+    curves = found.family(family)
+    name, _, unit = family.partition(" [")
+    unit = unit.removesuffix("]")
+    order = sorted(curves, key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0))
+    shown = order if found.tested else list(curves)
+    figures = [Figure(cycle_chart(one, unit, found.names)) for one in shown[:MOST_OPEN]]
+    figures += [Figure(cycle_chart(one, unit, found.names), folded=one.name) for one in shown[MOST_OPEN:]]
+    figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MOST_OPEN]]
+    lead = (
+        f"Mean of the animals’ means over the cycle from strike to strike, with {100 * found.options.confidence:.0f} % "
+        "intervals sample by sample; thin lines are animals."
+    )
+    if found.tested:
+        lead += (
+            f" Bars below mark where groups differ (p < {found.options.alpha:g}, corrected for the whole cycle and all "
+            f"{len(curves)} curves here by the largest statistic); curves that differ stand first."
+        )
+    key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())
+    legend = tuple(zip(STYLES, found.names, strict=True))
+    return Section(f"curves-{key}", f"{name[:1].upper()}{name[1:]}", lead, legend, tuple(figures), (curve_grid(shown),))
+
+
+def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves in numbers") -> Grid:
+    """Where along the cycle the effect is largest, and where the groups differ."""
+    rows = []
+    for one in curves:
+        known = np.isfinite(one.g)
+        at = int(np.argmax(np.where(known, np.abs(one.g), -1.0)))
+        place = f"{100.0 * at / max(len(one.g) - 1, 1):.0f} %"
+        largest = (
+            f"{_with_interval(float(one.g[at]), float(one.g_low[at]), float(one.g_high[at]))} at {place}"
+            if known.any()
+            else "–"
+        )
+        where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in one.regions) or "–"
+        rows.append((one.name, largest, _probability(one.least_p), where))
+    return Grid(("Curve", "Largest effect size", "Least p", "Differs"), tuple(rows), title, True)
+
+
+def _mean(told: tuple[float, float, int]) -> str:
+    mean, spread, count = told
+    return (
+        f"{number(mean)} ± {number(spread)} (n = {count})" if np.isfinite(spread) else f"{number(mean)} (n = {count})"
+    )
+
+
+def _with_interval(value: float, low: float, high: float) -> str:
+    return f"{number(value)} ({number(low)} to {number(high)})" if np.isfinite(low) else number(value)
+
+
+def _probability(p: float) -> str:
+    return "–" if not np.isfinite(p) else f"{p:.4f}" if p < 0.01 else f"{p:.3f}"

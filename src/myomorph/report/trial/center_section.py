@@ -1,0 +1,180 @@
+"""The center of gravity of a motion: three axes, its path, whether it repeats, and how low it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.analysis.periodicity import Periodicity
+from myomorph.model.spatial import Array
+from myomorph.report.charts.chart import Line, number
+from myomorph.report.charts.maps import floor_plot
+from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis
+from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, leveled, person_legend, person_styles
+from myomorph.report.trial.prepared import Prepared
+
+THIN = 8.0
+ORDINAL = ("first", "second", "third", "fourth")
+SECOND_CAPTION = "Straight lines of both are taken off, and each axis has a scale of its own."
+
+
+def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Section | None:
+    """Center of gravity in three axes, its path on the ground and whether it repeats."""
+    if not analysis.persons:
+        return None
+    drawn = []
+    for k, axis in enumerate(analysis.axes):
+        lines = [
+            Line(one.center.time, one.center.values[:, k], style, one.who.name or axis)
+            for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
+        ]
+        drawn.append(draw_track(Track(axis.capitalize(), "m", lines, 84), behind))
+    figures = [Figure("".join([phase_names(behind), *drawn, time_axis(behind)]), "full")]
+    for path in (_path(prepared, analysis), _upright_path(analysis)):
+        if path:
+            figures.append(Figure(path, "medium", _path_caption(analysis) if len(figures) == 1 else SECOND_CAPTION))
+    return Section(
+        "center-of-gravity",
+        "Center of gravity",
+        " ".join(_told(analysis, person) for person in analysis.persons),
+        tuple(person_legend(analysis)) if len(analysis.persons) > 1 else (),
+        tuple(figures),
+        (_center_grid(analysis),),
+    )
+
+
+def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
+    """The way over the ground from above, its origin where it starts (figure 5.7 of [D])."""
+    k = int(np.argmax(np.abs(prepared.up)))
+    flip = -1.0 if k == 1 else 1.0
+    first, second = [i for i in range(3) if i != k]
+    # Columns of `center`: vertical, then the two axes of the ground in order.
+    center, phases = analysis.persons[0].center, analysis.cutting.phases
+    begun = center.time >= (phases[0].start if phases else center.time[0]) - 1e-9
+    start = center.values[begun, 1:]
+    start = start[np.isfinite(start).all(axis=1)]
+    if not len(start):
+        return ""
+    paths = _by_stage(
+        analysis, [(person.center.values[:, 1:] - start[0]) * np.array([1.0, flip]) for person in analysis.persons]
+    )
+    letters = "xyz"
+    across = (letters[first], ("−" if flip < 0 else "") + letters[second])
+    factor, unit = (
+        (1.0, "m") if float(_extent(np.concatenate([one for _, _, one in paths])).max()) > 0.5 else (1e3, "mm")
+    )
+    shown = [(label, style, factor * one) for label, style, one in paths]
+    title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
+    return floor_plot(title, across, shown, width=505, height=300, unit=unit, level=level)
+
+
+def _thin(paths: list[Array]) -> bool:
+    """Whether paths (frames, 2) together are so long and thin that one scale would hide their width."""
+    extent = _extent(np.concatenate(paths))
+    return bool(extent.max() > THIN * extent.min() > 0.0)
+
+
+def _extent(points: Array) -> Array:
+    """Largest less smallest of every column (columns,), over the rows that are known; 0 where none is."""
+    known = points[np.isfinite(points).all(axis=1)]
+    found: Array = np.ptp(known, axis=0) if len(known) else np.zeros(points.shape[1])
+    return found
+
+
+def _upright_path(analysis: MotionAnalysis) -> str:
+    """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
+    found = []
+    k = 1 + int(np.argmin(np.sum([_extent(one.center.values) for one in analysis.persons], axis=0)[1:]))
+    for person in analysis.persons:
+        level = leveled(person.center).values
+        found.append(1000.0 * np.stack([level[:, k], level[:, 0]], axis=1))
+    across = (analysis.axes[k], analysis.axes[0])
+    title = f"Height over {analysis.axes[k]}"
+    return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", level=False)
+
+
+def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, str, Array]]:
+    """Paths (frames, 2) of all persons; of a single one, a color a stage where there are few."""
+    stages = analysis.cutting.stages
+    if len(points) > 1 or not 2 <= len(stages) <= len(ORDINAL):
+        return [
+            (person.who.name or "center of gravity", style, one)
+            for person, one, style in zip(
+                analysis.persons, points, ("first",) if len(points) == 1 else person_styles(analysis), strict=True
+            )
+        ]
+    time = analysis.persons[0].center.time
+    return [
+        (stage.name, ORDINAL[j], np.where(_reaching(stage.inside(time))[:, None], points[0], np.nan))
+        for j, stage in enumerate(stages)
+    ]
+
+
+def _reaching(inside: np.ndarray) -> np.ndarray:
+    """Frames and the one after each stretch, so that the parts of a line meet."""
+    found = inside.copy()
+    found[1:] |= inside[:-1]
+    return found
+
+
+def _path_caption(analysis: MotionAnalysis) -> str:
+    stages = analysis.cutting.stages
+    told = "Its origin is where the first phase starts."
+    if _thin([one.center.values[:, 1:] for one in analysis.persons]):
+        told += " The way is long and thin: each axis has a scale of its own."
+    if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
+        words = ("blue", "violet", "green", "ochre")
+        told += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."
+    return told
+
+
+def _told(analysis: MotionAnalysis, person: Person) -> str:
+    """How low a center of gravity is, and which of its axes repeat, as one sentence."""
+    rest, mean = person.standing
+    told = []
+    if np.isfinite(mean) and rest > 0.1 * mean:
+        less = 100 * (mean - rest)
+        told.append(
+            f"on average {number(100 * mean, 0.1)} cm over the lowest joint, {number(abs(less), 0.1)} cm "
+            f"{'lower' if less < 0 else 'higher'} than in the model's default posture"
+        )
+    if np.isfinite(person.still):
+        less = 1000 * (float(np.nanmean(person.center.values[:, 0])) - person.still)
+        told.append(f"{number(abs(less), 1.0)} mm {'below' if less < 0 else 'above'} the rest at the start")
+    repeats = [
+        f"{axis} every {number(one.period)} s ({number(one.cycles)} periods, {_sure(one)} sure)"
+        for axis, one in zip(analysis.axes, person.periods, strict=True)
+        if one.periodic
+    ]
+    told.append(f"repeating along {' and '.join(repeats)}" if repeats else "without a period along any axis")
+    sentence = (f"{person.who.name}: " if person.who.name else "") + "; ".join(told) + "."
+    return sentence[:1].upper() + sentence[1:]
+
+
+def _sure(one: Periodicity) -> str:
+    return "over 99.9 %" if one.confidence > 0.999 else f"{100 * one.confidence:.3g} %"
+
+
+def _center_grid(analysis: MotionAnalysis) -> Grid:
+    rows = []
+    for person in analysis.persons:
+        for k, axis in enumerate(analysis.axes):
+            values = person.center.values[:, k]
+            values = values[np.isfinite(values)]
+            one = person.periods[k]
+            if not len(values):
+                continue
+            rows.append(
+                (
+                    ", ".join(word for word in (person.who.name, axis) if word),
+                    f"{number(float(values.mean()))} m",
+                    f"{number(1000 * float(np.ptp(values)))} mm",
+                    f"{number(1e6 * float(values.var()))} mm²",
+                    f"{number(one.period)} s" if one.periodic else "no period",
+                    number(one.cycles) if one.periodic else "–",
+                    number(one.likeness) if np.isfinite(one.period) else "–",
+                    _sure(one) if np.isfinite(one.period) else "–",
+                )
+            )
+    head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Likeness one period later", "Confidence")
+    return Grid(head, tuple(rows), "Center of gravity in numbers")

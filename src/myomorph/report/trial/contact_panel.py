@@ -1,0 +1,220 @@
+"""Contact forces in the report: as estimated beside as measured, and what is left open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.analysis.subjects import Subject
+from myomorph.model.model import GROUND
+from myomorph.model.spatial import Array
+from myomorph.report.charts.chart import Limit, Line, number
+from myomorph.report.charts.maps import floor_plot
+from myomorph.report.charts.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
+from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
+from myomorph.report.trial.figures import axis_names
+from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.prepared import Prepared
+
+SELDOM, NEAR_FLOOR = 2.5, 0.2
+
+
+def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
+    """Three components of every group's force, the center of pressure and what was measured."""
+    given = prepared.given
+    forces = given.contact_forces
+    if forces is None or not len(forces) or not forces.sites:
+        return None
+    groups = groups_of(forces, given.wrenches, given.model, who)
+    blocks = tuple(dict.fromkeys(one.block for one in groups))
+    figures = [
+        Figure(_components(prepared, block, [one for one in groups if one.block == block], behind, who), "full")
+        for block in blocks
+    ]
+    floor = _floor(prepared, groups)
+    if floor:
+        figures.append(Figure(floor, "full"))
+    legend = [(one.style, one.label) for one in groups] if len(blocks) == 1 else []
+    if any(one.measured is not None for one in groups):
+        legend.append(("measured", "measured"))
+    return Section(
+        "contact-forces",
+        "Contact forces",
+        _lead(prepared, groups),
+        tuple(legend),
+        tuple(figures),
+        tuple(one for one in (_grid(prepared, groups, who), _uncarried_grid(given)) if one.rows),
+    )
+
+
+def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
+    """Size of the forces that pass between bodies, a row for all of them; none where none does."""
+    forces = prepared.given.contact_forces
+    if forces is None or all(one.against == GROUND for one in forces.sites):
+        return []
+    lines = [
+        Line(forces.time, np.linalg.norm(one.forces, axis=1), ORDINAL[i % len(ORDINAL)], one.label)
+        for i, one in enumerate(one for one in groups_of(forces, None, None, who) if one.against != GROUND)
+    ]
+    title = lines[0].label if len(lines) == 1 else "Forces between bodies"
+    return [draw_track(Track(title, "N", lines, 66, low=0.0), behind)]
+
+
+def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
+    """Centers of pressure from above, those measured in grey beneath those estimated."""
+    given = prepared.given
+    forces = given.contact_forces
+    assert forces is not None
+    k = int(np.argmax(np.abs(prepared.up)))
+    flip = -1.0 if k == 1 else 1.0
+    first, second = [i for i in range(3) if i != k]
+    paths: list[tuple[str, str, Array]] = []
+    pressed = group_forces(forces)
+    for label, style, wrenches in (("measured", "measured", given.wrenches), ("", "", pressed)):
+        if wrenches is None:
+            continue
+        for i, name in enumerate(wrenches.names):
+            load = np.linalg.norm(np.nan_to_num(wrenches.forces[:, i]), axis=1)
+            shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
+            if label:
+                shown &= np.abs(wrenches.points[:, i] @ prepared.up - prepared.floor) < NEAR_FLOOR
+            points = wrenches.points[:, i][:, [first, second]] * np.array([1.0, flip])
+            group = next((one for one in groups if one.name == name), None)
+            if not label and (group is None or group.against != GROUND):
+                continue
+            told = label or (group.label if group else name)
+            paths.append(
+                (told, style or (group.style if group else "middle"), np.where(shown[:, None], points, np.nan))
+            )
+    outlines = [(plate.name, plate.corners[:, [first, second]] * np.array([1.0, flip])) for plate in given.plates]
+    across = ("xyz"[first], ("−" if flip < 0 else "") + "xyz"[second])
+    return floor_plot("Centers of pressure, from above", across, paths, outlines, width=1040, height=250)
+
+
+def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
+    given = prepared.given
+    told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
+    pairs = [one for one in groups if one.against != GROUND]
+    if pairs:
+        told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
+    if any(one.measured is not None for one in groups):
+        told.append("What plates measured is grey, shown and compared while a plate carries it.")
+    if given.intervals is not None:
+        shape = "Bars" if _at_instants(prepared) else "Bands"
+        told.append(
+            f"{shape} are what the data leave open: equations of motion, cones and muscles allow every force in them."
+        )
+    if given.uncarried:
+        told.append(f"Red marks: {len(given.uncarried)} frames whose motion the contacts could not carry.")
+    return " ".join(told)
+
+
+def _components(
+    prepared: Prepared, block: str, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]
+) -> str:
+    """Rows for the three components of some groups' forces, under the names of their lines where there are more."""
+    forces = prepared.given.contact_forces
+    assert forces is not None
+    vectors, names = axis_names(prepared.up)
+    heights = (118, 92, 92) if not block else (92, 74, 74)
+    rows = [named_lines([(one.style, one.label) for one in groups])] if block else []
+    for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
+        lines = [
+            Line(forces.time, one.measured @ vector, "measured", f"{one.label}, measured")
+            for one in groups
+            if one.measured is not None
+        ]
+        lines += [Line(forces.time, one.forces @ vector, one.style, one.label) for one in groups]
+        levels = _weight(prepared, block, who) if i == 0 else []
+        known = prepared.given.intervals
+        open_ = [_interval(prepared, one, vector) for one in groups if known is not None and one.name in known.names]
+        wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
+        rows.append(draw_track(Track(name.capitalize(), "N", lines, heights[i], wide, upright, levels), behind))
+    return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
+
+
+def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Limit]:
+    """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
+    model = prepared.given.model
+    if not block:
+        return [Limit(prepared.weight, "body weight")] if prepared.weight and len(who) < 2 else []
+    own = next((one for one in who if one.name == block), None)
+    if own is None or model is None:
+        return []
+    mass = sum(model.body(name).mass for name in own.bodies)
+    return [Limit(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}")]
+
+
+def _at_instants(prepared: Prepared) -> bool:
+    """Whether intervals are known so seldom that nothing can be drawn between them."""
+    intervals, forces = prepared.given.intervals, prepared.given.contact_forces
+    if intervals is None or forces is None or len(intervals.time) < 2 or len(forces) < 2:
+        return True
+    return float(np.median(np.diff(intervals.time))) > SELDOM * float(np.median(np.diff(forces.time)))
+
+
+def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
+    intervals = prepared.given.intervals
+    assert intervals is not None
+    k = intervals.names.index(group.name)
+    ends = np.stack([intervals.lower[:, k] * vector, intervals.upper[:, k] * vector])
+    return Band(intervals.time, ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1), group.style)
+
+
+def _marks(prepared: Prepared, behind: Backdrop) -> str:
+    """A row of marks at frames that contacts could not carry; "" where there are none."""
+    if not prepared.given.uncarried:
+        return ""
+    frame = behind.frame(0.0, 12.0)
+    ticks = "".join(
+        f'<path class="uncarried" d="M{float(frame.x(one.time)):.1f} 1v10"><title>{number(one.time, 0.001)} s'
+        "</title></path>"
+        for one in prepared.given.uncarried
+        if behind.span[0] <= one.time <= behind.span[1]
+    )
+    return (
+        f'<svg class="chart" viewBox="0 0 1040 12" role="img" aria-label="Frames that could not be carried">'
+        f'<text class="tick end" x="2" y="10">not carried</text>{ticks}</svg>'
+    )
+
+
+def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -> Grid:
+    """Mean and peak of every group, and how far it is from what was measured."""
+    vectors, names = axis_names(prepared.up)
+    rows = []
+    for group in groups:
+        vertical = group.forces @ vectors[0]
+        size = np.linalg.norm(group.forces, axis=1)
+        cells = [
+            group.label,
+            f"{number(float(np.nanmean(vertical)))} N",
+            f"{number(float(np.nanmax(size)))} N"
+            + "".join(f" ({float(np.nanmax(size)) / one.value:.2f} BW)" for one in _weight(prepared, group.block, who)),
+        ]
+        for vector in vectors:
+            cells.append(_difference(group, vector))
+        rows.append(tuple(cells))
+    compared = tuple(f"RMS off measured, {name}" for name in names)
+    if all(cell == "–" for row in rows for cell in row[3:]):
+        compared, rows = (), [row[:3] for row in rows]
+    return Grid(("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces")
+
+
+def _difference(group: Group, vector: Array) -> str:
+    """RMS difference from what was measured, also as a share of its range, while both plate and estimate carry."""
+    if group.measured is None:
+        return "–"
+    known, estimate = group.measured @ vector, group.forces @ vector
+    both = np.isfinite(known) & group.estimated
+    if not both.any():
+        return "–"
+    rms = float(np.sqrt(np.mean((estimate[both] - known[both]) ** 2)))
+    span = float(np.ptp(known[both]))
+    return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
+
+
+def _uncarried_grid(given: ReportInput) -> Grid:
+    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.uncarried)
+    return Grid(("Time", "Smallest relaxation that carries it"), rows, f"{len(rows)} frames not carried", True)

@@ -1,0 +1,208 @@
+"""Estimated contact forces: which they are, what acts beside them, and what they leave over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.analysis.subjects import Subject
+from myomorph.contact.shared import group_bodies
+from myomorph.model.contacts import ContactForces
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Wrenches
+from myomorph.model.spatial import Array
+from myomorph.report.charts.contact_graph import limb_of, row_label
+from myomorph.report.trial.given import ReportInput, Situation
+from myomorph.report.trial.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT, Verdict
+
+SITUATIONS: Mapping[Situation, str] = MappingProxyType(
+    {
+        "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
+        "shared": "There are fewer plates than contacts: what a plate measured is shared among the sites that touch "
+        "it ([D] chapter 4, second situation).",
+        "sound": "Forces of strokes come from their sound ([D] chapter 4, third situation).",
+        "unknown": "Forces that no plate measured are solved together with the muscle tensions ([D] chapter 4, fourth "
+        "situation).",
+    }
+)
+LOADED = 0.03
+BETWEEN = "between"
+ORDINAL = ("first", "second", "third", "fourth")
+
+
+def situation_of(given: ReportInput) -> Situation:
+    """How the contact forces of a recording are known, "" where there are none."""
+    if given.situation:
+        return given.situation
+    if given.contact_forces is None:
+        return "measured" if given.wrenches is not None and len(given.wrenches.names) else ""
+    if given.contacts is not None and any(one.source == "sound" for one in given.contacts.touches):
+        return "sound"
+    return "unknown"
+
+
+def acting_forces(given: ReportInput) -> Wrenches | None:
+    """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated in their place."""
+    forces = given.contact_forces
+    if forces is None or not len(forces) or not forces.sites:
+        return given.wrenches
+    estimated = group_forces(forces)
+    measured = given.wrenches
+    if measured is None or not len(measured.names):
+        return estimated
+    instead = _instead(forces, measured, given.model)
+    if instead.all():
+        return estimated
+    time = estimated.time
+    parts = {what: _at(time, measured.time, getattr(measured, what)) for what in ("forces", "points", "torques")}
+    parts["forces"] = np.where(instead[..., None], 0.0, np.nan_to_num(parts["forces"]))
+    stacked = [np.concatenate([getattr(estimated, what), values], axis=1) for what, values in parts.items()]
+    return Wrenches(time, (*estimated.names, *measured.names), (*estimated.bodies, *measured.bodies), *stacked)
+
+
+def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:
+    """(frames, wrenches) whether contacts were estimated then where a wrench was measured."""
+    bodies = _bodies(forces, model)
+    found = np.zeros((len(forces), len(measured.names)), dtype=bool)
+    for k, one in enumerate(forces.sites):
+        on = forces.strengths[:, k] > 0.0
+        for j, body in enumerate(measured.bodies):
+            if not body or body in bodies[one.group]:
+                found[on, j] = True
+    return found
+
+
+def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]]:
+    """Bodies of every group of sites; with a model those a joint away too, as forces on a foot are put on any of it."""
+    if model is not None:
+        return group_bodies(model, forces.sites)
+    return {name: {one.body for one in forces.sites if one.group == name} for name in (s.group for s in forces.sites)}
+
+
+def group_forces(forces: ContactForces) -> Wrenches:
+    """One force a group of sites, at its center of pressure, whatever bodies they are on; its opposite on the other."""
+    first: dict[str, str] = {}
+    for one in forces.sites:
+        first.setdefault(one.group, one.body)
+    return replace(forces, sites=tuple(replace(one, body=first[one.group]) for one in forces.sites)).wrenches("group")
+
+
+def _at(time: Array, clock: Array, values: Array) -> Array:
+    """Columns (samples, n, 3) at other times, by the straight line between samples; NaN outside."""
+    flat = values.reshape(len(values), -1)
+    columns = [np.interp(time, clock, one, left=np.nan, right=np.nan) for one in flat.T]
+    return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Contact forces of one group of sites.
+
+    Attributes
+    ----------
+    block : whose groups it stands with: a subject's name, "" for the only one, `BETWEEN` where two bodies touch
+    style : of the style sheet, its own in its block
+    against : what is touched
+    forces : (frames, 3) as estimated [N]
+    estimated : (frames,) whether it might carry force
+    measured : (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was measured
+    """
+
+    name: str
+    label: str
+    block: str
+    style: str
+    against: str
+    forces: Array
+    estimated: np.ndarray
+    measured: Array | None
+
+
+def groups_of(
+    forces: ContactForces, measured: Wrenches | None, model: Model | None = None, who: Sequence[Subject] = ()
+) -> tuple[Group, ...]:
+    """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
+    near = _bodies(forces, model)
+    names = tuple(dict.fromkeys(one.group for one in forces.sites))
+    members = {name: [k for k, one in enumerate(forces.sites) if one.group == name] for name in names}
+    first = {name: forces.sites[own[0]] for name, own in members.items()}
+    limbs = {name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names}
+    blocks = {name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names}
+    found = []
+    for name, own in members.items():
+        known = None
+        columns = [] if measured is None else [k for k, body in enumerate(measured.bodies) if body in near[name]]
+        if columns and measured is not None:
+            known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
+            size = np.linalg.norm(np.nan_to_num(known), axis=1)
+            known[size < LOADED * size.max(initial=0.0)] = np.nan
+        beside = [one for one in names if blocks[one] == blocks[name]]
+        side = limbs[name].side
+        alone = bool(side) and [limbs[one].side for one in beside].count(side) == 1
+        style = side if alone else ORDINAL[beside.index(name) % len(ORDINAL)]
+        against = first[name].against
+        label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
+        ready = np.asarray((forces.strengths[:, own] > 0.0).any(axis=1))
+        force = forces.forces[:, own].sum(axis=1)
+        found.append(Group(name, label, blocks[name], style, against, force, ready, known))
+    return tuple(found)
+
+
+def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
+    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015).
+
+    Parameters
+    ----------
+    height : mean height of the center of mass over the ground [m]
+    """
+    if given.contact_forces is None or not len(given.contact_forces):
+        return []
+    rows = []
+    acting = acting_forces(given)
+    total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
+    peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
+    if given.residuals is not None and peak > 0.0:
+        for what, letter, scale, limit, unit, size in (
+            ("force", "F", peak, RESIDUAL_FORCE, "% of peak external force", "N"),
+            ("moment", "M", peak * height, RESIDUAL_MOMENT, "% of COM height × peak external force", "N·m"),
+        ):
+            names = given.residuals.names
+            own = [k for k, name in enumerate(names) if name.removeprefix("residual_").startswith(letter)]
+            values = np.linalg.norm(given.residuals.values[:, own], axis=1)
+            if not (np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any() and own):
+                continue
+            at = int(np.nanargmax(values))
+            rms = float(np.sqrt(np.nanmean(values**2)))
+            for name, value, time in (("peak", values[at], float(given.residuals.time[at])), ("RMS", rms, None)):
+                share = float(value) / scale
+                rows.append(
+                    Verdict(
+                        f"Residual {what} beside contacts, {name}",
+                        100 * share,
+                        unit,
+                        100 * limit,
+                        "ok" if share <= limit else "over",
+                        "root joint",
+                        time,
+                        HICKS,
+                        f"{float(value):.3g} {size} left over once contacts carry; F = {peak:.4g} N",
+                    )
+                )
+    count = len(given.uncarried)
+    rows.append(
+        Verdict(
+            "Frames whose contacts could not carry the motion",
+            float(count),
+            f"of {len(given.contact_forces)}",
+            0.0,
+            "over" if count else "ok",
+            "",
+            given.uncarried[0].time if count else None,
+            "",
+            given.uncarried[0].relaxation if count else "",
+        )
+    )
+    return rows

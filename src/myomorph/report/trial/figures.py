@@ -1,0 +1,289 @@
+"""The figures of a report, each from the values it shows to SVG text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from myomorph.analysis.phases import side_of
+from myomorph.analysis.selection import Pair, muscle_rows
+from myomorph.model.model import Model
+from myomorph.model.series import Event, ForcePlate, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.ik import KinematicsFit
+from myomorph.report.charts.bars import bar_plot
+from myomorph.report.charts.chart import Limit, Line, Panel, scaled_unit, time_plot
+from myomorph.report.charts.maps import floor_plot, heat_map
+from myomorph.report.trial.tables import MARKER_LARGEST, MARKER_RMS, RESIDUAL_FORCE, RESIDUAL_MOMENT
+
+STYLE = {"right": "right", "left": "left", "": "middle"}
+ORDINAL = ("first", "second", "third", "fourth")
+MOST_BARS = 60
+MOST_IN_COLUMN = 14
+Span = tuple[float, float]
+
+
+def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scale: float) -> list[str]:
+    """Marker errors over time, and per marker, against their limits [cm]."""
+    panel = Panel(
+        "Marker errors over time",
+        "cm",
+        [
+            Line(fit.motion.time, 100 * fit.largest, "second", "largest"),
+            Line(fit.motion.time, 100 * fit.rms, "first", "RMS"),
+        ],
+        span,
+        events,
+        [
+            Limit(100 * MARKER_LARGEST * scale, f"largest: {100 * MARKER_LARGEST * scale:.3g} cm"),
+            Limit(100 * MARKER_RMS * scale, f"RMS: {100 * MARKER_RMS * scale:.3g} cm"),
+        ],
+        low=0.0,
+        high=105 * MARKER_LARGEST * scale,
+        width=1040,
+        height=200,
+        name_events=True,
+    )
+    seen = np.isfinite(fit.errors)
+    squares = np.where(seen, fit.errors, 0.0) ** 2
+    with np.errstate(invalid="ignore"):
+        rms = 100 * np.sqrt(squares.sum(axis=0) / seen.sum(axis=0))
+    largest = 100 * np.max(np.where(seen, fit.errors, -np.inf), axis=0, initial=-np.inf)
+    largest = np.where(np.isfinite(largest), largest, np.nan)
+    order = np.argsort(-np.nan_to_num(rms, nan=-1.0))[:MOST_BARS]
+    title = "Marker errors, one by one"
+    if len(fit.marker_names) > MOST_BARS:
+        title = f"Marker errors: the {MOST_BARS} largest of {len(fit.marker_names)}"
+    limits = [
+        Limit(100 * MARKER_RMS * scale, "RMS limit"),
+        Limit(100 * MARKER_LARGEST * scale, "limit of the largest"),
+    ]
+    peak = float(np.nanmax(largest, initial=0.0))
+    columns = np.array_split(order, 2) if len(order) > MOST_IN_COLUMN else [order]
+    bars = [
+        bar_plot(
+            title if k == 0 else "",
+            "cm" if k == 0 else "",
+            [fit.marker_names[i] for i in part],
+            [largest[part], rms[part]],
+            ["second", "first"],
+            ["largest", "RMS"],
+            limits,
+            width=505,
+            peak=peak,
+        )
+        for k, part in enumerate(columns)
+    ]
+    return [time_plot(panel), *bars]
+
+
+def axis_names(up: Array) -> tuple[list[Array], list[str]]:
+    """Unit vectors up, along and across, with their printed names; the ground's own axes where they are."""
+    k = int(np.argmax(np.abs(up)))
+    letters = "xyz"
+    others = [i for i in range(3) if i != k]
+    vectors = [np.asarray(up, dtype=np.float64)] + [np.eye(3)[i] for i in others]
+    return vectors, [f"vertical ({letters[k]})", *(f"horizontal ({letters[i]})" for i in others)]
+
+
+def wrench_styles(wrenches: Wrenches) -> list[tuple[str, str]]:
+    """Label and style of each wrench: its side where one is known, else one color after another."""
+    sides = [side_of(name, body) for name, body in zip(wrenches.names, wrenches.bodies, strict=True)]
+    styles = []
+    for i, (name, body, side) in enumerate(zip(wrenches.names, wrenches.bodies, sides, strict=True)):
+        alone = bool(side) and sides.count(side) == 1
+        label = side.lower() if alone else f"{name} on {body}" if body else name
+        styles.append((label, side.lower() if side else ORDINAL[i % len(ORDINAL)]))
+    return styles
+
+
+def force_figures(
+    wrenches: Wrenches, up: Array, span: Span, events: Sequence[Event], weight: float | None
+) -> list[str]:
+    """Ground forces along three axes [N], body weight marked."""
+    vectors, names = axis_names(up)
+    styles = wrench_styles(wrenches)
+    found = []
+    factor, unit = scaled_unit("N", wrenches.forces)
+    for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
+        components = factor * (wrenches.forces @ vector)
+        lines = [Line(wrenches.time, components[:, k], style, label) for k, (label, style) in enumerate(styles)]
+        if i == 0 and len(styles) > 1:
+            total = Line(wrenches.time, np.nan_to_num(components).sum(axis=1), "middle", "sum")
+            lines.insert(0, total)
+        limits = [Limit(factor * weight, "body weight")] if i == 0 and weight else []
+        second = (1.0 / (factor * weight), "BW") if weight else None
+        if i == 0:
+            panel = Panel(
+                f"Ground force, {name}",
+                unit,
+                lines,
+                span,
+                events,
+                limits,
+                low=0.0,
+                width=680,
+                height=190,
+                name_events=True,
+                second=second,
+            )
+        else:
+            panel = Panel(f"Ground force, {name}", unit, lines, span, events, limits, second=second)
+        found.append(time_plot(panel))
+    return found
+
+
+def pressure_figure(wrenches: Wrenches, plates: Sequence[ForcePlate], up: Array) -> str:
+    """Centers of pressure on the ground seen from above [m]; hidden where the load is under a twentieth of its peak."""
+    k = int(np.argmax(np.abs(up)))
+    first, second = [i for i in range(3) if i != k]
+    # Seen from above, the second axis points down where the two and the vertical are left-handed.
+    flip = -1.0 if k == 1 else 1.0
+    letters = "xyz"
+    paths = []
+    for i, (label, style) in enumerate(wrench_styles(wrenches)):
+        load = np.nan_to_num(wrenches.forces[:, i] @ up)
+        shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
+        points = np.stack([wrenches.points[:, i, first], flip * wrenches.points[:, i, second]], axis=1)
+        paths.append((label, style, np.where(shown[:, None], points, np.nan)))
+    outlines = [
+        (plate.name, np.stack([plate.corners[:, first], flip * plate.corners[:, second]], axis=1)) for plate in plates
+    ]
+    across = (letters[first], ("−" if flip < 0 else "") + letters[second])
+    return floor_plot("Center of pressure, from above", across, paths, outlines)
+
+
+def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]) -> list[str]:
+    """Height and vertical velocity of the center of mass."""
+    height = com.values @ up
+    speed = np.gradient(height, com.time) if len(com) > 1 else np.zeros_like(height)
+    found = []
+    for name, label, unit, values in (
+        ("Center of mass, height", "height", "m", height),
+        ("Center of mass, vertical velocity", "velocity", "m/s", speed),
+    ):
+        factor, unit = scaled_unit(unit, values)
+        found.append(time_plot(Panel(name, unit, [Line(com.time, factor * values, "middle", label)], span, events)))
+    return found
+
+
+def residual_figures(
+    time: Array, force: Array, moment: Array, peak: float, height: float, span: Span, events: Sequence[Event]
+) -> list[str]:
+    """Residual force and moment at the root over time, against their limits."""
+    force_limit, moment_limit = RESIDUAL_FORCE * peak, RESIDUAL_MOMENT * peak * height
+    found = []
+    for what, unit, values, limit, label in (
+        ("Residual force", "N", force, force_limit, "5 % of peak external force"),
+        ("Residual moment", "N·m", moment, moment_limit, "1 % of COM height × peak force"),
+    ):
+        factor, unit = scaled_unit(unit, values, np.array([limit]))
+        found.append(
+            time_plot(
+                Panel(
+                    what,
+                    unit,
+                    [Line(time, factor * values, "first", what.lower())],
+                    span,
+                    events,
+                    [Limit(factor * limit, label)],
+                    low=0.0,
+                    high=1.15 * factor * limit,
+                )
+            )
+        )
+    return found
+
+
+def pair_panel(
+    title: str,
+    unit: str,
+    pair: Pair,
+    series: Series,
+    span: Span,
+    events: Sequence[Event],
+    factor: float = 1.0,
+    second: tuple[float, str] | None = None,
+    truth: Series | None = None,
+    margin: int = 8,
+) -> str:
+    """Right and left of one quantity over each other; what is known to be true in dashes."""
+    lines = []
+    if factor == 1.0:
+        factor, unit = scaled_unit(unit, *(series[name] for name in pair.names if name in series.names))
+        second = (second[0] / factor, second[1]) if second else None
+    for side, members in pair.members.items():
+        for name in members:
+            if name in series.names:
+                lines.append(Line(series.time, factor * series[name], STYLE[side], side or "value"))
+    for side, members in pair.members.items():
+        for name in members:
+            if truth is not None and name in truth.names:
+                lines.append(Line(truth.time, factor * truth[name], f"truth {STYLE[side]}", f"{side} truth".strip()))
+    return time_plot(Panel(title, unit, lines, span, events, second=second, margin=margin))
+
+
+def activation_panel(
+    pair: Pair,
+    muscles: Sequence[str],
+    strengths: Mapping[str, float],
+    series: Series,
+    span: Span,
+    events: Sequence[Event],
+    emg: Sequence[tuple[str, Array, Array]] = (),
+    truth: Series | None = None,
+) -> str:
+    """Activation of one muscle on both sides, its parts averaged by strength, measured EMG as areas behind."""
+    lines = [Line(time, values, f"emg {STYLE[side]}", f"EMG {side}".strip(), True) for side, time, values in emg]
+    columns = {name: i for i, name in enumerate(muscles)}
+    for side, members in pair.members.items():
+        for source, style, label in ((series, "", ""), (truth, "truth ", " truth")):
+            if source is None:
+                continue
+            mean = weighted(source, [name for name in members if name in columns or source is truth], strengths)
+            if mean is not None:
+                lines.append(Line(source.time, mean, f"{style}{STYLE[side]}", (side + label).strip() or "activation"))
+    title = pair.label
+    parts = max(len(members) for members in pair.members.values())
+    unit = f"{parts} parts" if parts > 1 else ""
+    return time_plot(Panel(title, unit, lines, span, events, low=0.0, high=1.0, width=245, height=140))
+
+
+def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float]) -> Array | None:
+    """Mean of columns (frames,), weighted by the strength of each muscle; None where none exists."""
+    found = [name for name in names if name in series.names]
+    if not found:
+        return None
+    weights = np.array([max(strengths.get(name, 1.0), 1e-12) for name in found])
+    values: Array = np.stack([series[name] for name in found], axis=1) @ weights / weights.sum()
+    return values
+
+
+def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequence[Event]) -> str:
+    """One EMG channel by itself."""
+    peak = float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 1.0
+    return time_plot(
+        Panel(
+            name,
+            "",
+            [Line(time, values, "emg middle", "EMG", True)],
+            span,
+            events,
+            low=0.0,
+            high=peak or 1.0,
+            width=245,
+            height=120,
+        )
+    )
+
+
+def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequence[Event]) -> str:
+    """All muscle tensions as a heat map [N], one block a side, from hip to ankle."""
+    factor, unit = scaled_unit("N", forces)
+    return heat_map("Muscle tension", unit, time, factor * forces, names, muscle_rows(names), events)
+
+
+def moment_scale(model: Model | None) -> tuple[float, str] | None:
+    """Factor and unit of moments per kilogram of body mass."""
+    return (1.0 / model.mass, "N·m/kg") if model is not None and model.mass > 0.0 else None

@@ -1,0 +1,267 @@
+"""The parts of the page on an identified body: picture, masses, segments, base parameters, cross-validation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.analysis.segment_words import plain_words, segment_words
+from myomorph.model.model import Model
+from myomorph.model.segments import SEGMENTS
+from myomorph.model.series import Motion
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.dots import dot_plot, rank_plot
+from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.scene.image import LEVEL, data_uri, level_color, png
+from myomorph.report.scene.pictures import pictures
+from myomorph.report.scene.scene import make_scene
+from myomorph.report.trial.calibration_section import calibration_section
+from myomorph.report.trial.cross_validation import STYLES, validation_section
+from myomorph.report.trial.identification_tables import (
+    ATHLETES,
+    Cell,
+    Sheet,
+    link_sheet,
+    mass_sheet,
+    misfit_sheet,
+    segment_share,
+    segments_given,
+    spine_sheet,
+)
+from myomorph.report.trial.identified import COMPONENTS, UNITS, IdentificationInput, IdentifiedBase
+
+WELL_KNOWN = 0.1
+"""Relative standard deviation under which a base parameter counts as well known."""
+
+LONGEST_TABLE = 30
+LIGHT = 0.002
+"""Share of the body's mass under which a link of a model of many links is left out of a chart."""
+
+
+def identification_sections(given: IdentificationInput) -> list[Section]:
+    """All sections that what was given allows."""
+    styles = dict(zip(given.parameters, STYLES, strict=False))
+    made = (
+        body_section(given),
+        mass_section(given),
+        segment_section(given),
+        base_section(given),
+        *(validation_section(check, styles, i) for i, check in enumerate(given.validation)),
+        calibration_section(given),
+    )
+    return [one for one in made if one is not None]
+
+
+def body_section(given: IdentificationInput) -> Section:
+    """The body colored by how much of each link is known from the data, and what identification had to say."""
+    figures = [Figure(body_picture(given), "medium")] if given.model.bodies else []
+    if len(given.share):
+        masses = np.array([body.mass for body in given.model.bodies])
+        order = np.argsort(-np.nan_to_num(given.share, nan=-1.0), kind="stable")
+        order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > LONGEST_TABLE else order
+        names = [given.model.body_names[i] for i in order]
+        share = [100.0 * given.share[order]]
+        figures.append(Figure(dot_plot("Share from the data", "%", names, share, ["first"], ["share"], 520), "medium"))
+    lead = f"{number(given.model.mass)} kg in {len(given.model.bodies)} links"
+    lead += f", masses “{given.chosen}”" if given.chosen else ""
+    lead += f"; mass points: {given.source}" if given.source else ""
+    lead += "."
+    if len(given.share):
+        lead += (
+            " Colors tell how much of what is known of a link comes from the motion and forces (blue) rather than from "
+            "the shape of the body (red)."
+        )
+    wrong = [one for one in given.checks if not one.possible]
+    if given.checks:
+        told = "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5])
+        count = len(given.checks)
+        lead += f" {len(wrong)} of {count} links are not physically possible: {told}." if wrong else ""
+        lead += "" if wrong else f" All {count} links are physically possible."
+    grids = []
+    if given.left_out:
+        frames = given.frames or sum(given.left_out.values())
+        rows = tuple(
+            (reason, number(count, 1.0), f"{number(100.0 * count / frames)} %")
+            for reason, count in given.left_out.items()
+        )
+        grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames left out"))
+    if given.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "What identification had to say"))
+    title = "The identified body" if given.parameters else "The body"
+    return Section("body-identified", title, lead, (), tuple(figures), tuple(grids))
+
+
+def body_picture(given: IdentificationInput) -> str:
+    """The model from its right side and from the front as one drawing with its scale of colors."""
+    model = _bare(given.model)
+    pose = given.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
+    scene = make_scene(model, pose, [0], given.surfaces)
+    share = given.share if len(given.share) else np.full(len(model.bodies), np.nan)
+    colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])
+    side, front = pictures(scene, 560, 560, colors)
+    width, height = max(side.width + front.width + 20, 560), side.height + 46
+    first = (width - side.width - front.width) / 3
+    parts = [f'<svg class="chart body" viewBox="0 0 {width} {height}" role="img" aria-label="The identified body">']
+    for picture, x in ((side, first), (front, 2 * first + side.width)):
+        size = f'width="{picture.width}" height="{picture.height}"'
+        parts.append(f'<image href="{data_uri(picture.image)}" x="{x:g}" y="0" {size}/>')
+    if len(given.share):
+        bar = png(np.arange(256, dtype=np.uint8)[None], LEVEL)
+        left, y = width / 2 - 110, side.height + 14
+        parts.append(
+            f'<image href="{data_uri(bar)}" x="{left:g}" y="{y}" width="220" height="9" preserveAspectRatio="none"/>'
+        )
+        for at, text in ((0, "from the shape"), (110, "half"), (220, "from the data")):
+            parts.append(f'<text class="tick x" x="{left + at:g}" y="{y + 23}">{text}</text>')
+    parts.append("</svg>")
+    return "".join(parts)
+
+
+def _bare(model: Model) -> Model:
+    """The model without muscles: only its links are to be seen."""
+    return replace(model, muscles=())
+
+
+def mass_section(given: IdentificationInput) -> Section | None:
+    """Masses per link by method, their spread along the spine, and whether each link is possible."""
+    if not given.parameters:
+        return None
+    masses = given.masses
+    heavy = np.argsort(-next(iter(masses.values())), kind="stable")
+    shown = [i for i in heavy if max(one[i] for one in masses.values()) >= 0.001]
+    plot = dot_plot(
+        "Mass of each link",
+        "kg",
+        [given.model.body_names[i] for i in shown],
+        [one[shown] for one in masses.values()],
+        STYLES[: len(masses)],
+        list(masses),
+        880,
+    )
+    grids = [_grid(mass_sheet(given), "Mass of each link [kg]", len(given.model.bodies) > LONGEST_TABLE)]
+    spine = spine_sheet(given)
+    if spine.rows:
+        grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
+    if given.checks:
+        sheet = link_sheet(given)
+        keep = [sheet.head.index(one) for one in ("link", "mass [kg]", "share from the data", sheet.head[5], "possible",
+                                                  "reason")]  # fmt: skip
+        cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
+        grids.append(_grid(cut, f"Physical consistency of {len(given.checks)} links", True))
+    left = len(given.model.bodies) - len(shown)
+    lead = "Every method's mass of every link, the heaviest first."
+    lead += f" {left} links of less than a gram are only in the table." if left else ""
+    legend = tuple(zip(STYLES, masses, strict=False))
+    return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), tuple(grids))
+
+
+def segment_section(given: IdentificationInput) -> Section | None:
+    """Shares of the body's mass beside athletes', and which link counts to which segment."""
+    if not given.parameters or not segments_given(given):
+        return None
+    masses = given.masses
+    chosen = given.chosen if given.chosen in masses else next(iter(masses))
+    rows = []
+    for name, athletes in ATHLETES.items():
+        right = [segment_share(given, one, name, "right") for one in masses.values()]
+        left = segment_share(given, masses[chosen], name, "left")
+        paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
+        rows.append(
+            (
+                name.replace(" ", "\u00a0"),
+                number(athletes),
+                *(_told(one) for one in right),
+                _told(left) if paired else "",
+            )
+        )
+    head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
+    segments = segments_given(given)
+    members: dict[str, list[str]] = {}
+    for body in given.model.body_names:
+        if body in segments:
+            members.setdefault(segment_words(segments[body]).capitalize(), []).append(body)
+    links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
+    lead = (
+        "Percent of the body's mass, limbs of the right side, as table 3.4 of [D] sets it out beside Japanese male "
+        "athletes. That table prints 45.9 for the athletes' body; its two parts sum to 48.9, and only with 48.9 do all "
+        "segments sum to 100."
+    )
+    present = {segment.name for segment in segments.values()}
+    absent = [plain_words(name) for name in SEGMENTS if name not in present]
+    if absent:
+        lead += f" This model has no link of its own for {', '.join(absent)}: their mass counts to its other links."
+    grids = (Grid(head, tuple(rows), "Segments"), Grid(("Segment", "Links"), links, "Which link counts where", True))
+    return Section("segments", "Segments of the body", lead, (), (), grids)
+
+
+def base_section(given: IdentificationInput) -> Section | None:
+    """How well the base parameters are known, and what no motion, or not this one, shows."""
+    base = given.base
+    if base is None:
+        return None
+    well = int(np.sum(base.shown & (base.relative_sd < WELL_KNOWN)))
+    lead = f"{int(base.shown.sum())} of {len(base.names)} base parameters are shown by the motion"
+    lead += f", {well} of them within {100 * WELL_KNOWN:g} % (one standard deviation)"
+    lead += f"; {number(base.frames, 1.0)} frames" if base.frames else ""
+    lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
+    lead += ". What is not shown comes from the shape of the body." if not base.shown.all() else "."
+    limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
+    plot = rank_plot(
+        "Relative standard deviation",
+        "of the value",
+        "base parameters, the best known first",
+        base.names,
+        base.relative_sd,
+        limits,
+        base.shown,
+        880,
+    )
+    grids = [_base_grid(base)]
+    if np.isfinite(base.residual).any():
+        cells = tuple(f"{number(float(one))} {unit}" for unit, one in zip(UNITS, base.residual, strict=True))
+        grids.insert(0, Grid(COMPONENTS, (cells,), "Misfit of the base parameters, root mean square"))
+    misfit = misfit_sheet(given)
+    if misfit.rows:
+        grids.insert(0, _grid(misfit, "Misfit of the base wrench in the frames used, root mean square of its vectors"))
+    if given.from_shape:
+        rows = tuple((link, ", ".join(names)) for link, names in given.from_shape.items())
+        grids.append(Grid(("Link", "Parameters"), rows, "Parameters that come from the shape of the body", True))
+    for title, names in (
+        ("Not shown by this motion", given.not_shown),
+        ("Shown by no motion of this model", given.never_shown),
+    ):
+        if names:
+            grids.append(Grid((title,), tuple((name,) for name in names), f"{title}: {len(names)}", True))
+    legend = (("first", "shown by the motion"), ("middle", "not shown"))
+    return Section("base", "Base parameters", lead, legend, (Figure(plot, "full"),), tuple(grids))
+
+
+def _base_grid(base: IdentifiedBase) -> Grid:
+    rows = []
+    for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True):
+        rows.append((name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not shown"))
+    head = ("Base parameter", "Estimate", "Relative standard deviation", "")
+    return Grid(head, tuple(rows), f"All {len(rows)} base parameters", True)
+
+
+def _told(value: float | None) -> str:
+    return "–" if value is None else number(value)
+
+
+def _grid(sheet: Sheet, title: str, folded: bool = False) -> Grid:
+    """A table of numbers for print: about three digits."""
+
+    def told(cell: Cell) -> str:
+        if cell is None:
+            return "–"
+        return number(cell) if isinstance(cell, float) else str(cell)
+
+    head = tuple(_short(one) for one in sheet.head)
+    return Grid(head, tuple(tuple(told(one) for one in row) for row in sheet.rows), title, folded)
+
+
+def _short(name: str) -> str:
+    """A column's name without its unit, which the table's title tells."""
+    plain = name.removesuffix(" [kg]")
+    return plain[:1].upper() + plain[1:]

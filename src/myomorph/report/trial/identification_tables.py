@@ -1,0 +1,311 @@
+"""The tables of an identified body as numbers: those of [D] chapter 3, and what stands behind them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import PARAMETERS
+from myomorph.model.segments import Segment, segments_of
+from myomorph.model.spatial import Array
+from myomorph.report.trial.identified import COMPONENTS, IdentificationInput, WrenchCheck
+
+Cell = str | float | int | None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of numbers: column names with their units, and rows; None is an empty cell."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def csv(self) -> str:
+        """The table as comma-separated text, numbers in full precision, a cell without a value empty."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.head)
+        for row in self.rows:
+            writer.writerow(["" if _empty(one) else repr(one) if isinstance(one, float) else one for one in row])
+        return text.getvalue()
+
+
+def _empty(cell: Cell) -> bool:
+    return cell is None or (isinstance(cell, float) and not np.isfinite(cell))
+
+
+ATHLETES: Mapping[str, float] = MappingProxyType(
+    {
+        "Head": 6.9, "Body": 45.9, "Upper arm": 2.7, "Lower arm": 1.6, "Hand": 0.6, "Thigh": 11.0, "Shank": 5.1,
+        "Foot": 1.1, "Upper body": 30.2, "Lower body": 18.7,
+    }
+)  # fmt: skip
+"""Percent of body mass of Japanese male athletes (Ae, Tang, Yokoi 1992), as table 3.4 of [D] prints them.
+
+"Body" is a misprint there: its two parts sum to 48.9, and only with 48.9 do all segments sum to 100.
+"""
+
+_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "Head": ("head",),
+        "Body": ("upper_trunk", "lower_trunk"),
+        "Upper arm": ("upper_arm",),
+        "Lower arm": ("lower_arm",),
+        "Hand": ("hand",),
+        "Thigh": ("thigh",),
+        "Shank": ("shank",),
+        "Foot": ("foot",),
+        "Upper body": ("upper_trunk",),
+        "Lower body": ("lower_trunk",),
+    }
+)
+
+_SPINE = (
+    ("Lumbar vertebrae", r"^(lumbar|lumber|lumb|l)[_ ]?(vertebra)?[_ ]?[1-5]$"),
+    ("Rib vertebrae", r"^(thoracic|thorac|rib[_ ]?vertebra|t)[_ ]?(vertebra)?[_ ]?(1[0-2]?|[2-9])$"),
+    ("Neck vertebrae", r"^(cervical|cerv|neck|c)[_ ]?(vertebra)?[_ ]?[1-7]$"),
+)
+
+
+def segments_given(given: IdentificationInput) -> Mapping[str, Segment]:
+    """Segment of each body: as given, else by the bodies' names; none of a model whose names tell none."""
+    try:
+        return given.segments or segments_of(given.model)
+    except BadData:
+        return {}
+
+
+def mass_sheet(given: IdentificationInput) -> Sheet:
+    """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2)."""
+    masses = given.masses
+    rows: list[tuple[Cell, ...]] = [
+        (body, *(float(one[i]) for one in masses.values())) for i, body in enumerate(given.model.body_names)
+    ]
+    total: tuple[Cell, ...] = ("Total", *(float(one.sum()) for one in masses.values()))
+    return Sheet(("link", *(f"{name} [kg]" for name in masses)), (*rows, total))
+
+
+def parameter_sheet(given: IdentificationInput) -> Sheet:
+    """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2]."""
+    units = ("kg",) + 3 * ("kg m",) + 6 * ("kg m^2",)
+    head = ("method", "link", *(f"{name} [{unit}]" for name, unit in zip(PARAMETERS, units, strict=True)))
+    rows: list[tuple[Cell, ...]] = [
+        (method, body, *(float(one) for one in row))
+        for method, table in given.parameters.items()
+        for body, row in zip(given.model.body_names, table, strict=True)
+    ]
+    return Sheet(head, tuple(rows))
+
+
+def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
+    """Indices of the vertebrae of each group of [D] table 3.3 that a model has, at least two of them."""
+    found: dict[str, list[int]] = {}
+    for group, pattern in _SPINE:
+        members = [i for i, name in enumerate(bodies) if re.match(pattern, name.rsplit("__", 1)[-1], re.IGNORECASE)]
+        if len(members) > 1:
+            found[group] = members
+    return found
+
+
+def spine_sheet(given: IdentificationInput) -> Sheet:
+    """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3)."""
+    masses = given.masses
+    rows: list[tuple[Cell, ...]] = [
+        (group, len(members), *(float(np.std(one[members])) for one in masses.values()))
+        for group, members in spine_groups(given.model.body_names).items()
+    ]
+    return Sheet(("link group", "links", *(f"{name} [kg]" for name in masses)), tuple(rows))
+
+
+def segment_share(given: IdentificationInput, masses: Array, row: str, side: str) -> float | None:
+    """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link.
+
+    Parameters
+    ----------
+    masses : (bodies,) [kg]
+    side : "right" or "left", for segments that come in pairs
+    """
+    segments = segments_given(given)
+    members = [
+        i
+        for i, body in enumerate(given.model.body_names)
+        if body in segments and segments[body].name in _PARTS[row] and segments[body].side in ("", side)
+    ]
+    total = float(masses.sum())
+    return 100.0 * float(masses[members].sum()) / total if members and total > 0.0 else None
+
+
+def segment_sheet(given: IdentificationInput) -> Sheet:
+    """Segments' shares of the body's mass [%] beside athletes' ([D] table 3.4), right and left."""
+    masses = given.masses
+    head = ["segment", "athletes (Ae et al. 1992) [%]"]
+    head += [f"{name}, {side} [%]" for side in ("right", "left") for name in masses]
+    rows = [
+        (row, ATHLETES[row])
+        + tuple(segment_share(given, one, row, side) for side in ("right", "left") for one in masses.values())
+        for row in _PARTS
+    ]
+    return Sheet(tuple(head), tuple(rows))
+
+
+def link_sheet(given: IdentificationInput) -> Sheet:
+    """Segment of every link ([D] table 3.5), and how well it is known and whether it is possible."""
+    segments = segments_given(given)
+    checks = {one.link: one for one in given.checks}
+    rows: list[tuple[Cell, ...]] = []
+    for i, body in enumerate(given.model.body_names):
+        segment, check = segments.get(body), checks.get(body)
+        rows.append(
+            (
+                body,
+                "" if segment is None else segment.name,
+                "" if segment is None else segment.side,
+                float(given.share[i]) if len(given.share) else None,
+                None if check is None else check.mass,
+                None if check is None else check.least_eigenvalue,
+                None if check is None else "yes" if check.possible else "no",
+                None if check is None else check.reason,
+                ", ".join(given.from_shape.get(body, ())),
+            )
+        )
+    head = (
+        "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",
+        "possible", "reason", "parameters from the shape",
+    )  # fmt: skip
+    return Sheet(head, tuple(rows))
+
+
+def misfit_sheet(given: IdentificationInput) -> Sheet:
+    """Root mean square misfit of moment and force by every method, in the frames used and in those held out."""
+    rows: list[tuple[Cell, ...]] = [(name, float(one[0]), float(one[1])) for name, one in given.misfit.items()]
+    if given.held_out is not None:
+        rows.append((f"{given.chosen}, on parts held out", float(given.held_out[0]), float(given.held_out[1])))
+    return Sheet(("method", "moment [N m]", "force [N]"), tuple(rows))
+
+
+@dataclass(frozen=True)
+class WrenchError:
+    """Errors of one component by one method: mean and mean absolute, root mean square, largest [N m or N].
+
+    Attributes
+    ----------
+    share : root mean square over body weight, of forces [%]; of moments, over body weight times 1 m
+    """
+
+    component: str
+    method: str
+    mean: float
+    mean_absolute: float
+    rms: float
+    peak: float
+    share: float
+
+
+def wrench_errors(check: WrenchCheck) -> list[WrenchError]:
+    """Every component's error by every method, over the frames that both know."""
+    found = []
+    for method, errors in check.errors.items():
+        for component, column in zip(COMPONENTS, errors.T, strict=True):
+            known = column[np.isfinite(column)]
+            if not len(known):
+                continue
+            rms = float(np.sqrt(np.mean(known**2)))
+            found.append(
+                WrenchError(
+                    component,
+                    method,
+                    float(known.mean()),
+                    float(np.abs(known).mean()),
+                    rms,
+                    float(np.abs(known).max()),
+                    100.0 * rms / check.weight,
+                )
+            )
+    return found
+
+
+def validation_sheet(given: IdentificationInput) -> Sheet:
+    """Errors of the base wrench on motions not used ([D] figure 3.3), component by component."""
+    rows = [
+        (check.trial, one.component, one.method, one.mean, one.mean_absolute, one.rms, one.peak, one.share)
+        for check in given.validation
+        for one in wrench_errors(check)
+    ]
+    head = (
+        "motion", "component", "method", "mean error [N m, N]", "mean absolute error [N m, N]", "RMS error [N m, N]",
+        "largest error [N m, N]", "RMS error [% of body weight, or of body weight times 1 m]",
+    )  # fmt: skip
+    return Sheet(head, tuple(rows))
+
+
+def wrench_sheet(check: WrenchCheck) -> Sheet:
+    """The six components over time, measured and by every method: the curves of [D] figure 3.3."""
+    columns = {"measured": check.measured, **check.predicted}
+    units = ("N m",) * 3 + ("N",) * 3
+    head = [f"{one} {name} [{unit}]" for name in columns for one, unit in zip(COMPONENTS, units, strict=True)]
+    values = np.hstack([check.time[:, None], *columns.values()])
+    return Sheet(("time [s]", *head), tuple(tuple(float(one) for one in row) for row in values))
+
+
+def base_sheet(given: IdentificationInput) -> Sheet:
+    """Base parameters with their standard deviations."""
+    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "shown by the motion")
+    if given.base is None:
+        return Sheet(head, ())
+    base = given.base
+    rows = [
+        (name, float(value), float(abs(value) * relative), float(relative), "yes" if shown else "no")
+        for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True)
+    ]
+    return Sheet(head, tuple(rows))
+
+
+def length_sheet(given: IdentificationInput) -> Sheet:
+    """Link lengths before and after calibration, and their standard deviations [m]."""
+    lengths = () if given.calibration is None else given.calibration.lengths
+    head = ("length", "before [m]", "after [m]", "standard deviation [m]")
+    return Sheet(head, tuple((one.name, one.before, one.after, one.sd) for one in lengths))
+
+
+def marker_sheet(given: IdentificationInput) -> Sheet:
+    """How far calibration moved each marker on its body [m]."""
+    moved = {} if given.calibration is None else given.calibration.markers
+    bodies = {one.name: one.body for one in given.model.markers}
+    return Sheet(
+        ("marker", "body", "moved by [m]"), tuple((name, bodies.get(name, ""), far) for name, far in moved.items())
+    )
+
+
+def trial_sheet(given: IdentificationInput) -> Sheet:
+    """Marker errors before and after calibration, trial by trial [m]."""
+    errors = () if given.calibration is None else given.calibration.errors
+    head = ("trial", "used for calibration", "RMS before [m]", "RMS after [m]")
+    return Sheet(head, tuple((one.trial, "yes" if one.used else "no", one.before, one.after) for one in errors))
+
+
+def identification_tables(given: IdentificationInput) -> dict[str, Sheet]:
+    """Every table that was given something, by the name of the file to write it to."""
+    found = {
+        "masses.csv": mass_sheet(given) if given.parameters else None,
+        "parameters.csv": parameter_sheet(given) if given.parameters else None,
+        "spine.csv": spine_sheet(given) if given.parameters else None,
+        "segments.csv": segment_sheet(given) if given.parameters and segments_given(given) else None,
+        "links.csv": link_sheet(given),
+        "misfit.csv": misfit_sheet(given),
+        "base_parameters.csv": base_sheet(given),
+        "cross_validation.csv": validation_sheet(given),
+        "lengths.csv": length_sheet(given),
+        "markers.csv": marker_sheet(given),
+        "marker_errors.csv": trial_sheet(given),
+    }
+    for i, check in enumerate(given.validation):
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", check.trial)
+        found[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)
+    return {name: sheet for name, sheet in found.items() if sheet is not None and sheet.rows}

@@ -1,0 +1,305 @@
+"""The analysis of a motion: who moves, where the center of gravity goes, what touches, when, and what goes together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.lagged import Correlations, correlate
+from myomorph.analysis.limb_muscles import named_muscles
+from myomorph.analysis.locking import Locking, lock
+from myomorph.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
+from myomorph.analysis.periodicity import NONE, Periodicity, find_period
+from myomorph.analysis.presets import Preset, fitting_preset, preset_of
+from myomorph.analysis.selection import Pair
+from myomorph.analysis.subjects import Subject, centroids, lowest_joint, standing_height, subjects
+from myomorph.model.contacts import Contacts
+from myomorph.model.series import Motion, Series
+from myomorph.model.spatial import Array
+from myomorph.report.charts.contact_graph import Limb, limb_states, measured_contacts, solved_contacts
+from myomorph.report.trial.figures import axis_names, weighted
+from myomorph.report.trial.prepared import Prepared
+
+STILL_TIME, STILL_SPEED, STILL_SHARE = 0.5, 0.03, 0.05
+MOST_FRAMES = 20000
+STEP_TIME = 0.1
+PERSONS = ("third", "second", "fourth")
+NEARLY = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One subject in the analysis.
+
+    Attributes
+    ----------
+    center : center of gravity along `axis_names(up)`, vertical first, (frames, 3) [m]
+    standing : height of the center of gravity over the lowest joint in the model's default posture, and its mean
+        height over the lowest joint of the motion [m]
+    still : mean height while the recording begins at rest [m], nan where it does not
+    periods : of the three columns of `center`
+    muscles : of the preset, as far as the model has them
+    lacking : the others
+    """
+
+    who: Subject
+    center: Series
+    standing: tuple[float, float]
+    still: float
+    periods: tuple[Periodicity, ...]
+    muscles: tuple[Pair, ...]
+    lacking: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionAnalysis:
+    """What the panels show.
+
+    Attributes
+    ----------
+    chosen : whether the user named the preset
+    axes : names of the columns of centers of gravity
+    limbs, touching : what can touch, and (frames, limbs) whether it does, at `time`
+    activations : (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
+    measures : of every stage, of the first person
+    relations : rows contacts and muscles, columns `axes`, of the first person
+    rhythm : the axis with the clearest of the longest periods of the first person, -1 where none repeats
+    locking : contacts and muscles against that period, None where it comes too seldom
+    """
+
+    preset: Preset
+    chosen: bool
+    span: tuple[float, float]
+    axes: tuple[str, ...]
+    persons: tuple[Person, ...]
+    contacts: Contacts | None
+    limbs: tuple[Limb, ...]
+    time: Array
+    touching: np.ndarray | None
+    cutting: Cutting
+    activations: Series | None
+    measures: tuple[StageMeasures, ...]
+    relations: Correlations | None
+    rhythm: int
+    locking: Locking | None
+
+    @property
+    def who(self) -> tuple[Subject, ...]:
+        """Subjects and objects."""
+        return tuple(one.who for one in self.persons)
+
+
+def analyse(prepared: Prepared) -> MotionAnalysis | None:
+    """The analysis of what was given; None where neither a center of gravity nor contacts are known."""
+    given = prepared.given
+    contacts = _contacts(prepared)
+    who = subjects(given.model) if given.model is not None and prepared.centroid is not None else ()
+    if not who and (contacts is None or not contacts.touches):
+        return None
+    sources = tuple({one.source for one in contacts.touches}) if contacts is not None else ()
+    people = sum(1 for one in who if one.muscles)
+    clock = _clock(prepared)
+    limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
+    walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
+    preset = preset_of(given.preset) if given.preset else fitting_preset(walks, sources, people, len(who) > people > 0)
+    persons = _persons(prepared, who, preset)
+    rhythm = _rhythm(persons)
+    period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
+    nothing = "no plate loaded" if sources == ("plates",) else "no contact"
+    cutting = cut(
+        Cuttable(prepared.span, clock, prepared.events, tuple(one.label for one in limbs), touching, nothing, period),
+        preset.cuts,
+        given.phases,
+    )
+    activations = _activations(prepared, persons)
+    center = persons[0].center if persons else None
+    own = _of_first(activations, persons)
+    measures = tuple(measure(stage, center, own, clock, touching) for stage in cutting.stages)
+    relations, locking = None, None
+    rows = _rows(own, clock, limbs, touching)
+    if center is not None and rows is not None and len(rows) > 1:
+        moved = leveled(center)
+        relations = correlate(rows, moved)
+        if rhythm >= 0:
+            locking = lock(
+                rows, Series(moved.time, moved.names[rhythm : rhythm + 1], moved.values[:, [rhythm]]), period
+            )
+    return MotionAnalysis(
+        preset,
+        bool(given.preset),
+        prepared.span,
+        tuple(axis_names(prepared.up)[1]),
+        persons,
+        contacts,
+        limbs,
+        clock,
+        touching,
+        cutting,
+        activations,
+        measures,
+        relations,
+        rhythm,
+        locking,
+    )
+
+
+def _contacts(prepared: Prepared) -> Contacts | None:
+    given = prepared.given
+    if given.contacts is not None:
+        return given.contacts
+    if given.contact_forces is not None and given.contact_forces.sites:
+        return solved_contacts(given.contact_forces)
+    if given.wrenches is not None and len(given.wrenches.names):
+        return measured_contacts(given.wrenches, prepared.up, prepared.weight)
+    return None
+
+
+def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) -> bool:
+    """Whether the right foot and the left one each stand alone for a while, as in steps and not in rising."""
+    if touching is None or len(time) < 2:
+        return False
+    alone = touching.sum(axis=1) == 1
+    step = float(np.median(np.diff(time)))
+    stood = {one.side: step * float((alone & on).sum()) for one, on in zip(limbs, touching.T, strict=True)}
+    return all(stood.get(side, 0.0) > STEP_TIME for side in ("right", "left"))
+
+
+def _clock(prepared: Prepared) -> Array:
+    if prepared.centroid is not None:
+        return prepared.centroid.time
+    wrenches = prepared.given.wrenches
+    if wrenches is not None and len(wrenches) > 1:
+        return wrenches.time[:: max(1, len(wrenches) // MOST_FRAMES)]
+    return np.linspace(*prepared.span, 1001)
+
+
+def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tuple[Person, ...]:
+    given, motion = prepared.given, prepared.given.kinematics
+    if given.model is None or motion is None or prepared.centroid is None or not who:
+        return ()
+    thinned = _thinned(motion)
+    centers = (prepared.centroid,) if len(who) == 1 else centroids(given.model, thinned, who)
+    vectors = np.stack(axis_names(prepared.up)[0])
+    names = given.tension.muscles if given.tension is not None else ()
+    found = []
+    for one, center in zip(who, centers, strict=True):
+        own = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
+        lowest = lowest_joint(given.model, thinned, one, prepared.up)
+        height = float(np.nanmean(own.values[:, 0])) if np.isfinite(own.values[:, 0]).any() else float("nan")
+        muscles, lacking = named_muscles(
+            [name for name in names if name in set(one.muscles)], preset.muscles if one.muscles else (), one.prefix
+        )
+        periods = tuple(find_period(own.time, column) if len(own) > 8 else NONE for column in own.values.T)
+        standing = standing_height(given.model, one, prepared.up), height - lowest
+        found.append(Person(one, own, standing, _still(own), periods, muscles, lacking))
+    return tuple(found)
+
+
+def _thinned(motion: Motion) -> Motion:
+    step = -(-len(motion) // MOST_FRAMES)
+    return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
+
+
+def _still(center: Series) -> float:
+    """Mean height over the first half second, where the center of gravity hardly moves then."""
+    first = center.time <= center.time[0] + STILL_TIME
+    part = center.values[first]
+    if first.all() or len(part) < 3 or not np.isfinite(part).all():
+        return float("nan")
+    moved = float(np.ptp(part, axis=0).max())
+    least = min(STILL_SPEED * STILL_TIME, STILL_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
+    return float(part[:, 0].mean()) if moved < least else float("nan")
+
+
+def _rhythm(persons: tuple[Person, ...]) -> int:
+    """Of the axes of the first person's center of gravity with the longest periods the clearest; -1 for none."""
+    periods = [one.period if one.periodic else 0.0 for one in persons[0].periods] if persons else [0.0]
+    longest = [one > NEARLY * max(periods) > 0.0 for one in periods]
+    alike = [one.likeness for one in persons[0].periods] if persons else []
+    return int(np.argmax(np.where(longest, alike, -1.0))) if any(longest) else -1
+
+
+def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:
+    tension, model = prepared.given.tension, prepared.given.model
+    if tension is None or not len(tension.time):
+        return None
+    series = Series(tension.time, tension.muscles, tension.activations)
+    strengths = {} if model is None else {one.name: one.max_isometric_force for one in model.muscles}
+    names, columns = [], []
+    for person in persons:
+        for pair in person.muscles:
+            for side, members in pair.members.items():
+                mean = weighted(series, members, strengths)
+                if mean is not None:
+                    names.append(column_name(person, pair, side))
+                    columns.append(mean)
+    return Series(tension.time, tuple(names), np.stack(columns, axis=1)) if columns else None
+
+
+def column_name(person: Person, pair: Pair, side: str) -> str:
+    """Name of a muscle's column in `MotionAnalysis.activations`."""
+    return ", ".join(one for one in (person.who.name, pair.label, side) if one)
+
+
+def _of_first(activations: Series | None, persons: tuple[Person, ...]) -> Series | None:
+    """Columns of the first person, without the person's name."""
+    if activations is None or not persons:
+        return None
+    labels = [
+        (column_name(persons[0], pair, side), f"{pair.label}, {side}" if side else pair.label)
+        for pair in persons[0].muscles
+        for side in pair.members
+    ]
+    kept = [(name, label) for name, label in labels if name in activations.names]
+    values = np.stack([activations[name] for name, _ in kept], axis=1) if kept else np.zeros((len(activations), 0))
+    return Series(activations.time, tuple(label for _, label in kept), values)
+
+
+def _rows(
+    activations: Series | None, clock: Array, limbs: tuple[Limb, ...], touching: np.ndarray | None
+) -> Series | None:
+    """Contacts that change and muscles as columns of one series."""
+    rows: list[Series] = []
+    state = np.zeros((1, 0), dtype=bool) if touching is None else touching
+    changing = np.asarray(state.any(axis=0) & ~state.all(axis=0))
+    if touching is not None and changing.any():
+        names = tuple(one.label for one, changes in zip(limbs, changing, strict=True) if changes)
+        rows.append(Series(clock, names, touching[:, changing].astype(np.float64)))
+    if activations is not None and activations.names:
+        rows.append(activations)
+    return rows[0] if len(rows) == 1 else _joined(rows) if rows else None
+
+
+def _joined(rows: list[Series]) -> Series:
+    """Columns of several series at the last one's times within all."""
+    last = rows[-1]
+    inside = np.ones(len(last), dtype=bool)
+    for one in rows:
+        inside &= (last.time >= one.time[0] - 1e-9) & (last.time <= one.time[-1] + 1e-9)
+    time = last.time[inside]
+    columns = [np.interp(time, one.time, column) for one in rows for column in one.values.T]
+    names = tuple(name for one in rows for name in one.names)
+    return Series(time, names, np.stack(columns, axis=1) if len(time) else np.zeros((0, len(names))))
+
+
+def leveled(series: Series) -> Series:
+    """Every column less its straight line: walking forward is no relation."""
+    values = np.array(series.values)
+    for column in values.T:
+        known = np.isfinite(column)
+        if known.sum() > 2:
+            x = series.time - series.time[0]
+            fit = np.polynomial.polynomial.polyfit(x[known], column[known], 1)
+            column -= fit[0] + fit[1] * x
+    return Series(series.time, series.names, values)
+
+
+def person_styles(analysis: MotionAnalysis) -> list[str]:
+    """Style of every person's lines."""
+    return [PERSONS[i % 3] for i in range(len(analysis.persons))] if len(analysis.persons) > 1 else ["middle"]
+
+
+def person_legend(analysis: MotionAnalysis) -> list[tuple[str, str]]:
+    """Styles and names of the persons."""
+    return [(style, one.who.name) for one, style in zip(analysis.persons, person_styles(analysis), strict=True)]

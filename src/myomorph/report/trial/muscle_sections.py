@@ -1,0 +1,169 @@
+"""The sections on muscles: activations, tensions, EMG and lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.analysis.selection import Pair, major_muscles
+from myomorph.model.series import Series
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import Array
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.columns import extremes
+from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
+from myomorph.report.trial.prepared import Prepared
+from myomorph.report.trial.tables import few
+
+
+def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
+    """Measured channels on the muscles of a pair: side, time and envelope."""
+    emg = prepared.given.emg
+    if emg is None:
+        return []
+    found = []
+    for channel, muscles in prepared.given.emg_muscles.items():
+        if channel not in emg.names:
+            continue
+        for side, members in pair.members.items():
+            if set(members) & set(muscles):
+                found.append((side, emg.time, emg[channel]))
+    return found
+
+
+def matched_emg(prepared: Prepared) -> bool:
+    """Whether the muscles of some EMG channel are known."""
+    emg = prepared.given.emg
+    return emg is not None and any(name in emg.names for name in prepared.given.emg_muscles)
+
+
+def activation_section(prepared: Prepared) -> Section | None:
+    """Sixteen muscles on both sides, EMG behind where it was measured on them."""
+    given = prepared.given
+    if given.tension is None or not len(given.tension.time):
+        return None
+    tension = given.tension
+    series = Series(tension.time, tension.muscles, tension.activations)
+    mean = np.nanmean(tension.forces, axis=0) if len(tension.forces) else None
+    strengths = {} if given.model is None else {one.name: one.max_isometric_force for one in given.model.muscles}
+    chosen = major_muscles(tension.muscles, mean)
+    figures = tuple(
+        Figure(
+            activation_panel(
+                pair,
+                tension.muscles,
+                strengths,
+                series,
+                prepared.detail,
+                prepared.events,
+                emg_of(prepared, pair),
+                given.truth.activations if given.truth else None,
+            ),
+            "quarter",
+        )
+        for pair in chosen
+    )
+    several = any(len(members) > 1 for pair in chosen for members in pair.members.values())
+    lead = f"{len(chosen)} of {len(tension.muscles)} muscles"
+    lead += "; of a muscle in parts, the mean weighted by strength" if several else ""
+    legend = SIDES_LEGEND
+    if matched_emg(prepared):
+        lead += ". EMG envelopes are scaled as they were given; their size is not comparable to activation"
+        legend += (("emg", "EMG"),)
+    if given.truth and given.truth.activations is not None:
+        legend += (("truth", "truth"),)
+    return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, figures)
+
+
+def tension_section(prepared: Prepared) -> Section | None:
+    """All muscles at once, and the largest in a table."""
+    tension = prepared.given.tension
+    if tension is None or not len(tension.time) or not len(tension.muscles):
+        return None
+    drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
+    forces = Series(tension.time, tension.muscles, tension.forces)
+    strength = (
+        {}
+        if prepared.given.model is None
+        else {one.name: one.max_isometric_force for one in prepared.given.model.muscles}
+    )
+    rows = []
+    for row in sorted(extremes(forces), key=lambda one: -one.high):
+        column = tension.activations[:, tension.muscles.index(row.name)]
+        most = strength.get(row.name, 0.0)
+        rows.append(
+            (
+                row.name,
+                f"{number(row.high)} N",
+                f"{number(row.high_time, 0.001)} s",
+                f"{number(float(np.nanmean(forces[row.name])))} N",
+                f"{number(100 * row.high / most)} %" if most > 0 else "–",
+                number(float(np.nanmax(column))),
+            )
+        )
+    head = ("Muscle", "Largest tension", "at", "Mean", "of its maximum isometric force", "Largest activation")
+    return Section(
+        "tensions",
+        "Muscle tensions",
+        "Force along the tendon of every muscle, from hip to ankle on each side. In long recordings every column "
+        "shows the largest of the frames it stands for.",
+        (),
+        (Figure(drawing, "full"),),
+        (Grid(head, tuple(rows), f"All {len(rows)} muscles, strongest pull first", True),),
+    )
+
+
+def emg_section(prepared: Prepared) -> Section | None:
+    """Channels whose muscle is not known, or not among those drawn above."""
+    emg = prepared.given.emg
+    if emg is None:
+        return None
+    drawn: set[str] = set()
+    if prepared.given.tension is not None:
+        chosen = major_muscles(prepared.given.tension.muscles, None)
+        shown = {name for pair in chosen for name in pair.names}
+        drawn = {one for one, muscles in prepared.given.emg_muscles.items() if shown & set(muscles)}
+    left = [name for name in emg.names if name not in drawn]
+    if not left:
+        return None
+    unknown = [name for name in left if name not in prepared.given.emg_muscles]
+    lead = "Envelopes as measured."
+    if unknown:
+        lead += f" The recording does not say which muscle these are, and none is claimed: {few(unknown, 16)}."
+    figures = tuple(
+        Figure(
+            emg_panel(
+                name + (f" ({few(prepared.given.emg_muscles[name])})" if name in prepared.given.emg_muscles else ""),
+                emg.time,
+                emg[name],
+                prepared.detail,
+                prepared.events,
+            ),
+            "quarter",
+        )
+        for name in left[:32]
+    )
+    return Section("emg", "EMG", lead, (), figures)
+
+
+def length_section(prepared: Prepared) -> Section | None:
+    """Muscle-tendon lengths, where tensions were not solved."""
+    given = prepared.given
+    if given.lengths is None or given.tension is not None or not len(given.lengths):
+        return None
+    chosen = major_muscles(given.lengths.names, None)
+    figures = tuple(
+        Figure(
+            pair_panel(pair.label, "mm", _first_parts(pair), given.lengths, prepared.detail, prepared.events, 1000.0),
+            "small",
+        )
+        for pair in chosen
+    )
+    return Section("lengths", "Muscle-tendon lengths", "From origin to insertion around bones.", SIDES_LEGEND, figures)
+
+
+def _first_parts(pair: Pair) -> Pair:
+    members = {side: names[:1] for side, names in pair.members.items()}
+    several = any(len(names) > 1 for names in pair.members.values())
+    part = split_side(next(iter(members.values()))[0])[0]
+    return Pair(f"{pair.label} ({part})" if several else pair.label, members)

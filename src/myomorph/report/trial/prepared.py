@@ -1,0 +1,182 @@
+"""What several sections need, worked out once from what was given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.centroid import centroid
+from myomorph.analysis.phases import Movement, find_movement
+from myomorph.model.series import Event, Motion, Series
+from myomorph.model.spatial import Array
+from myomorph.report.trial.estimated_forces import contact_verdicts
+from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.tables import (
+    Verdict,
+    body_scale,
+    gap_verdicts,
+    marker_verdicts,
+    range_verdicts,
+    reserve_verdicts,
+    residual_verdicts,
+    saturation_verdicts,
+    stretch_verdict,
+    unsolved_verdict,
+)
+
+MOST_CENTROID_FRAMES = 40000
+LONGEST_PLAY = 7.5
+LONGEST_WHOLE = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """The given parts with what follows from them.
+
+    Attributes
+    ----------
+    up : against gravity, (3,)
+    span : first and last time of the report [s]
+    movement : kind, events and measures
+    centroid : center of mass over time, or None
+    floor : height of the ground along `up` [m]
+    weight : of the body [N], None if unknown
+    scale : of the body against an adult, for limits
+    verdicts : everything held against a limit
+    """
+
+    given: ReportInput
+    up: Array
+    span: tuple[float, float]
+    movement: Movement
+    centroid: Series | None
+    floor: float
+    weight: float | None
+    scale: float
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Events within the span."""
+        return tuple(one for one in self.movement.events if self.span[0] <= one.time <= self.span[1])
+
+    @property
+    def played(self) -> tuple[float, float]:
+        """What is played: a short recording whole, of a long one some seconds around its events [s]."""
+        start, stop = self.span
+        if self.events:
+            start, stop = max(start, self.events[0].time - 0.5), min(stop, self.events[-1].time + 1.0)
+        if stop - start > LONGEST_PLAY:
+            middle = (start + stop) / 2
+            start, stop = middle - LONGEST_PLAY / 2, middle + LONGEST_PLAY / 2
+        return start, stop
+
+    @property
+    def detail(self) -> tuple[float, float]:
+        """What charts show: the whole, or of a long recording the part that is played [s]."""
+        return self.span if self.span[1] - self.span[0] <= LONGEST_WHOLE else self.played
+
+    @property
+    def detail_note(self) -> str:
+        """A sentence for charts that show a part, else ""."""
+        if self.detail == self.span:
+            return ""
+        first, last = self.detail
+        return (
+            f" Charts show {first:.1f} to {last:.1f} s, the part that plays above, of a recording of "
+            f"{self.span[1] - self.span[0]:.0f} s; tables cover all of it."
+        )
+
+    @property
+    def center_height(self) -> float:
+        """Mean height of the center of mass over the ground [m], nan if unknown."""
+        if self.centroid is None or not np.isfinite(self.centroid.values).any():
+            return float("nan")
+        return float(np.nanmean(self.centroid.values @ self.up)) - self.floor
+
+
+def prepare(given: ReportInput) -> Prepared:
+    """Span, events, center of mass and verdicts of what was given."""
+    up = np.array([0.0, 1.0, 0.0]) if given.model is None else given.model.up
+    span = _span(given)
+    motion = given.kinematics
+    com = None
+    if given.model is not None and motion is not None and len(motion) and given.model.mass > 0.0:
+        com = centroid(given.model, _thinned(motion))
+    weight = None
+    if given.model is not None and given.model.mass > 0.0 and np.any(given.model.gravity):
+        weight = given.model.weight
+    # A model of part of a body does not weigh what stands on the plates.
+    whole = weight if not given.root_note else None
+    movement = Movement()
+    pressing = given.wrenches
+    if pressing is None and given.contact_forces is not None:
+        pressing = given.contact_forces.wrenches()
+    if pressing is not None and len(pressing.names):
+        movement = find_movement(pressing, up, whole, com)
+    if given.events is not None:
+        kind = movement.kind if not given.events else movement.kind or "movement"
+        movement = Movement(kind, tuple(sorted(given.events, key=lambda one: one.time)), movement.measures)
+    floor = _floor(given, up)
+    partial = Prepared(given, up, span, movement, com, floor, whole, body_scale(given.markers), ())
+    return Prepared(given, up, span, movement, com, floor, whole, partial.scale, tuple(_verdicts(partial)))
+
+
+def _span(given: ReportInput) -> tuple[float, float]:
+    for one in (given.kinematics, given.torques, given.tension, given.markers, given.wrenches, given.emg):
+        if one is not None and len(one.time):
+            return float(one.time[0]), float(one.time[-1])
+    return 0.0, 1.0
+
+
+def _thinned(motion: Motion) -> Motion:
+    """Every few frames of a long motion: the center of mass is drawn, not computed with."""
+    step = -(-len(motion) // MOST_CENTROID_FRAMES)
+    if step <= 1:
+        return motion
+    return Motion(motion.time[::step], motion.names, motion.values[::step])
+
+
+def _floor(given: ReportInput, up: Array) -> float:
+    """Height of the ground: the plates', else of loaded points of application, else zero."""
+    if given.plates:
+        return float(np.mean([plate.corners @ up for plate in given.plates]))
+    if given.wrenches is not None and len(given.wrenches.names):
+        loaded = np.nan_to_num(given.wrenches.forces @ up)
+        points = given.wrenches.points @ up
+        shown = points[(loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)) & np.isfinite(points)]
+        if shown.size:
+            return float(np.median(shown))
+    return 0.0
+
+
+def _verdicts(prepared: Prepared) -> list[Verdict]:
+    given = prepared.given
+    rows: list[Verdict] = []
+    if given.fit is not None:
+        rows += marker_verdicts(given.fit, prepared.scale)
+    if given.markers is not None:
+        rows += gap_verdicts(given.markers)
+    if given.model is not None and given.kinematics is not None and len(given.kinematics):
+        rows += range_verdicts(given.model, given.kinematics)
+    judged = given.torques is not None and given.wrenches is not None and not given.root_note
+    # What contacts were solved for is still in the torques of inverse dynamics.
+    judged = judged and given.contact_forces is None
+    if judged and given.model is not None and given.torques is not None and given.wrenches is not None:
+        height = prepared.center_height
+        if np.isfinite(height) and height > 0:
+            rows += residual_verdicts(given.model, given.torques, given.wrenches, height)
+    rows += contact_verdicts(given, prepared.center_height)
+    if given.tension is not None:
+        tension = given.tension
+        rows.append(unsolved_verdict(tension.solved, tension.time))
+        if given.model is not None and given.torques is not None:
+            rows += reserve_verdicts(
+                given.model, given.torques, tension.reserve_coordinates, tension.reserves, tension.time, given.driven
+            )
+        bounds = {} if given.model is None else {one.name: one.max_activation for one in given.model.muscles}
+        most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
+        rows.append(stretch_verdict(given.overstretched, len(tension.muscles)))
+        rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
+    return rows

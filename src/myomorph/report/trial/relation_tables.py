@@ -1,0 +1,209 @@
+"""Phases and relations of a motion: tables of what each phase is like and of what goes with what."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+
+import numpy as np
+
+from myomorph.analysis.lagged import Correlations
+from myomorph.analysis.locking import Locking
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.sided_table import Cell, sided_table
+from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.trial.motion_analysis import MotionAnalysis, Person
+
+MOST_COLUMNS = 10
+CUT_WORDS = {
+    "given": "Phases are those given.",
+    "events": "Phases lie between events.",
+    "contacts": "Phases are cut where the contacts change; what always touches is not named.",
+    "cycles": "Phases are the periods of the center of gravity.",
+    "parts": "Nothing cuts this motion, so phases are four equal parts.",
+}
+
+
+def cut_words(analysis: MotionAnalysis) -> str:
+    """How a motion was cut, in words; "" where it was not."""
+    return CUT_WORDS.get(analysis.cutting.by, "")
+
+
+def phase_section(analysis: MotionAnalysis) -> Section | None:
+    """What every phase is like, and how active each muscle is in it."""
+    if not analysis.measures:
+        return None
+    figures = []
+    if analysis.persons and analysis.activations is not None and analysis.persons[0].muscles:
+        figures.append(Figure(_activity(analysis, analysis.persons[0]), "full"))
+    who = analysis.persons[0].who.name if analysis.persons else ""
+    lead = cut_words(analysis)
+    if any(len(one.stage.phases) > 1 for one in analysis.measures):
+        lead += " Those with the same contacts are taken together; range and variance are those within one."
+    if who:
+        lead += f" Center of gravity and muscles are those of {who}."
+    grids = (_center_grid(analysis), _doing_grid(analysis))
+    return Section("phases", "Phases", lead, (), tuple(figures), tuple(one for one in grids if one.rows))
+
+
+def _center_grid(analysis: MotionAnalysis) -> Grid:
+    """When every phase is, and its center of gravity."""
+    total = sum(one.stage.duration for one in analysis.measures)
+    head = ["Phase", "From – to", "Lasts"]
+    short = ", ".join(axis.rpartition("(")[2].rstrip(")") for axis in analysis.axes)
+    if analysis.persons:
+        head += ["Mean height", f"Range {short}", f"Variance {short}"]
+    rows = []
+    for one in analysis.measures:
+        phases = one.stage.phases
+        when = f"{number(phases[0].start, 0.01)} – {number(phases[0].stop, 0.01)} s"
+        cells = [
+            one.stage.name,
+            when if len(phases) == 1 else f"{len(phases)} times",
+            f"{number(one.stage.duration)} s ({100 * one.stage.duration / total:.0f} %)",
+        ]
+        if analysis.persons:
+            cells.append(f"{number(float(one.mean[0]), 0.001)} m")
+            cells.append(", ".join(number(1000 * float(value)) for value in one.range) + " mm")
+            cells.append(", ".join(number(1e6 * float(value)) for value in one.variance) + " mm²")
+        rows.append(tuple(cells))
+    return Grid(tuple(head), tuple(rows), "Center of gravity by phase")
+
+
+def _doing_grid(analysis: MotionAnalysis) -> Grid:
+    """Muscles and contacts of every phase; without rows where neither tells anything."""
+    muscles = analysis.activations is not None and bool(analysis.persons) and bool(analysis.persons[0].muscles)
+    touching = bool(analysis.limbs) and analysis.cutting.by != "contacts"
+    head = ["Phase"]
+    head += ["Mean activation", "Largest", "Most active on average"] if muscles else []
+    head += ["Share of its time in contact"] if touching else []
+    names = [
+        f"{pair.label}, {side}" if side else pair.label
+        for person in analysis.persons[:1]
+        for pair in person.muscles
+        for side in pair.members
+    ]
+    rows = []
+    for one in analysis.measures if muscles or touching else ():
+        cells = [one.stage.name]
+        if muscles:
+            cells += [number(one.activity), number(one.peak), names[one.strongest] if one.strongest >= 0 else "–"]
+        if touching:
+            shares = [
+                f"{limb.label} {100 * share:.0f} %"
+                for limb, share in zip(analysis.limbs, one.contact, strict=True)
+                if np.isfinite(share) and share >= 0.005
+            ]
+            cells.append(", ".join(shares) or "nothing touches")
+        rows.append(tuple(cells))
+    return Grid(tuple(head), tuple(rows), "Muscles and contacts by phase" if touching else "Muscles by phase")
+
+
+def _activity(analysis: MotionAnalysis, person: Person) -> str:
+    """Mean activation of every muscle in every phase."""
+    series = analysis.activations
+    assert series is not None
+    stages = [one.stage for one in analysis.measures][:MOST_COLUMNS]
+    inside = [stage.inside(series.time) for stage in stages]
+    peak = 1e-9
+    values: dict[tuple[int, int, str], float] = {}
+    for i, pair in enumerate(person.muscles):
+        for side in pair.members:
+            name = ", ".join(one for one in (person.who.name, pair.label, side) if one)
+            for j, rows in enumerate(inside):
+                column = series[name][rows]
+                mean = float(np.nanmean(column)) if np.isfinite(column).any() else float("nan")
+                values[i, j, side] = mean
+                peak = max(peak, 0.0 if np.isnan(mean) else mean)
+    table = []
+    for i, pair in enumerate(person.muscles):
+        sides = ("right", "left") if set(pair.members) & {"right", "left"} else ("",)
+        cells = []
+        for j, stage in enumerate(stages):
+            row = []
+            for side in sides:
+                mean = values.get((i, j, side), float("nan"))
+                told = f"{pair.label} {side}, {stage.name}: {number(mean)}"
+                row.append(None if side not in pair.members else Cell(mean / peak, number(mean, 0.01), told))
+            cells.append(tuple(row))
+        table.append((pair.label, tuple(cells)))
+    title = "Mean activation by phase"
+    return sided_table(title, "the deeper the more active", [one.name for one in stages], table)
+
+
+def relation_section(analysis: MotionAnalysis) -> Section | None:
+    """What contacts and muscles have to do with the center of gravity."""
+    found = analysis.relations
+    if found is None or not np.isfinite(found.values).any():
+        return None
+    rows: dict[str, dict[str, int]] = {}
+    for i, name in enumerate(found.rows):
+        label, side = _split(name, {one.label for one in analysis.limbs})
+        rows.setdefault(label, {})[side] = i
+    locking, columns = analysis.locking, list(found.columns)
+    if locking is not None:
+        period = analysis.persons[0].periods[analysis.rhythm].period
+        columns.append(f"rhythm of {analysis.axes[analysis.rhythm]}, {number(period)} s")
+    table = []
+    for label, sides in rows.items():
+        order = ("right", "left") if set(sides) & {"right", "left"} else ("",)
+        cells = [
+            tuple(_cell(found, sides[side], j) if side in sides else None for side in order)
+            for j in range(len(found.columns))
+        ]
+        if locking is not None:
+            cells.append(tuple(_step(locking, found.rows[sides[side]]) if side in sides else None for side in order))
+        table.append((label, tuple(cells)))
+    drawing = sided_table("Correlation", "r · lag", columns, table)
+    return Section("relations", "What goes together", _relation_lead(analysis, found), (), (Figure(drawing, "full"),))
+
+
+def _relation_lead(analysis: MotionAnalysis, found: Correlations) -> str:
+    count, total = int(found.related.sum()), int(np.isfinite(found.values).sum())
+    told = [
+        "Correlation of contacts and activations with the center of gravity (its straight line taken off) at the lag "
+        "where it is strongest; a positive lag: contact or muscle follows the center of gravity.",
+        f"{count} of {total} pairs stand out from chance and are colored: neighbouring samples are not counted as "
+        "independent, and of all pairs called related one in twenty may be so by chance."
+        if count
+        else f"None of {total} pairs stands out from chance: the recording is too short, or too slow, to tell.",
+    ]
+    if analysis.locking is not None:
+        locking = analysis.locking
+        told.append(
+            f"Last column: how firmly each keeps the rhythm of the center of gravity over {locking.cycles} periods (1: "
+            "at the same point of every period), and how late in the period it comes; "
+            f"{int(locking.locked.sum())} of {len(locking.names)} keep it. "
+            "What keeps one rhythm need not be cause and effect."
+        )
+    return " ".join(told)
+
+
+def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
+    """Label and side of a row: of "Soleus, right" as of "right foot" and "tori left foot"."""
+    if name not in limbs:
+        label, comma, side = name.rpartition(", ")
+        return (label, side) if comma and side in ("right", "left") else (name, "")
+    words = name.split()
+    side = next((word for word in words if word in ("right", "left")), "")
+    told = " ".join(word for word in words if word != side)
+    return f"{told[:1].upper() + told[1:]} touches", side
+
+
+def _cell(found: Correlations, i: int, j: int) -> Cell:
+    value, lag = float(found.values[i, j]), float(found.lags[i, j])
+    told = (
+        f"{found.rows[i]} and {found.columns[j]}: r = {number(value)} at {number(lag, 0.01)} s, "
+        f"{number(float(found.freedom[i, j]))} independent samples, chance {number(float(found.chance[i, j]))}"
+    )
+    if not found.related[i, j]:
+        return Cell(float("nan"), number(value, 0.01), told)
+    return Cell(value, f"{number(value, 0.01)} · {number(lag, 0.01)} s", told)
+
+
+def _step(locking: Locking, name: str) -> Cell:
+    k = locking.names.index(name)
+    strength, delay = float(locking.strength[k]), float(locking.delay[k])
+    told = f"{name}: {number(strength)} over {locking.cycles} periods, chance {number(float(locking.chance[k]))}"
+    if not locking.locked[k]:
+        return Cell(float("nan"), number(strength, 0.01), told)
+    return Cell(strength, f"{number(strength, 0.01)} · {100 * delay:.0f} %", told)

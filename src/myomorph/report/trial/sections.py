@@ -1,0 +1,227 @@
+"""The parts of the page in order: each a heading, figures and tables, or a word on what is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.analysis.selection import coordinate_pairs
+from myomorph.model.series import Series
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.columns import extremes
+from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.trial.figures import (
+    centroid_figures,
+    force_figures,
+    marker_figures,
+    moment_scale,
+    pair_panel,
+    pressure_figure,
+    residual_figures,
+)
+from myomorph.report.trial.identification import identification_sections
+from myomorph.report.trial.length_section import length_cycle_section
+from myomorph.report.trial.muscle_sections import (
+    activation_section,
+    emg_section,
+    length_section,
+    matched_emg,
+    tension_section,
+)
+from myomorph.report.trial.prepared import Prepared
+from myomorph.report.trial.tables import few, residuals
+from myomorph.report.trial.truth import truth_section
+
+
+def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
+    """All sections that what was given allows, and a sentence on each that it does not."""
+    given = prepared.given
+    found = [] if given.identification is None else identification_sections(given.identification)
+    missing: list[str] = []
+    if found and given.kinematics is None and given.markers is None and given.wrenches is None:
+        return found, missing
+    found += analysis_sections(prepared)
+    for make, absent in (
+        (marker_section, "Marker errors: no inverse kinematics. Give a marker file (TRC or C3D) and the step “ik”."),
+        (force_section, ""),
+        (joint_section, "Joint angles and moments: no motion. Give the step “ik”, or a motion file."),
+        (activation_section, "Muscle activations: not solved. Give the steps “muscles” and “tension”."),
+        (tension_section, ""),
+        (emg_section, "EMG: no channels were given."),
+        (length_section, ""),
+        (length_cycle_section, ""),
+        (truth_section, ""),
+    ):
+        section = make(prepared)
+        if section is not None:
+            found.append(section)
+        elif absent and not (make is emg_section and matched_emg(prepared)):
+            missing.append(absent)
+    if prepared.given.wrenches is None:
+        missing.append("Ground forces: none were given. Give the plates of the C3D or an external-loads file.")
+    if prepared.given.kinematics is not None and prepared.given.torques is None:
+        missing.append("Joint moments and residuals: no inverse dynamics. Give external forces and the step “id”.")
+    return found, missing
+
+
+def marker_section(prepared: Prepared) -> Section | None:
+    """Marker errors over time and one by one."""
+    fit = prepared.given.fit
+    if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
+        return None
+    over_time, *bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
+    told = f"{len(fit.marker_names)} markers were followed"
+    if fit.unused_markers:
+        told += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
+    if fit.missing_markers:
+        told += f"; in the model, but not recorded: {few(fit.missing_markers, 8)}"
+    return Section(
+        "markers",
+        "Marker errors",
+        told + ". The error is the distance between a recorded marker and the same marker on the model.",
+        (("first", "RMS"), ("second", "largest"), ("limit", "limit")),
+        (Figure(over_time, "full"), *(Figure(one, "medium") for one in bars)),
+    )
+
+
+def force_section(prepared: Prepared) -> Section | None:
+    """Ground forces, center of pressure, center of mass and residuals."""
+    given = prepared.given
+    figures: list[Figure] = []
+    lead = []
+    if given.wrenches is not None and len(given.wrenches.names):
+        first, *rest = force_figures(given.wrenches, prepared.up, prepared.detail, prepared.events, prepared.weight)
+        figures.append(Figure(first, "medium"))
+        figures += [Figure(one) for one in rest]
+        floor = pressure_figure(given.wrenches, given.plates, prepared.up)
+        if floor:
+            figures.append(Figure(floor))
+    if prepared.centroid is not None:
+        figures += [
+            Figure(one) for one in centroid_figures(prepared.centroid, prepared.up, prepared.detail, prepared.events)
+        ]
+    if given.wrenches is not None and given.torques is not None and given.model is not None:
+        found = residuals(given.model, given.torques)
+        if given.root_note:
+            lead.append(given.root_note)
+        elif found is not None and np.isfinite(prepared.center_height):
+            net = np.linalg.norm(np.nan_to_num(given.wrenches.forces).sum(axis=1), axis=1)
+            figures += [
+                Figure(one)
+                for one in residual_figures(
+                    given.torques.time,
+                    *found,
+                    float(net.max(initial=0.0)),
+                    prepared.center_height,
+                    prepared.span,
+                    prepared.events,
+                )
+            ]
+            lead.append("Residuals are what the model's root would have to be pushed with to move as recorded.")
+    if not figures:
+        return None
+    grids: tuple[Grid, ...] = ()
+    if prepared.movement.measures:
+        rows = tuple((one.name, f"{number(one.value)} {one.unit}", one.source) for one in prepared.movement.measures)
+        grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
+    title = "Ground forces and center of mass" if given.wrenches is not None else "Center of mass"
+    legend: tuple[tuple[str, str], ...] = ()
+    if given.wrenches is not None:
+        legend = (*SIDES_LEGEND, ("middle", "both or neither"), ("limit", "limit, body weight"))
+    return Section("forces", title, " ".join(lead), legend, tuple(figures), grids)
+
+
+def joint_section(prepared: Prepared) -> Section | None:
+    """Angles and moments of the joints that move, right and left together."""
+    given, motion = prepared.given, prepared.given.kinematics
+    if motion is None or not len(motion) or given.model is None:
+        return None
+    ranges = {
+        name: float(np.nanmax(column) - np.nanmin(column))
+        for name, column in zip(motion.names, motion.values.T, strict=True)
+        if np.isfinite(column).any()
+    }
+    chosen = coordinate_pairs(given.model, ranges)
+    if not chosen:
+        return None
+    figures = []
+    scale = moment_scale(given.model) if not given.root_note else None
+    truth = given.truth
+    for pair in chosen:
+        base = pair.label.removesuffix(" angle")
+        drawing = pair_panel(
+            f"{base} angle",
+            "°",
+            pair,
+            motion,
+            prepared.detail,
+            prepared.events,
+            180 / np.pi,
+            truth=truth.motion if truth else None,
+            margin=36 if scale and given.torques is not None else 8,
+        )
+        if given.torques is not None and any(name in given.torques.names for name in pair.names):
+            drawing += pair_panel(
+                f"{base} moment",
+                "N·m",
+                pair,
+                given.torques,
+                prepared.detail,
+                prepared.events,
+                second=scale,
+                truth=truth.torques if truth else None,
+            )
+        figures.append(Figure(drawing))
+    moving = sum(1 for name, one in ranges.items() if one > 1e-6)
+    lead = (
+        f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that move"
+    )
+    lead += "; all are in the table."
+    if prepared.events:
+        lead += " Vertical lines are events."
+    lead += prepared.detail_note
+    legend = SIDES_LEGEND + ((("truth", "truth"),) if truth else ())
+    title = "Joint angles and moments" if given.torques is not None else "Joint angles"
+    return Section("joints", title, lead, legend, tuple(figures), tuple(_joint_grids(prepared, motion)))
+
+
+def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
+    given = prepared.given
+    model = given.model
+    assert model is not None
+    turning = {one.name for one in model.coordinates if one.motion == "rotational"}
+    factors = {name: 180 / np.pi if name in turning else 1.0 for name in motion.names}
+    rows = []
+    for row in extremes(motion, factors):
+        unit = "°" if row.name in turning else "m"
+        rows.append(
+            (
+                row.name,
+                f"{number(row.low)} {unit}",
+                f"{number(row.low_time, 0.001)} s",
+                f"{number(row.high)} {unit}",
+                f"{number(row.high_time, 0.001)} s",
+                f"{number(row.high - row.low)} {unit}",
+            )
+        )
+    head = ("Coordinate", "Smallest", "at", "Largest", "at", "Range")
+    grids = [Grid(head, tuple(rows), f"All {len(rows)} coordinates", True)]
+    if given.torques is not None:
+        rows = []
+        for row in extremes(given.torques):
+            unit = "N·m" if row.name in turning else "N"
+            peak = max(abs(row.low), abs(row.high))
+            share = f"{number(peak / model.mass)} {unit}/kg" if model.mass > 0 else "–"
+            rows.append(
+                (
+                    row.name,
+                    f"{number(row.low)} {unit}",
+                    f"{number(row.low_time, 0.001)} s",
+                    f"{number(row.high)} {unit}",
+                    f"{number(row.high_time, 0.001)} s",
+                    share,
+                )
+            )
+        head = ("Coordinate", "Smallest", "at", "Largest", "at", "Peak per body mass")
+        grids.append(Grid(head, tuple(rows), f"All {len(rows)} generalized forces", True))
+    return grids

@@ -1,0 +1,381 @@
+"""Verdicts: what was out of range against the community's limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.analysis.selection import root_coordinates
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.ik import KinematicsFit
+
+State = Literal["ok", "over", "note"]
+
+MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
+RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
+RESERVE = 0.10
+LOOPS_CLOSED = 1e-9
+SATURATED = 0.99
+HICKS, CHECKLIST = "hicks2015", "opensim"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One quantity against its limit.
+
+    Attributes
+    ----------
+    quantity : what was looked at
+    value, unit : what was found
+    limit : what it should stay under, None where there is no agreed limit
+    state : "ok", "over" the limit, or "note" where it is only told
+    worst : name of what was worst
+    time : when it was worst [s], None where it has no time
+    source : key of the reference the limit comes from
+    detail : a clause that explains the value
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    limit: float | None
+    state: State
+    worst: str = ""
+    time: float | None = None
+    source: str = ""
+    detail: str = ""
+
+
+def _judged(value: float, limit: float) -> State:
+    return "ok" if value <= limit else "over"
+
+
+def body_scale(markers: Markers | None) -> float:
+    """1 for bodies of human size; smaller ones by the extent of their markers, an adult's being 1.7 m.
+
+    The limits on marker errors were made for people: 2 cm is the length of a mouse's thigh.
+    """
+    if markers is None or not np.isfinite(markers.values).any():
+        return 1.0
+    frame = markers.values[int(np.argmax(np.isfinite(markers.values).all(axis=2).sum(axis=1)))]
+    seen = frame[np.isfinite(frame).all(axis=1)]
+    extent = float(np.linalg.norm(np.ptp(seen, axis=0))) if len(seen) else 1.7
+    return extent / 1.7 if 1e-3 < extent < 0.4 else 1.0
+
+
+def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
+    """Marker errors: RMS of the worst frame under 2 cm, the largest under 4 cm (Hicks et al. 2015).
+
+    Parameters
+    ----------
+    scale : factor on the limits, see `body_scale`
+    """
+    if not np.isfinite(fit.errors).any():
+        return []
+    rms = fit.rms
+    frame = int(np.nanargmax(rms))
+    when, who = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
+    time = fit.motion.time
+    overall = float(np.sqrt(np.nanmean(fit.errors**2)))
+    scaled = "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
+    rows = [
+        Verdict(
+            "Marker error, RMS of the worst frame",
+            100 * float(rms[frame]),
+            "cm",
+            100 * MARKER_RMS * scale,
+            _judged(float(rms[frame]), MARKER_RMS * scale),
+            "all markers",
+            float(time[frame]),
+            HICKS,
+            f"{100 * overall:.2f} cm over all frames{scaled}",
+        ),
+        Verdict(
+            "Marker error, largest",
+            100 * float(fit.errors[when, who]),
+            "cm",
+            100 * MARKER_LARGEST * scale,
+            _judged(float(fit.errors[when, who]), MARKER_LARGEST * scale),
+            fit.marker_names[who],
+            float(time[when]),
+            HICKS,
+        ),
+    ]
+    failed = fit.seen & ~np.asarray(fit.converged, dtype=bool)
+    rows.append(_counted("Frames whose inverse kinematics did not converge", failed, time))
+    if fit.closure is not None:
+        frame = int(np.nanargmax(fit.closure))
+        opened = float(fit.closure[frame])
+        state = _judged(opened, LOOPS_CLOSED)
+        rows.append(
+            Verdict("Closed loops stand open by", 1e3 * opened, "mm", 1e3 * LOOPS_CLOSED, state, "", float(time[frame]))
+        )
+    return rows
+
+
+def _counted(quantity: str, flags: np.ndarray, time: Array, detail: str = "") -> Verdict:
+    first = float(time[int(np.argmax(flags))]) if flags.any() else None
+    count = int(flags.sum())
+    return Verdict(
+        quantity,
+        float(count),
+        f"of {len(flags)}",
+        0.0,
+        "over" if count else "ok",
+        "",
+        first,
+        "",
+        detail if count else "",
+    )
+
+
+def gap_verdicts(markers: Markers) -> list[Verdict]:
+    """Markers that were hidden: told, as no limit is agreed."""
+    hidden: np.ndarray = np.asarray(~np.isfinite(markers.values).all(axis=2))
+    share = hidden.mean(axis=0) if len(markers) else np.zeros(len(markers.names))
+    worst = int(np.argmax(share)) if len(share) else 0
+    if not len(share) or share[worst] == 0.0:
+        return [Verdict("Gaps in the markers", 0.0, "%", None, "ok")]
+    count = int((share > 0).sum())
+    return [
+        Verdict(
+            "Gaps in the markers",
+            100 * float(share[worst]),
+            "% of frames",
+            None,
+            "note",
+            markers.names[worst],
+            float(markers.time[int(np.argmax(hidden[:, worst]))]),
+            "",
+            f"{count} of {len(share)} markers are hidden at some time",
+        )
+    ]
+
+
+def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
+    """Size of the residual force and moment (frames,) [N], [N m] at the root; None without a free root."""
+    moving, turning = root_coordinates(model)
+    columns = {name: i for i, name in enumerate(torques.names)}
+    if not moving or any(name not in columns for name in moving + turning):
+        return None
+    force = np.linalg.norm(torques.values[:, [columns[name] for name in moving]], axis=1)
+    moment = np.linalg.norm(torques.values[:, [columns[name] for name in turning]], axis=1)
+    return force, moment
+
+
+def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height: float) -> list[Verdict]:
+    """Residuals against the peak net external force F (Hicks et al. 2015).
+
+    Forces under 5 % of F, moments under 1 % of F times the height of the center of mass; peak and RMS.
+
+    Parameters
+    ----------
+    height : mean height of the center of mass over the ground [m]
+    """
+    weight = model.weight
+    found = residuals(model, torques)
+    inside = (wrenches.time >= torques.time[0] - 1e-6) & (wrenches.time <= torques.time[-1] + 1e-6)
+    net = np.linalg.norm(np.nan_to_num(wrenches.forces[inside]).sum(axis=1), axis=1)
+    peak = float(net.max()) if net.size else 0.0
+    if found is None or peak <= 0.0 or not np.isfinite(found[0]).any():
+        return []
+    rows = []
+    for what, values, scale, limit in (
+        ("force", found[0], peak, RESIDUAL_FORCE),
+        ("moment", found[1], peak * height, RESIDUAL_MOMENT),
+    ):
+        share = values / scale
+        at = int(np.nanargmax(share))
+        unit = "% of peak external force" if what == "force" else "% of COM height × peak external force"
+        size = "N" if what == "force" else "N·m"
+        rms = float(np.sqrt(np.nanmean(share**2)))
+        for name, value, time in (("peak", float(share[at]), float(torques.time[at])), ("RMS", rms, None)):
+            rows.append(
+                Verdict(
+                    f"Residual {what}, {name}",
+                    100 * value,
+                    unit,
+                    100 * limit,
+                    _judged(value, limit),
+                    "root joint",
+                    time,
+                    HICKS,
+                    f"{value * scale:.3g} {size}; F = {peak:.4g} N"
+                    + (_support(wrenches, time, weight, values[at]) if time is not None and what == "force" else ""),
+                )
+            )
+    return rows
+
+
+def _support(wrenches: Wrenches, time: float, weight: float, residual: float) -> str:
+    """A clause where the plates carry little of the body and the residual stands in for them."""
+    near = int(np.argmin(np.abs(wrenches.time - time)))
+    carried = float(np.linalg.norm(np.nan_to_num(wrenches.forces[near]).sum(axis=0)))
+    if weight <= 0.0 or carried > 0.5 * weight or residual < 0.3 * weight:
+        return ""
+    return (
+        f"; the measured forces carry {100 * carried / weight:.0f} % of the body then: a step beside the plates? "
+        "Choose a time range that the plates cover"
+    )
+
+
+def reserve_verdicts(
+    model: Model, torques: Series, names: Sequence[str], reserves: Array, time: Array, driven: Sequence[str] = ()
+) -> list[Verdict]:
+    """Reserve actuators: peak under 10 % of the peak torque of their coordinate (OpenSim's checklist).
+
+    Parameters
+    ----------
+    names : coordinate of each reserve
+    reserves : (frames, reserves) [N m or N]
+    driven : coordinates that some muscle moves; () for all. What no muscle moves is told apart
+    """
+    root = {name for group in root_coordinates(model) for name in group}
+    worst: tuple[float, int] | None = None
+    undriven = []
+    peaks = {
+        name: float(np.nanmax(np.abs(torques[name]))) for name in torques.names if np.isfinite(torques[name]).any()
+    }
+    floor = 0.01 * max((peak for name, peak in peaks.items() if name not in root), default=0.0)
+    for i, name in enumerate(names):
+        if name in root or name not in peaks or not np.isfinite(reserves[:, i]).any():
+            continue
+        if driven and name not in driven:
+            undriven.append(name)
+            continue
+        # A coordinate with next to no torque makes a large share of nothing.
+        share = float(np.nanmax(np.abs(reserves[:, i]))) / max(peaks[name], floor, 1e-12)
+        if worst is None or share > worst[0]:
+            worst = share, i
+    rows = []
+    if worst is not None:
+        share, i = worst
+        at = int(np.nanargmax(np.abs(reserves[:, i])))
+        rows.append(
+            Verdict(
+                "Reserve actuators, largest",
+                100 * share,
+                "% of the coordinate's peak torque",
+                100 * RESERVE,
+                _judged(share, RESERVE),
+                names[i],
+                float(time[at]),
+                CHECKLIST,
+                f"{abs(float(reserves[at, i])):.3g} N·m beside a peak of {peaks[names[i]]:.3g} N·m",
+            )
+        )
+    if undriven:
+        rows.append(
+            Verdict(
+                "Coordinates that no muscle moves",
+                float(len(undriven)),
+                "",
+                None,
+                "note",
+                few(undriven),
+                None,
+                "",
+                "their torque is carried by reserve actuators alone",
+            )
+        )
+    return rows
+
+
+def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, time: Array) -> list[Verdict]:
+    """Muscles at their largest activation: they are too weak for the torque, or asked too much.
+
+    Parameters
+    ----------
+    activations : (frames, muscles)
+    most : (muscles,) upper bound of each
+    """
+    full: np.ndarray = np.asarray(activations >= SATURATED * most)
+    ever = np.any(full, axis=0)
+    if not ever.any():
+        return [Verdict("Saturated muscles", 0.0, f"of {len(names)}", 0.0, "ok")]
+    worst = int(np.argmax(full.sum(axis=0)))
+    return [
+        Verdict(
+            "Saturated muscles",
+            float(ever.sum()),
+            f"of {len(names)}",
+            0.0,
+            "over",
+            names[worst],
+            float(time[int(np.argmax(full[:, worst]))]),
+            "",
+            f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
+            + few([name for name, one in zip(names, ever, strict=True) if one], 8),
+        )
+    ]
+
+
+def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
+    """Muscles stretched beyond sense: fiber and tendon lengths that do not fit the body's size or pose.
+
+    Parameters
+    ----------
+    names : muscles whose passive force passes their maximum isometric force
+    count : of all muscles
+    """
+    detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
+    worst = names[0] if names else ""
+    return Verdict(
+        "Overstretched muscles",
+        float(len(names)),
+        f"of {count}",
+        0.0,
+        "over" if names else "ok",
+        worst,
+        None,
+        "",
+        detail,
+    )
+
+
+def unsolved_verdict(solved: np.ndarray, time: Array) -> Verdict:
+    """Frames whose muscle tensions are not optimal."""
+    return _counted("Frames without an optimal muscle solution", ~np.asarray(solved, dtype=bool), time)
+
+
+def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
+    """Coordinates that left the range the model gives them."""
+    beyond: list[tuple[float, str, float]] = []
+    for i, name in enumerate(motion.names):
+        if name not in model.coordinate_names or name in model.dependent_coordinates:
+            continue
+        coordinate = model.coordinate(name)
+        values = motion.values[:, i]
+        if coordinate.motion != "rotational" or coordinate.locked or not np.isfinite(values).any():
+            continue
+        low, high = coordinate.range
+        past = np.maximum(low - values, values - high)
+        at = int(np.nanargmax(past))
+        if past[at] > np.deg2rad(0.5):
+            beyond.append((float(past[at]), name, float(motion.time[at])))
+    if not beyond:
+        return [Verdict("Coordinates outside the model's range", 0.0, "", 0.0, "ok")]
+    far, name, time = max(beyond)
+    return [
+        Verdict(
+            "Coordinates outside the model's range",
+            float(len(beyond)),
+            "",
+            0.0,
+            "over",
+            name,
+            time,
+            "",
+            f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8),
+        )
+    ]
+
+
+def few(names: Sequence[str], most: int = 4) -> str:
+    """Names, cut to `most`."""
+    return ", ".join(names[:most]) + (f", and {len(names) - most} more" if len(names) > most else "")

@@ -1,0 +1,328 @@
+"""The report: one HTML text that needs nothing else, from everything a trial produced."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+
+from myomorph.model.series import Motion, Series
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.strip import nearest_frames
+from myomorph.report.page.references import Reference, references
+from myomorph.report.page.section import Section
+from myomorph.report.scene.pictures import pictures, proportion
+from myomorph.report.scene.player import frames_to_play, player
+from myomorph.report.scene.scene import make_scene
+from myomorph.report.trial.estimated_forces import acting_forces
+from myomorph.report.trial.given import Note, ReportInput, SourceFile, Step, Truth
+from myomorph.report.trial.prepared import Prepared, prepare
+from myomorph.report.trial.sections import sections
+from myomorph.report.trial.tables import Verdict
+
+__all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
+
+KEY_INSTANTS, FEW_INSTANTS = 6, 3
+WIDE = 1.2
+_KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A picture of the body at one time: label and PNG addresses from the side and the front."""
+
+    label: str
+    side: str
+    front: str
+    width: int
+    front_width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the summary: value, what it is, whether it is within its limit."""
+
+    value: str
+    name: str
+    state: str
+
+
+def report_page(given: ReportInput) -> str:
+    """One self-contained HTML page: no network, every style, script and picture inside.
+
+    A section appears where its part is given; what is absent is told in one sentence each. Works
+    without scripts; with them, values are read under the pointer and the skeleton plays.
+
+    Parameters
+    ----------
+    given : everything one trial produced, each part optional
+
+    Returns
+    -------
+    HTML text, to be written as UTF-8
+    """
+    prepared = prepare(given)
+    parts, missing = sections(prepared)
+    instants, motion = _body(prepared)
+    return rendered(
+        given,
+        parts,
+        _numbered(prepared, parts),
+        facts=_facts(prepared),
+        tiles=_tiles(prepared),
+        verdicts=prepared.verdicts,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+    )
+
+
+def rendered(
+    given: ReportInput,
+    sections: Sequence[Section],
+    references: Sequence[Reference],
+    *,
+    facts: Sequence[tuple[str, str]] = (),
+    tiles: Sequence[Tile] = (),
+    verdicts: Sequence[Verdict] = (),
+    missing: Sequence[str] = (),
+    instants: Sequence[Instant] = (),
+    motion: str = "",
+) -> str:
+    """The page of given sections, as HTML text.
+
+    Parameters
+    ----------
+    given : title, notes, sources, steps and warnings
+    facts : lines of the heading, name and text
+    tiles : the few numbers to see first
+    verdicts : quantities held against a limit
+    missing : what is absent, a sentence each
+    instants, motion : pictures of the body, and the moving skeleton
+    """
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_text("report.html.j2")).render(
+        given=given,
+        date=_date(given.date),
+        style=_text("report.css"),
+        script=_text("report.js"),
+        facts=facts,
+        tiles=tiles,
+        kinds=_KINDS,
+        verdicts=[_printed(one) for one in _ordered(verdicts)],
+        over=sum(1 for one in verdicts if one.state == "over"),
+        judged=sum(1 for one in verdicts if one.limit is not None),
+        sections=sections,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+        muscles_colored=given.tension is not None,
+        arrows=""
+        if acting_forces(given) is None
+        else "ground"
+        if given.contact_forces is None
+        else "estimated contact",
+        references=references,
+    )
+
+
+def _date(text: str) -> str:
+    """A date of a clock (ISO 8601) to the minute; any other text as it is."""
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    if len(text) <= len("2026-01-02"):
+        return text
+    zone = "" if when.tzinfo is None else " UTC"
+    return (when if when.tzinfo is None else when.astimezone(UTC)).strftime("%Y-%m-%d %H:%M") + zone
+
+
+def _text(name: str) -> str:
+    return (files("myomorph.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Reference]:
+    given = prepared.given
+    return references(
+        given.fit is not None,
+        given.torques is not None,
+        given.tension is not None,
+        prepared.movement.kind == "jump",
+        given.identification is not None,
+        any(one.key == "analysis" for one in parts),
+    )
+
+
+def _facts(prepared: Prepared) -> list[tuple[str, str]]:
+    """Lines of the heading: name and text."""
+    given = prepared.given
+    rows = [("Subject", given.subject)] if given.subject else []
+    rows += list(given.facts.items())
+    if given.model is not None:
+        model = given.model
+        told = f"{model.name}: {len(model.bodies)} bodies, {len(model.coordinates)} coordinates"
+        told += f", {len(model.muscles)} muscles" if model.muscles else ""
+        rows.append(("Model", f"{told}, {number(model.mass)} kg"))
+    motion = given.kinematics
+    for name, series in (
+        ("Motion", motion),
+        ("Markers", given.markers),
+        ("Forces", given.wrenches),
+        ("EMG", given.emg),
+    ):
+        if series is not None and len(series.time) > 1:
+            # The rate of a long clock is its mean; times are often rounded to a millisecond.
+            rate = (len(series.time) - 1) / float(series.time[-1] - series.time[0])
+            rows.append(
+                (
+                    name,
+                    f"{number(len(series.time), 1.0)} frames at {number(rate)} Hz, "
+                    f"{number(float(series.time[0]), 0.01)} to {number(float(series.time[-1]), 0.01)}\u00a0s",
+                )
+            )
+    if prepared.movement.kind:
+        kind = {"gait": "gait", "jump": "countermovement jump", "contact": "contacts with the ground"}
+        told = kind.get(prepared.movement.kind, prepared.movement.kind)
+        rows.append(("Movement", f"{told}, {len(prepared.events)} events"))
+    return rows
+
+
+def _tiles(prepared: Prepared) -> list[Tile]:
+    """The few numbers to see first."""
+    given = prepared.given
+    tiles = []
+    if given.fit is not None and np.isfinite(given.fit.errors).any():
+        rms = 100 * float(np.sqrt(np.nanmean(given.fit.errors**2)))
+        tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, "Marker error, RMS")))
+        done, shown = int(np.sum(given.fit.converged)), int(np.sum(given.fit.seen))
+        tiles.append(Tile(f"{done} / {shown}", "frames fitted", _state(prepared, "Frames whose")))
+    for start, name in (
+        ("Residual force, peak", "residual force, of peak external force"),
+        ("Residual moment, peak", "residual moment, of COM height × force"),
+        ("Reserve actuators", "largest reserve, of its peak torque"),
+    ):
+        for one in prepared.verdicts:
+            if one.quantity.startswith(start):
+                tiles.append(Tile(f"{number(one.value)} %", name, one.state))
+    if given.tension is not None:
+        solved = int(np.sum(given.tension.solved))
+        tiles.append(
+            Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", _state(prepared, "Frames without"))
+        )
+        full = next(one for one in prepared.verdicts if one.quantity == "Saturated muscles")
+        tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
+    return tiles
+
+
+def _state(prepared: Prepared, start: str) -> str:
+    return next((one.state for one in prepared.verdicts if one.quantity.startswith(start)), "note")
+
+
+def _ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """What is over its limit first."""
+    rank = {"over": 0, "note": 1, "ok": 2}
+    return sorted(verdicts, key=lambda one: rank[one.state])
+
+
+@dataclass(frozen=True)
+class PrintedVerdict:
+    """A verdict as text."""
+
+    quantity: str
+    value: str
+    limit: str
+    state: str
+    worst: str
+    time: str
+    source: str
+    detail: str
+
+
+def _printed(one: Verdict) -> PrintedVerdict:
+    limit = "none agreed" if one.limit is None else "0" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
+    if "%" in one.unit and one.limit:
+        limit = f"{number(one.limit)} %"
+    whole = one.value == int(one.value) and "%" not in one.unit and "cm" not in one.unit
+    value = number(one.value, 1.0) if whole else number(one.value)
+    return PrintedVerdict(
+        one.quantity,
+        f"{value} {one.unit}".strip(),
+        limit,
+        one.state,
+        one.worst,
+        "" if one.time is None else f"{number(one.time, 0.001)} s",
+        one.source,
+        one.detail,
+    )
+
+
+def _body(prepared: Prepared) -> tuple[list[Instant], str]:
+    """Pictures at key instants, and the moving skeleton; empty without a model and a motion."""
+    given, motion = prepared.given, prepared.given.kinematics
+    if given.model is None or motion is None or not given.model.bodies:
+        return [], ""
+    good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    if not len(good):
+        return [], ""
+    activations = None
+    if given.tension is not None:
+        activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
+    chosen = _key_frames(motion, good, prepared)
+    forces = acting_forces(given)
+    still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, forces)
+    if proportion(still, "side") > WIDE:
+        chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
+        still = make_scene(given.model, motion, [one for one, _ in chosen], given.surfaces, activations, forces)
+    drawn = pictures(still)
+    instants = []
+    for i, (frame, label) in enumerate(chosen):
+        side, front = (next(one for one in drawn if one.frame == i and one.view == view) for view in ("side", "front"))
+        text = (
+            f"{label}, {number(float(motion.time[frame]), 0.001)} s"
+            if label
+            else f"{number(float(motion.time[frame]), 0.001)} s"
+        )
+        instants.append(
+            Instant(text, _address(side.image), _address(front.image), side.width, front.width, side.height)
+        )
+    points = sum(len(muscle.path.points) for muscle in given.model.muscles)
+    count = frames_to_play(len(good), points, len(given.model.bodies))
+    first, last = np.searchsorted(motion.time[good], prepared.played)
+    played = good[first : max(last, first) + 1]
+    moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
+    scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, forces)
+    return instants, player(scene)
+
+
+def _address(image: bytes) -> str:
+    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
+
+
+def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:
+    """Frames to show with their labels: at times asked for, at events where there are some, else evenly spread."""
+    if prepared.given.times:
+        return [(frame, "") for frame in nearest_frames(motion.time, good, prepared.given.times)]
+    first, last = np.searchsorted(motion.time[good], prepared.detail)
+    good = good[first : max(last, first) + 1]
+    time = motion.time[good]
+    marked = [
+        (int(good[int(np.argmin(np.abs(time - one.time)))]), f"{one.side} {one.label}".strip().capitalize())
+        for one in prepared.events
+        if time[0] <= one.time <= time[-1]
+    ]
+    marked = [one for i, one in enumerate(marked) if i == 0 or one[0] != marked[i - 1][0]]
+    if len(marked) > KEY_INSTANTS:
+        # Neighbouring events of one cycle tell more than single ones far apart.
+        start = max(0, (len(marked) - KEY_INSTANTS) // 2)
+        marked = marked[start : start + KEY_INSTANTS]
+    if marked:
+        return marked
+    count = min(KEY_INSTANTS, len(good))
+    return [(int(good[i]), "") for i in np.unique(np.linspace(0, len(good) - 1, count).round().astype(np.int64))]

@@ -1,0 +1,165 @@
+"""The embedded default: a recorded countermovement jump and a leg model fitted to the jumper.
+
+The recording comes with `biomdp` (MIT licence), the model with `myo-sim` (Apache-2.0): nothing of
+either is copied here. `jump_study` brings them together: it turns the recording and the model into
+one ground frame (x forward, y up, z to the right), scales the model's segments to the recorded joint
+centers, puts the recorded markers on it where quiet standing shows them, and shares the force of the
+one plate between both feet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.contact.plates import force_plates
+from myomorph.io.c3d.read import read_c3d
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Analog, Event, Markers, Trial, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.sync import cut
+from myomorph.simulate.jump_model import calibrated, fitted_model, leg_model
+from myomorph.simulate.jump_recording import (
+    QUIET,
+    SHOULDER,
+    events_of,
+    recording_path,
+    shared_wrenches,
+    standing_mass,
+    with_mirrored,
+)
+
+WINDOW = (3.0, 5.6)
+"""From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere [s]."""
+CUTOFF = 10.0
+"""Low-pass of motion and forces [Hz]: kept the same so that the landing makes no artefact of its own."""
+LAB_TO_GROUND = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""The jumper faces the laboratory's +y, which becomes x; z up becomes y; +x, to the right, becomes z."""
+SEGMENTS = {"pelvis": "pelvis", "thigh": "femur_r", "shank": "tibia_r", "foot": "calcn_r", "trunk": "torso"}
+EMG_CHANNELS = ("EMG1.v", "EMG2.v", "EMG3.v", "EMG4.v", "EMG5.v", "EMG6.v")
+MIRRORED_WEIGHT = 0.1
+"""Of the mirrored left markers: enough to place the left leg, too little to pull on the pelvis."""
+SHOULDER_WEIGHT = 0.2
+"""Of the shoulder: it moves on the trunk, which is rigid here."""
+
+
+@dataclass(frozen=True, eq=False)
+class JumpStudy:
+    """All that inverse kinematics, inverse dynamics and tensions of the jump need.
+
+    Attributes
+    ----------
+    model : scaled to the jumper, with the recording's markers; ground x forward, y up, z right
+    trial : the recording in that ground, with its plates
+    markers : recorded markers of pelvis, trunk and right leg, and the right leg's mirror images
+        (named `Left_... (mirrored)`)
+    marker_weights : for inverse kinematics
+    wrenches : half of plate 1 on each foot, at the plates' clock; see `share`
+    analog : the six EMG channels that carry signals [V]
+    events : phases of the jump, read off the plate
+    mass : of the jumper, from the plate in quiet standing [kg]
+    factors : scale factor of each body
+    window, cutoff : what to use of the recording [s], low-pass of motion and forces [Hz]
+    share : (samples,) share of the right foot in the load that the center of pressure tells, NaN in
+        flight; 0.5 is assumed
+    real, assumed : sentences for the first lines of a report
+    source : path of the recording
+    """
+
+    model: Model
+    trial: Trial
+    markers: Markers
+    marker_weights: dict[str, float]
+    wrenches: Wrenches
+    analog: Analog
+    events: tuple[Event, ...]
+    mass: float
+    factors: dict[str, float]
+    window: tuple[float, float]
+    cutoff: float
+    share: Array
+    real: tuple[str, ...]
+    assumed: tuple[str, ...]
+    source: str
+
+
+def jump_study(recording: str | Path | None = None) -> JumpStudy:
+    """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions.
+
+    Parameters
+    ----------
+    recording : the C3D file; by default the one in the installed package `biomdp`
+
+    Raises
+    ------
+    BadData : the packages `biomdp` or `myo-sim` are not installed, or the recording lacks what it needs
+    """
+    path = Path(recording) if recording is not None else recording_path()
+    trial = force_plates(read_c3d(path)).rotated(LAB_TO_GROUND)
+    if trial.markers is None or not trial.plates or trial.analog is None:
+        raise BadData(f"{path}: expected markers, force plates and analog channels")
+    model = leg_model()
+    quiet = cut(trial.markers, *QUIET)
+    mass = standing_mass(trial, model)
+    model, factors = fitted_model(model, quiet, mass)
+    markers = with_mirrored(trial.markers)
+    model = calibrated(model, quiet)
+    wrenches, share = shared_wrenches(trial)
+    events = events_of(trial)
+    channels = [trial.analog.names.index(name) for name in EMG_CHANNELS]
+    units = tuple(trial.analog.units[i] for i in channels)
+    analog = Analog(trial.analog.time, EMG_CHANNELS, trial.analog.values[:, channels], units)
+    return JumpStudy(
+        model=model,
+        trial=trial,
+        markers=markers,
+        marker_weights=_weights(model),
+        wrenches=wrenches,
+        analog=analog,
+        events=events,
+        mass=mass,
+        factors=factors,
+        window=WINDOW,
+        cutoff=CUTOFF,
+        share=share,
+        real=_real(mass),
+        assumed=_assumed(factors, share, trial, events),
+        source=str(path),
+    )
+
+
+def _weights(model: Model) -> dict[str, float]:
+    weights = {name: MIRRORED_WEIGHT if "mirrored" in name else 1.0 for name in model.marker_names}
+    return weights | {SHOULDER: SHOULDER_WEIGHT}
+
+
+def _real(mass: float) -> tuple[str, ...]:
+    return (
+        "A countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on pelvis, right leg "
+        "and right shoulder at 200 Hz, force plates and EMG at 2000 Hz.",
+        f"The mass of the jumper, {mass:.1f} kg, from the plate in quiet standing.",
+    )
+
+
+def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tuple[Event, ...]) -> tuple[str, ...]:
+    clock, takeoff = trial.plate_time, next(one.time for one in events if one.label == "Take-off")
+    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
+    pushing = (clock > QUIET[1]) & (clock < takeoff) & np.isfinite(share)
+    low, high = np.percentile(share[pushing], [5, 95])
+    grown = ", ".join(f"{name} {factors[body]:.3f}" for name, body in SEGMENTS.items())
+    return (
+        "Both feet stand on one plate, so each gets half of its force. As a check, where the center of "
+        f"pressure lies between the feet gives the right foot {share[still].mean():.0%} in quiet standing and "
+        f"{low:.0%} to {high:.0%} until take-off; after landing the feet stand too close for this check.",
+        "The left leg, which has no markers, and its force are the mirror image of the right one in the "
+        "upright plane that halves the pelvis.",
+        f"The model is myo-sim's legs (Apache-2.0), scaled to the recorded joint centers ({grown}), with the "
+        "arms' mass in the trunk, so that what the swing of the arms takes shows up as residual force; toes, side "
+        "bending and twist of the trunk are locked.",
+        "In quiet standing the soles are level and the trunk is upright; the shoulder, which the arms' "
+        "swing lifts along the trunk, shows how far it bends.",
+        "The file does not name the muscles of EMG channels 1 to 6: they are shown without saying which is which.",
+    )

@@ -1,0 +1,191 @@
+"""The legs of `myo-sim` fitted to the jumper: ground, coordinates, lengths, masses and markers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import brentq
+
+from myomorph.model.errors import BadData
+from myomorph.model.functions import linear
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Array, Transform
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.place import place_markers
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.simulate.jump_recording import LEG_MARKERS, PELVIS_MARKERS, SHOULDER, mirrored_name
+from myomorph.store.silence import silent_mujoco
+
+MODEL = "myolegs_abdomen"
+TRUNK_BEND = "flex_extension"
+LOCKED = ("lat_bending", "axial_rotation", "mtp_angle_r", "mtp_angle_l")
+FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
+"""A jumper's ankle bends further than the model's range."""
+# Where the model has what the recording's joint centers and bony landmarks name [m]; the spines of the
+# pelvis were read off its mesh, the skin over them is some 10 mm thick.
+LANDMARKS = {
+    "RASI": ("pelvis", (0.010, 0.0, 0.121)),
+    "LASI": ("pelvis", (0.010, 0.0, -0.121)),
+    "RPSI": ("pelvis", (-0.148, 0.017, 0.041)),
+    "LPSI": ("pelvis", (-0.148, 0.017, -0.041)),
+    "RHJC": ("femur_r", (0.0, 0.0, 0.0)),
+    "LHJC": ("femur_l", (0.0, 0.0, 0.0)),
+    "RKJC": ("tibia_r", (0.0, 0.0, 0.0)),
+    "RAJC": ("talus_r", (0.0, 0.0, 0.0)),
+    "Right_KneeExt": ("tibia_r", (0.0, 0.0, 0.055)),
+    "Right_KneeInt": ("tibia_r", (0.0, 0.0, -0.055)),
+    "Right_TalonInf": ("calcn_r", (-0.030, 0.0, -0.006)),
+    "Right_Meta": ("calcn_r", (0.190, 0.0, 0.010)),
+}
+LANDMARK_WEIGHTS = {"RHJC": 10.0, "LHJC": 10.0, "RKJC": 10.0, "RAJC": 10.0}
+
+
+def leg_model() -> Model:
+    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
+
+    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
+    and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side
+    bending and twist of the trunk and the toes are locked.
+    """
+    try:
+        import myo_sim
+    except ImportError:
+        raise BadData(
+            "the model of the legs comes with the package 'myo-sim': install it (pip install myo-sim)"
+        ) from None
+    from myomorph.io.mjcf.read import model_from_mujoco
+
+    with silent_mujoco():
+        compiled = myo_sim.load_model(MODEL)
+    # Composed in memory: the source only says beside which folder its meshes lie.
+    model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / MODEL))
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.defaults[None])
+    girdle, rise, lift = _shoulder_girdle()
+    root = model.joints[0]
+    start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
+    joint, coordinates = _pelvis_joint(root.child, start)
+    held = tuple(_held(coordinate) for coordinate in model.coordinates[6:])
+    return replace(
+        model,
+        bodies=(*model.bodies, girdle),
+        joints=(joint, *model.joints[1:], rise),
+        coordinates=(*coordinates, *held, lift),
+        gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
+    )
+
+
+def _held(coordinate: Coordinate) -> Coordinate:
+    if coordinate.name in LOCKED:
+        return replace(coordinate, locked=True, default=0.0)
+    return replace(coordinate, clamped=False) if coordinate.name in FREED else coordinate
+
+
+def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
+    """A weightless body that slides up and down the trunk: the arms' swing lifts the shoulder by centimeters."""
+    name = "shoulder_elevation_r"
+    still = Transform.identity()
+    axis = Axis("translation", np.array([0.0, 1.0, 0.0]), linear(1.0), (name,))
+    body = Body("shoulder_r", 0.0, np.zeros(3), np.zeros((3, 3)))
+    joint = Joint(name, "SliderJoint", "torso", body.name, still, still, (axis,), (name,))
+    return body, joint, Coordinate(name, "translational", range=(-0.15, 0.15), clamped=True)
+
+
+def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ...]]:
+    x, y, z = np.eye(3)
+    turns = (("pelvis_tilt", z), ("pelvis_list", x), ("pelvis_rotation", y))
+    shifts = (("pelvis_tx", x), ("pelvis_ty", y), ("pelvis_tz", z))
+    axes = [Axis("translation", vector, linear(1.0), (name,)) for name, vector in shifts]
+    axes += [Axis("rotation", vector, linear(1.0), (name,)) for name, vector in turns]
+    coordinates = [Coordinate(name, "rotational") for name, _ in turns]
+    coordinates += [Coordinate(name, "translational", default=float(name == "pelvis_ty")) for name, _ in shifts]
+    names = tuple(one.name for one in coordinates)
+    frame = Transform(start, np.zeros(3))
+    joint = Joint("ground_pelvis", "CustomJoint", GROUND, child, Transform.identity(), frame, tuple(axes), names)
+    return joint, tuple(coordinates)
+
+
+def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:
+    """The model with segments as long as the jumper's, and the factors by which each body grew.
+
+    Pelvis by the distance of the hip centers, thighs from hip to knee, shanks and feet from knee to
+    ankle, the trunk by the mean of thigh and shank. Both legs get the right leg's factors.
+    """
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.defaults[None])
+
+    def place(body: str) -> Array:
+        origin: Array = poses.origins[0, tree.body_index[body]]
+        return origin
+
+    def ratio(one: str, other: str, marker: str, other_marker: str) -> float:
+        recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)
+        return float(np.mean(recorded) / np.linalg.norm(place(one) - place(other)))
+
+    pelvis = ratio("femur_r", "femur_l", "RHJC", "LHJC")
+    thigh = ratio("femur_r", "tibia_r", "RHJC", "RKJC")
+    shank = ratio("tibia_r", "talus_r", "RKJC", "RAJC")
+    groups = {"femur": thigh, "patella": thigh, "tibia": shank, "talus": shank, "calcn": shank, "toes": shank}
+    whole = {"pelvis": pelvis, "sacrum": pelvis}
+    factors = {
+        name: groups.get(name.rsplit("_", 1)[0], whole.get(name, 0.5 * (thigh + shank))) for name in model.body_names
+    }
+    sizes = {name: np.full(3, factor) for name, factor in factors.items()}
+    fitted = scale(model, sizes, mass, preserve_mass_distribution=True, path_lengths=default_path_lengths)
+    return fitted, factors
+
+
+def calibrated(model: Model, quiet: Markers) -> Model:
+    """The model with all markers where quiet standing shows them.
+
+    Its pose there: joint centers and bony landmarks by inverse kinematics, the sole level (the jumper
+    wears shoes, so heights of foot markers tell nothing), the trunk upright. The mirrored markers lie on the left
+    leg as their originals on the right one.
+    """
+    tree = compile_tree(model)
+    neutral = forward_kinematics(tree, tree.defaults[None])
+    talus, calcn = (neutral.origins[0, tree.body_index[name]] for name in ("talus_r", "calcn_r"))
+    still = _mean_frame(quiet)
+    values = still.values.copy()
+    for name in ("Right_TalonInf", "Right_Meta"):
+        values[0, still.names.index(name), 1] = still["RAJC"][0, 1] - (talus - calcn)[1]
+    landmarks = tuple(Marker(name, body, np.array(place)) for name, (body, place) in LANDMARKS.items())
+    options = InverseKinematicsOptions(marker_weights=LANDMARK_WEIGHTS)
+    fit = inverse_kinematics(model.with_markers(landmarks), Markers(still.time, still.names, values), options)
+    pose = _upright(model, fit.motion)
+    bodies = dict.fromkeys(PELVIS_MARKERS, "pelvis") | {SHOULDER: "shoulder_r"} | LEG_MARKERS
+    placed = place_markers(model, pose, still, bodies)
+    # Left bodies have the axes of the right ones and the shape of their mirror image.
+    left = (
+        Marker(mirrored_name(one.name), one.body.replace("_r", "_l"), one.location * (1.0, 1.0, -1.0))
+        for one in placed
+        if one.name in LEG_MARKERS
+    )
+    return model.with_markers((*placed, *left))
+
+
+def _mean_frame(markers: Markers) -> Markers:
+    return Markers(markers.time[:1], markers.names, markers.values.mean(axis=0)[None])
+
+
+def _upright(model: Model, motion: Motion) -> Motion:
+    """The pose with the trunk bent so that the chest's own vertical is the ground's."""
+    tree = compile_tree(model)
+    column, torso = motion.names.index(TRUNK_BEND), tree.body_index["torso"]
+
+    def lean(bend: float) -> float:
+        values = motion.values.copy()
+        values[:, column] = bend
+        poses = forward_kinematics(tree, tree.coordinates_of(replace(motion, values=values)))
+        up = poses.rotations[0, torso, :, 1]
+        return float(np.arctan2(up[0], up[1]))
+
+    values = motion.values.copy()
+    values[:, column] = brentq(lean, -0.8, 0.7)
+    return replace(motion, values=values)

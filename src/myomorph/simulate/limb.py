@@ -1,0 +1,223 @@
+"""The limb of a virtual specimen: what it weighs, where its muscles run, and how MuJoCo is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.errors import BadModel
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array, Transform
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.simulate.recording import SENSORS, inertial, words
+from myomorph.viscosity.specimen import Specimen
+from myomorph.viscosity.specimen_bodies import moved_parameters
+
+SHARES = (0.3, 0.35, 0.35)
+"""Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat
+and muscle at the hand alone."""
+FLESH_RADIUS, FLESH_LENGTH = 0.045, 0.22
+"""The muscles as a cylinder about the humerus [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldLimb:
+    """A specimen whose joints beyond the first are wired: one rigid limb.
+
+    Attributes
+    ----------
+    held : value of each held coordinate, where it is not the model's default [rad]
+    """
+
+    specimen: Specimen
+    held: Mapping[str, float]
+
+    @cached_property
+    def poses(self) -> dict[str, Transform]:
+        """Of every bone of the limb: the limb's frame has its origin at the joint's center, the first bone's axes."""
+        model = self.specimen.model
+        tree = compile_tree(model)
+        motion = Motion(np.zeros(1), tuple(self.held), np.array([list(self.held.values())]))
+        found = forward_kinematics(tree, tree.coordinates_of(motion))
+        ground = {
+            name: Transform(found.rotations[0, tree.body_index[name]], found.origins[0, tree.body_index[name]])
+            for name in self.specimen.limb
+        }
+        first = ground[self.specimen.first]
+        back = Transform(first.rotation, first.apply(self.specimen.center_in_limb)).inverse()
+        return {name: back @ pose for name, pose in ground.items()}
+
+    def centered(self, body: str) -> Transform:
+        """Pose of a body in the limb's frame or, of the base, in one of its own axes about the joint's center."""
+        if body == self.specimen.base:
+            return Transform(np.eye(3), -self.specimen.center)
+        return self.poses[body]
+
+    def markers(self) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Places (3,) of the markers on the base and on the limb, in the frames of `centered` [m]."""
+        on_base: dict[str, Array] = {}
+        on_limb: dict[str, Array] = {}
+        for one in self.specimen.model.markers:
+            side = on_base if one.body == self.specimen.base else on_limb
+            side[one.name] = self.centered(one.body).apply(one.location)
+        return on_base, on_limb
+
+    def parameters(self, mass: float, com: float) -> Array:
+        """(10,) of the limb without muscles: total mass [kg] and distance of its mass center from the joint [m].
+
+        The masses of humerus, forearm and hand are those nearest to `SHARES` that give both.
+        """
+        rows = dict(zip(self.specimen.model.body_names, inertial_parameters(self.specimen.model), strict=True))
+        limb = self.specimen.limb
+        parts = [limb[:1], limb[1:-1], limb[-1:]]
+        lumps = np.array([sum(moved_parameters(rows[name], self.poses[name]) for name in part) for part in parts])
+        lumps /= lumps[:, :1]
+        masses = mass * np.array(SHARES)
+        for _ in range(50):
+            along = masses @ lumps[:, 1:4]
+            along /= np.linalg.norm(along)
+            rows_of = np.stack([np.ones(3), lumps[:, 1:4] @ along])
+            wanted = np.array([mass, mass * com]) - rows_of @ masses
+            masses = masses + np.linalg.pinv(rows_of) @ wanted
+        if masses.min() <= 0.0:
+            raise BadModel(f"a limb of {mass:g} kg cannot have its mass center {com:g} m from the joint: {masses} kg")
+        return masses @ lumps
+
+    def with_flesh(self, parameters: Array, mass: float, com: float) -> Array:
+        """(10,) with a cylinder of muscles along the humerus that brings mass and mass center to new values."""
+        elbow = self.poses[self.specimen.limb[1]].translation
+        along = elbow / np.linalg.norm(elbow)
+        added, h = mass - parameters[0], parameters[1:4]
+        # |h + added * place * along| = mass * com, the root that lies farther down.
+        b = h @ along
+        place = (np.sqrt(b * b - h @ h + (mass * com) ** 2) - b) / added
+        thin, thick = FLESH_RADIUS**2 / 2.0, FLESH_RADIUS**2 / 4.0 + FLESH_LENGTH**2 / 12.0 + place**2
+        inertia = added * (thick * np.eye(3) + (thin - thick) * np.outer(along, along))
+        off = (inertia[1, 2], inertia[2, 0], inertia[0, 1])
+        return parameters + np.array([added, *(added * place * along), *np.diag(inertia), *off])
+
+
+def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
+    """The specimen whose muscles, with the surfaces they wrap around, are scaled about the joint's center.
+
+    In the held pose this homothety scales lengths and moment arms about the joint exactly by the factor.
+    """
+    specimen = limb.specimen
+
+    def moved(body: str, place: Array) -> Array:
+        pose = limb.centered(body)
+        return pose.inverse().apply(factor * pose.apply(place))
+
+    def surface(one: WrapObject) -> WrapObject:
+        pose = Transform(one.pose.rotation, moved(one.body, one.pose.translation))
+        return replace(one, pose=pose, size=tuple(factor * size for size in one.size))
+
+    muscles = []
+    for muscle in specimen.model.muscles:
+        points = tuple(replace(one, location=moved(one.body, one.location)) for one in fixed_points(muscle))
+        wraps = tuple(
+            wrap if wrap.side is None else replace(wrap, side=moved(wrap.side_body, wrap.side))
+            for wrap in tendon_wraps(muscle)
+        )
+        muscles.append(replace(muscle, path=Path(points, wraps)))
+    surfaces = tuple(surface(one) for one in specimen.model.wrap_objects)
+    return replace(specimen, model=replace(specimen.model, muscles=tuple(muscles), wrap_objects=surfaces))
+
+
+def fixed_points(muscle: Muscle) -> tuple[PathPoint, ...]:
+    """Points of a path that stays as it is; raises `BadModel` of moving points, conditions and pulleys."""
+    points = tuple(one for one in muscle.path.points if isinstance(one, PathPoint) and not one.coordinate)
+    if len(points) != len(muscle.path.points) or muscle.path.divisors:
+        raise BadModel(f"muscle '{muscle.name}' has moving points or pulleys: a virtual specimen has none")
+    return points
+
+
+def tendon_wraps(muscle: Muscle) -> tuple[TendonWrap, ...]:
+    """Its wraps, those of MuJoCo; raises `BadModel` of others."""
+    wraps = tuple(one for one in muscle.path.wraps if isinstance(one, TendonWrap))
+    if len(wraps) != len(muscle.path.wraps):
+        raise BadModel(f"muscle '{muscle.name}' wraps as in OpenSim, which MuJoCo cannot: take a MuJoCo model")
+    return wraps
+
+
+def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array, damping: float, muscle: float) -> str:
+    """MJCF of a limb on a fixed base, with its muscles as tendons where `muscle` is positive.
+
+    Parameters
+    ----------
+    parameters : (10,) of the limb in its frame
+    stand : pose of the base in ground
+    rest : (3, 3) of the limb in ground at which the ball's angles are zero
+    damping : of the ball joint, the same about every axis [N m s/rad]
+    muscle : viscosity of every muscle [N s/m]
+    """
+    specimen = limb.specimen
+    center = stand.apply(specimen.center)
+    parts = tendons_mjcf(limb, specimen.model, muscle) if muscle > 0.0 else ([], [], "")
+    return f"""<mujoco model="virtual specimen">
+  <option gravity="{words(specimen.model.gravity)}"/>
+  <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
+  <worldbody>
+    <body name="base" pos="{words(center)}">
+      <site name="plate"/>
+      <body name="scapula" quat="{words(quaternion(stand.rotation))}">{"".join(parts[0])}</body>
+      <body name="limb" quat="{words(quaternion(rest))}">
+        <joint name="joint" type="ball" damping="{damping!r}"/>
+        {inertial(parameters)}
+        <site name="center"/>
+        {"".join(parts[1])}
+      </body>
+    </body>
+  </worldbody>
+  {parts[2]}{_sensors(specimen.model, muscle)}
+</mujoco>"""
+
+
+def _sensors(model: Model, muscle: float) -> str:
+    speeds = [f'<tendonvel name="{one.name}" tendon="{one.name}"/>' for one in model.muscles if muscle > 0.0]
+    return SENSORS.format(body="limb").replace("</sensor>", "".join(speeds) + "</sensor>")
+
+
+def tendons_mjcf(limb: HeldLimb, model: Model, viscosity: float) -> tuple[list[str], list[str], str]:
+    """Sites and surfaces on base and limb, in the frames of `centered`, and the tendons."""
+    base = limb.specimen.base
+    on_base: list[str] = []
+    on_limb: list[str] = []
+
+    def put(body: str, name: str, place: Array) -> str:
+        place = limb.centered(body).apply(place)
+        (on_base if body == base else on_limb).append(f'<site name="{name}" pos="{words(place)}"/>')
+        return name
+
+    for one in model.wrap_objects:
+        pose = limb.centered(one.body) @ one.pose
+        size = words(one.size[:1]) + (" 0.1" if one.kind == "cylinder" else "")
+        place = f'pos="{words(pose.translation)}" quat="{words(quaternion(pose.rotation))}"'
+        (on_base if one.body == base else on_limb).append(
+            f'<geom name="{one.name}" type="{one.kind}" size="{size}" {place}/>'
+        )
+    tendons = []
+    for muscle in model.muscles:
+        path = []
+        for i, point in enumerate(fixed_points(muscle)):
+            path.append(f'<site site="{put(point.body, f"{muscle.name}-{i + 1}", point.location)}"/>')
+            for wrap in (one for one in tendon_wraps(muscle) if one.after == i):
+                side = ""
+                if wrap.side is not None:
+                    side = f' sidesite="{put(wrap.side_body, f"{muscle.name}-side-{wrap.wrap_object}", wrap.side)}"'
+                path.append(f'<geom geom="{wrap.wrap_object}"{side}/>')
+        tendons.append(f'<spatial name="{muscle.name}" damping="{viscosity!r}">{"".join(path)}</spatial>')
+    return on_base, on_limb, f"<tendon>{''.join(tendons)}</tendon>"
+
+
+def quaternion(rotation: Array) -> Array:
+    """(4,) of a rotation (3, 3), w first."""
+    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)

@@ -1,0 +1,330 @@
+"""Two simulated fighters pulling on each other, with every force known: what a laboratory would record of them.
+
+Nobody was measured. MuJoCo moves both bodies forward under the forces of their muscles; the mat holds the soles by its
+contacts, tori's right hand holds uke's lapel by a constraint, and a sleeve that can only pull joins tori's left fist to
+uke's right forearm. How the fighters choose activations is told in `virtual_control`; it is not how the estimate does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from myomorph.io.mjcf.coordinates import coordinates_from_qpos
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.errors import BadData
+from myomorph.model.join import join_models
+from myomorph.model.model import Marker, Model
+from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import lowpass
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.simulate.bout import FEET, GRIPS, Run, simulate_bout
+from myomorph.simulate.fighter import GRIP, Build, marker_points, sole_points
+from myomorph.simulate.mat import PARTS, STEP, compile_pair, fighter_text, with_fibers
+from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
+from myomorph.store.silence import silent_mujoco
+
+SETTLING = 0.3
+"""Time at the start that is not recorded, while the fighters settle [s]."""
+FALLEN = 0.5
+"""Distance of a joint from the plan at which a bout counts as lost [rad]."""
+CHANNELS = ("delt_ant", "delt_post", "bic_long", "tri_lat", "rect_fem", "bifemlh", "tib_ant", "gas_lat")
+"""The muscles (a) to (h) of [D] fig. 5.3, of which a laboratory would measure both sides."""
+LOADED = 0.02
+"""Share of a fighter's weight from which on a foot touches."""
+
+
+@dataclass(frozen=True)
+class PairOptions:
+    """What is simulated, and how badly it is measured.
+
+    Attributes
+    ----------
+    kind : "pull": both lean back and pull; "sway": and sway to the sides; "step": tori steps back
+    seed : of builds, measures of the movement, criteria of the fighters and noise
+    rate : of markers [Hz]
+    marker_noise : standard deviation of each coordinate of a marker, white [m]
+    strength_error : of what the laboratory takes for the muscles' maximum forces, standard deviation of its logarithm
+    emg_gain, emg_noise : of envelopes: standard deviation of a channel's gain about 1, and white noise
+    weight_spread : standard deviation of the logarithm of a muscle's weight in its fighter's own criterion
+    tone : least and greatest activation that a muscle keeps without need
+    vigor : factor of the pulls, and of how far the fighters lean back for them
+    until : when the bout ends, where the plan is not over sooner [s]
+    """
+
+    kind: Kind = "pull"
+    seed: int = 0
+    rate: float = 100.0
+    marker_noise: float = 0.0005
+    strength_error: float = 0.15
+    emg_gain: float = 0.1
+    emg_noise: float = 0.02
+    weight_spread: float = 0.5
+    tone: tuple[float, float] = (0.01, 0.05)
+    vigor: float = 1.0
+    until: float = float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class PairTruth:
+    """What truly happened, at the times of the markers.
+
+    Attributes
+    ----------
+    motion : coordinates of the joined model
+    activations, tensions : (frames, muscles) [1, N]
+    forces : (frames, contacts, 3) of `FEET` on the feet and of `GRIPS` on tori's hands, in ground [N]
+    wrenches : the same as loads, with those on uke beside them
+    models : the fighters' own, by part
+    """
+
+    motion: Motion
+    activations: Series
+    tensions: Series
+    forces: Series
+    wrenches: Wrenches
+    models: Mapping[str, Model]
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualPair:
+    """What a laboratory has of a simulated bout, and the truth.
+
+    Attributes
+    ----------
+    models : of the fighters as the laboratory knows them, by part: strengths are off by `strength_error`
+    model : of both together
+    markers, emg : as recorded; channels of `emg` are all muscles of `model`
+    plates : of each fighter, by part, what plates under both of its feet would measure
+    sites : heels and toes of the feet, and the grips
+    touching : (frames, sites) 1 where a site bears load, as a camera would tell
+    builds : of the fighters as the laboratory knows them
+    """
+
+    options: PairOptions
+    models: Mapping[str, Model]
+    model: Model
+    markers: Markers
+    emg: Emg
+    plates: Mapping[str, Wrenches]
+    sites: tuple[Site, ...]
+    touching: Series
+    builds: Mapping[str, Build]
+    truth: PairTruth
+
+
+def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None) -> VirtualPair:
+    """Simulate a bout.
+
+    Parameters
+    ----------
+    cutoff : low-pass of what is given as true forces, for comparison with an estimate that filters so [Hz]
+
+    Raises
+    ------
+    BadData
+        where a fighter does not keep up with the plan, as one who falls
+    """
+    options = options or PairOptions()
+    random = np.random.default_rng(options.seed)
+    with silent_mujoco():
+        setting = _setting(options, random)
+        run = simulate_bout(setting.compiled, setting.builds, setting.plan, setting.weight, setting.tone, options.until)
+        strayed = float(run.strayed[round(SETTLING / STEP) :].max())
+        if strayed > FALLEN:
+            raise BadData(
+                f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
+                "another seed"
+            )
+        models, known = (
+            {part: fighter_model(part, builds[part]) for part in PARTS} for builds in (setting.builds, setting.believed)
+        )
+    truth = _truth(setting.compiled, models, run, options, cutoff)
+    return _recorded(setting.believed, known, truth, options, random)
+
+
+def pair_model(options: PairOptions | None = None) -> Model:
+    """Both fighters as the laboratory knows them, without a bout."""
+    options = options or PairOptions()
+    with silent_mujoco():
+        believed = _setting(options, np.random.default_rng(options.seed)).believed
+        return join_models({part: fighter_model(part, believed[part]) for part in PARTS})
+
+
+class _Setting(NamedTuple):
+    """All that is drawn before a bout.
+
+    Attributes
+    ----------
+    compiled : mujoco.MjModel of the pair
+    believed : the builds with strengths as the laboratory takes them
+    weight, tone : (muscles,) of the fighters' criterion
+    """
+
+    compiled: Any
+    builds: Mapping[str, Build]
+    believed: Mapping[str, Build]
+    plan: Plan
+    weight: Array
+    tone: Array
+
+
+def _setting(options: PairOptions, random: np.random.Generator) -> _Setting:
+    builds = {
+        part: Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15)) for part in PARTS
+    }
+    compiled = compile_pair(builds)
+    builds = with_fibers(builds, compiled, start_pose(compiled))
+    compiled = compile_pair(builds)
+    plan = make_plan(compiled, builds, options.kind, random, options.vigor)
+    weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
+    tone = random.uniform(*options.tone, compiled.nu)
+    believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}
+    return _Setting(compiled, builds, believed, plan, weight, tone)
+
+
+def fighter_model(part: str, build: Build) -> Model:
+    """One fighter's model with its markers."""
+    compiled = mujoco.MjModel.from_xml_string(fighter_text(part, build))
+    markers = tuple(Marker(name, body, build.size * place) for name, (body, place) in marker_points().items())
+    return model_from_mujoco(compiled, name=part).with_markers(markers)
+
+
+def _misjudged(build: Build, error: float, random: np.random.Generator) -> Build:
+    """A build whose muscles' strengths are not well known."""
+    factors = np.exp(error * random.standard_normal(len(build.paths)))
+    return replace(build, strengths=dict(zip(build.paths, factors.tolist(), strict=True)))
+
+
+def _truth(
+    compiled: Any, models: Mapping[str, Model], run: Run, options: PairOptions, cutoff: float | None
+) -> PairTruth:
+    every = round(1.0 / (options.rate * STEP))
+    rows = slice(round(SETTLING / STEP), None, every)
+    time = run.time[rows] - run.time[rows][0]
+    whole = join_models(models)
+    values, start = [], 0
+    for model in models.values():
+        width = len(model.coordinates) + 1
+        values.append(coordinates_from_qpos(model, run.qpos[rows, start : start + width]))
+        start += width
+    coordinates = np.unwrap(np.hstack(values), axis=0)
+    muscles = tuple(compiled.actuator(i).name for i in range(compiled.nu))
+
+    def seen(given: Array) -> Array:
+        return (given if cutoff is None else lowpass(given, 1.0 / STEP, cutoff))[rows]
+
+    forces, moments = seen(run.forces), seen(run.moments)
+    points = _points(run, rows, forces, moments)
+    torques = moments - np.cross(points, forces)
+    bodies = (*FEET, "tori_forearm_r", "tori_forearm_l", "uke_torso", "uke_forearm_r")
+    grips = slice(len(FEET), None)
+    wrenches = Wrenches(
+        time,
+        (*FEET, *GRIPS, *(f"{one}_on_uke" for one in GRIPS)),
+        bodies,
+        np.concatenate([forces, -forces[:, grips]], axis=1),
+        np.concatenate([points, points[:, grips]], axis=1),
+        np.concatenate([torques, -torques[:, grips]], axis=1),
+    )
+    return PairTruth(
+        Motion(time, whole.coordinate_names, coordinates),
+        Series(time, muscles, run.activations[rows]),
+        Series(time, muscles, run.tensions[rows]),
+        Series(time, (*FEET, *GRIPS), forces),
+        wrenches,
+        MappingProxyType(dict(models)),
+    )
+
+
+def _points(run: Run, rows: slice, forces: Array, moments: Array) -> Array:
+    """Where forces act: the center of pressure of soles on the mat (y = 0), and the fists."""
+    points = np.zeros_like(forces)
+    feet = slice(0, len(FEET))
+    up = np.where(np.abs(forces[:, feet, 1]) > 1.0, forces[:, feet, 1], np.inf)
+    points[:, feet, 0] = moments[:, feet, 2] / up
+    points[:, feet, 2] = -moments[:, feet, 0] / up
+    points[:, len(FEET) :] = run.places[rows]
+    return points
+
+
+def _recorded(
+    builds: Mapping[str, Build],
+    known: Mapping[str, Model],
+    truth: PairTruth,
+    options: PairOptions,
+    random: np.random.Generator,
+) -> VirtualPair:
+    whole = join_models(known)
+    tree = compile_tree(whole)
+    poses = forward_kinematics(tree, tree.coordinates_of(truth.motion))
+    bodies = np.array([tree.body_index[one.body] for one in whole.markers])
+    places = poses.points(bodies, np.array([one.location for one in whole.markers]))
+    places = places + options.marker_noise * random.standard_normal(places.shape)
+    time = truth.motion.time
+    gain = np.exp(options.emg_gain * random.standard_normal(len(whole.muscles)))
+    envelope = gain * truth.activations.values
+    envelope = np.clip(envelope + options.emg_noise * random.standard_normal(envelope.shape), 0.0, 1.0)
+    sites = pair_sites(builds)
+    return VirtualPair(
+        options,
+        MappingProxyType(dict(known)),
+        whole,
+        Markers(time, whole.marker_names, places),
+        Emg(time, whole.muscle_names, envelope),
+        MappingProxyType({part: _plates(truth, part) for part in PARTS}),
+        sites,
+        _touching(truth, known, sites),
+        MappingProxyType(dict(builds)),
+        truth,
+    )
+
+
+def _plates(truth: PairTruth, part: str) -> Wrenches:
+    feet = [k for k, body in enumerate(truth.wrenches.bodies) if body in FEET and body.startswith(part)]
+    w = truth.wrenches
+    names, bodies = (tuple(given[k] for k in feet) for given in (w.names, w.bodies))
+    return Wrenches(w.time, names, bodies, w.forces[:, feet], w.points[:, feet], w.torques[:, feet])
+
+
+def pair_sites(builds: Mapping[str, Build], directed: bool = False) -> tuple[Site, ...]:
+    """Heels and toes of the four feet, and the two grips.
+
+    Parameters
+    ----------
+    directed : whether it is known how the grips can be loaded: pulls only, straight ahead of tori's trunk, the lapel
+        within 45 degrees and the sleeve within 27; else force may pass them any way
+    """
+    sites = []
+    for foot in FEET:
+        part, _, side = foot.split("_")
+        corners = {name: builds[part].size * at for name, at in sole_points(side).items()}
+        for end in ("heel", "toe"):
+            points = np.array([at for name, at in corners.items() if name.startswith(end)])
+            sites.append(Site(f"{foot}_{end}", foot, points, group=foot))
+    lapel, sleeve = (Cone(direction=None) for _ in GRIPS)
+    if directed:
+        lapel = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=1.0)
+        sleeve = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=0.5)
+    fist = (builds["tori"].size * np.array(GRIP))[None]
+    sites.append(Site("lapel", "tori_forearm_r", fist, lapel, "uke_torso"))
+    sites.append(Site("sleeve", "tori_forearm_l", fist, sleeve, "uke_forearm_r"))
+    return tuple(sites)
+
+
+def _touching(truth: PairTruth, models: Mapping[str, Model], sites: tuple[Site, ...]) -> Series:
+    values = np.ones((len(truth.motion), len(sites)))
+    for k, site in enumerate(sites):
+        if site.group in FEET:
+            model = models[site.group.partition("_")[0]]
+            weight = model.mass * float(np.linalg.norm(model.gravity))
+            values[:, k] = truth.forces[site.group][:, 1] > LOADED * weight
+    return Series(truth.motion.time, tuple(site.name for site in sites), values)

@@ -1,0 +1,186 @@
+"""What the two simulated fighters do: stances, leans, a pull, a sway or a step, and how hard they pull when."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import mujoco
+import numpy as np
+
+from myomorph.model.errors import UnknownName
+from myomorph.model.spatial import Array, axis_rotation
+from myomorph.simulate.fighter import GRIP, LEG, Build, sole_points
+from myomorph.simulate.mat import APART, CUFF, LAPEL, PARTS
+from myomorph.simulate.poses import Aim, posed
+
+Kind = Literal["pull", "sway", "step"]
+FEET = {"tori": {"r": (-0.2, 0.15), "l": (0.08, -0.14)}, "uke": {"r": (0.2, -0.15), "l": (-0.08, 0.14)}}
+"""Places of the ankles on the mat from the middle of each stance, x and z in ground [m]."""
+MIDDLE = {"tori": 0.0, "uke": APART}
+BACKWARD = {"tori": -1.0, "uke": 1.0}
+BENT = {"knee_angle": -0.5, "hip_flexion": 0.45, "ankle_angle": 0.12, "elbow_flex": 1.0, "arm_flex": 0.5}
+"""Joints of the pose that all poses start from [rad]."""
+HOLD = (-0.065, 0.0, -0.01)
+"""From where the sleeve is sewn on to the fist that holds it, in ground [m]."""
+
+
+@dataclass(frozen=True)
+class Stance:
+    """One instant of the plan.
+
+    Attributes
+    ----------
+    time : [s]
+    back : how far each pelvis is behind the middle of its stance [m]
+    lean : how far each trunk leans back [rad]
+    sway : of the pelves to tori's right [m]
+    drop : of the pelves below straight legs [m]
+    twist : of tori's trunk to the left [rad]
+    lapel, sleeve : pulls intended [N]
+    foot : shift of tori's right foot, backward and up [m]
+    """
+
+    time: float
+    back: tuple[float, float] = (0.1, 0.1)
+    lean: tuple[float, float] = (0.1, 0.1)
+    sway: tuple[float, float] = (0.0, 0.0)
+    drop: float = 0.07
+    twist: float = 0.0
+    lapel: float = 40.0
+    sleeve: float = 25.0
+    foot: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Stances as poses, and what lies between them.
+
+    Attributes
+    ----------
+    stances : in the order of time
+    poses : (stances, nq)
+    lifted : from when to when tori's right foot is off the mat [s]; both 0 for never
+    """
+
+    stances: tuple[Stance, ...]
+    poses: Array
+    lifted: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.stances[-1].time
+
+    def at(self, compiled: Any, time: float) -> tuple[Array, Array, Array]:
+        """Pose (nq,), rates and accelerations (nv,) of the plan."""
+        k, share, length = self._between(time)
+        x = share
+        weight = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        first, second = 30.0 * x * x * (1.0 - x) ** 2 / length, 60.0 * x * (1.0 - 3.0 * x + 2.0 * x * x) / length**2
+        way = np.empty(compiled.nv)
+        mujoco.mj_differentiatePos(compiled, way, 1.0, self.poses[k], self.poses[k + 1])
+        q = self.poses[k].copy()
+        mujoco.mj_integratePos(compiled, q, way, weight)
+        return q, first * way, second * way
+
+    def pulls(self, time: float) -> tuple[float, float]:
+        """Intended pulls at lapel and sleeve [N]."""
+        times = [one.time for one in self.stances]
+        lapel, sleeve = ([getattr(one, what) for one in self.stances] for what in ("lapel", "sleeve"))
+        return float(np.interp(time, times, lapel)), float(np.interp(time, times, sleeve))
+
+    def _between(self, time: float) -> tuple[int, float, float]:
+        times = np.array([one.time for one in self.stances])
+        k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+        length = float(times[k + 1] - times[k])
+        return k, float(np.clip((time - times[k]) / length, 0.0, 1.0)), length
+
+
+def make_plan(
+    compiled: Any, builds: Mapping[str, Build], kind: str, random: np.random.Generator, vigor: float = 1.0
+) -> Plan:
+    """A plan of one kind, its measures drawn at random.
+
+    Parameters
+    ----------
+    vigor : factor of the pulls, and of how far the fighters lean back for them
+
+    Raises
+    ------
+    UnknownName
+        where there is no such kind
+    """
+    if kind not in get_args(Kind):
+        raise UnknownName("kind of bout", kind, get_args(Kind), "the simulation")
+    base = Stance(
+        0.0,
+        (0.12 * vigor, 0.12 * vigor),
+        (-0.05, -0.05),
+        drop=random.uniform(0.07, 0.1),
+        lapel=50.0 * vigor,
+        sleeve=35.0 * vigor,
+    )
+    hard = replace(
+        base,
+        back=(random.uniform(0.2, 0.23) * vigor, random.uniform(0.2, 0.23) * vigor),
+        lean=(random.uniform(-0.1, 0.0), random.uniform(-0.1, 0.0)),
+        lapel=random.uniform(100.0, 140.0) * vigor,
+        sleeve=random.uniform(60.0, 90.0) * vigor,
+    )
+    lifted = (0.0, 0.0)
+    still = replace(base, time=0.3)
+    if kind == "pull":
+        stances = [base, still, replace(hard, time=1.0), replace(hard, time=1.4), replace(base, time=2.1)]
+    elif kind == "sway":
+        s = random.uniform(0.015, 0.03)
+        stances = [base, still, replace(hard, time=1.0, sway=(s, s), twist=0.05)]
+        stances += [replace(hard, time=1.8, sway=(-s, -s), twist=-0.05), replace(hard, time=2.5)]
+    else:
+        far, over = random.uniform(0.08, 0.14), (-0.115, -0.02)
+        stances = [base, still, replace(base, time=1.2, sway=over), replace(base, time=1.3, sway=over)]
+        stances += [replace(base, time=1.55, sway=over, foot=(0.5 * far, 0.05))]
+        stances += [replace(base, time=1.8, sway=over, foot=(far, 0.0)), replace(base, time=2.8, foot=(far, 0.0))]
+        lifted = (1.3, 1.8)
+    start = start_pose(compiled)
+    poses = []
+    for one in stances:
+        start = posed(compiled, start, aims_of(builds, one), 0.02)
+        poses.append(start)
+    return Plan(tuple(stances), np.array(poses), lifted)
+
+
+def start_pose(compiled: Any) -> Array:
+    """Bent knees and elbows, from which poses are sought."""
+    q = np.array(compiled.qpos0)
+    for part in PARTS:
+        for name, angle in BENT.items():
+            for side in "rl":
+                q[compiled.joint(f"{part}_{name}_{side}").qposadr[0]] = angle
+    return q
+
+
+def aims_of(builds: Mapping[str, Build], stance: Stance) -> Sequence[Aim]:
+    """What a pose has to reach: feet on their places, grips closed, pelves and trunks as the stance says."""
+    aims: list[Aim] = []
+    size = {part: builds[part].size for part in PARTS}
+    for part, forward in (("tori", 1.0), ("uke", -1.0)):
+        for side, (x, z) in FEET[part].items():
+            moves = part == "tori" and side == "r"
+            back, up = stance.foot if moves else (0.0, 0.0)
+            for point in sole_points(side).values():
+                place = np.array([x + MIDDLE[part] - back, up, z]) + forward * size[part] * point * (1.0, 0.0, 1.0)
+                aims.append(Aim(f"{part}_foot_{side}", size[part] * point, place, weight=10.0))
+        k = PARTS.index(part)
+        straight = size[part] * LEG
+        pelvis = np.array([MIDDLE[part] + BACKWARD[part] * stance.back[k], straight - stance.drop, stance.sway[k]])
+        aims.append(Aim(f"{part}_pelvis", np.zeros(3), pelvis))
+        turn, twist = (0.0, stance.twist) if part == "tori" else (np.pi, 0.0)
+        for body, share in (("torso", 1.0), ("pelvis", 0.6)):
+            lean = axis_rotation((0, 0, 1), share * stance.lean[k])
+            aims.append(Aim(f"{part}_{body}", None, axis_rotation((0, 1, 0), turn + share * twist) @ lean, weight=0.5))
+    fist, other = size["tori"] * np.array(GRIP), size["uke"]
+    aims.append(Aim("tori_forearm_r", fist, other="uke_torso", other_point=other * LAPEL, weight=10.0))
+    aims.append(Aim("tori_forearm_l", fist, other="uke_forearm_r", other_point=other * CUFF, offset=HOLD))
+    return aims

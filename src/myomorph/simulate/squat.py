@@ -1,0 +1,262 @@
+"""A full-body capture that the project simulates itself: a squat with raised arms whose truth is known.
+
+The body is MyoFullBody, which comes with `myo-sim`. Smooth coordinates are laid through poses that keep
+both feet on the floor; markers follow from them, with noise; the force on the feet is the one that
+balances the equations of motion, so that nothing is left at the root; torques follow by inverse
+dynamics, and activations by the same least-effort criterion that the estimate uses. What the report
+compares is thus the effect of noise and filters, not the criterion itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.errors import BadData
+from myomorph.model.model import GROUND, Marker, Model
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.motion.filters import lowpass, natural_spline
+from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.store.results import value_source
+from myomorph.store.settings import Differentiation
+from myomorph.store.silence import silent_mujoco
+from myomorph.study.trial.steps import Take
+
+FEET = ("calcn_r", "calcn_l")
+MARKED = (
+    "pelvis", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l", "torso", "head",
+    "humerus_r", "ulna_r", "thirdmc_r", "humerus_l", "ulna_l", "thirdmc_l",
+)  # fmt: skip
+KEPT_FREE = (
+    "root_", "flex_extension", "lat_bending", "axial_rotation", "elv_angle_", "shoulder_elv_", "shoulder_rot_",
+    "elbow_flexion_", "pro_sup_", "hip_", "knee_angle_", "ankle_angle_", "subtalar_angle_",
+)  # fmt: skip
+STANDING = MappingProxyType({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0})
+"""The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
+SQUAT = MappingProxyType(
+    {
+        "root_rx": 14.0,
+        "hip_flexion_r": 55.0,
+        "hip_flexion_l": 55.0,
+        "hip_adduction_r": -5.0,
+        "hip_adduction_l": -5.0,
+        "knee_angle_r": 65.0,
+        "knee_angle_l": 65.0,
+        "ankle_angle_r": 22.0,
+        "ankle_angle_l": 22.0,
+        "shoulder_elv_r": 40.0,
+        "shoulder_elv_l": 40.0,
+        "elbow_flexion_r": 50.0,
+        "elbow_flexion_l": 50.0,
+    }
+)
+"""The lowest pose, the coordinates' differences from the highest [deg]."""
+SOLE = 0.012
+"""Height of the heel bones' origins above their lowest point [m]."""
+KNOT_RATE = 20.0
+CLUSTER = 0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+"""Markers of a body about its mass center [m]."""
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """What is simulated, and how badly it is measured.
+
+    Attributes
+    ----------
+    duration : [s]
+    squats : in that time
+    rate, force_rate : of markers and forces [Hz]
+    marker_noise : standard deviation of each marker's white noise [m]
+    tissue : standard deviation of its slow shift on the skin, below 2 Hz [m]
+    force_noise : standard deviation of the forces' white noise [N]
+    cutoff : low-pass of the estimate [Hz]
+    seed : of the noise
+    """
+
+    duration: float = 4.0
+    squats: int = 2
+    rate: float = 100.0
+    force_rate: float = 1000.0
+    marker_noise: float = 0.0005
+    tissue: float = 0.002
+    force_noise: float = 1.0
+    cutoff: float = 6.0
+    seed: int = 20
+
+
+def simulated_take(options: SimulationOptions | None = None) -> Take:
+    """The simulated capture, ready for all steps, with its truth."""
+    from myomorph.tension.solve import TensionOptions, solve_tension
+
+    options = options or SimulationOptions()
+    model = marked_body()
+    tree = compile_tree(model)
+    splines = squat_splines(model, options)
+    truth, forces_motion = (splines.at(rate, options.duration) for rate in (options.rate, options.force_rate))
+    wrenches = balancing_wrenches(tree, forces_motion)
+    at_markers = balancing_wrenches(tree, truth)
+    torques = inverse_dynamics(model, truth, at_markers)
+    tension = solve_tension(model, truth, torques, TensionOptions())
+    random = np.random.default_rng(options.seed)
+    markers = measured_markers(tree, truth, options, random)
+    noisy = replace(
+        wrenches, forces=wrenches.forces + options.force_noise * random.standard_normal(wrenches.forces.shape)
+    )
+    used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
+    names = tuple(model.coordinate_names[i] for i in used)
+    known = {
+        "motion": Series(truth.time, names, tree.coordinates_of(truth)[:, used]),
+        "torques": Series(truth.time, names, torques.values[:, used]),
+        "activations": Series(truth.time, tension.muscles, tension.activations),
+    }
+    return Take(
+        name="squat",
+        subject="simulated body",
+        model=model,
+        markers=markers,
+        loads=lambda motion: noisy,
+        mass=model.mass,
+        derivatives=Differentiation(options.cutoff),
+        assumed=(
+            "Fingers and wrists do not move; each foot carries half of the force.",
+            "The true activations are the least-effort ones of the noise-free motion, the criterion that the estimate "
+            "uses too: their difference shows what noise and filters do, not whether the criterion is right.",
+        ),
+        simulated=(
+            f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
+            f"{options.squats} times in {options.duration:g} s with raised arms; nobody was measured.",
+            f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm white and "
+            f"{1000 * options.tissue:g} mm slow shift on the skin, forces {options.force_noise:g} N white; seed "
+            f"{options.seed}.",
+        ),
+        truth=MappingProxyType(known),
+        sources=(
+            value_source("model", "demo:simulated", *(one.mass for one in model.bodies), *model.coordinate_names),
+            value_source("markers", "simulated markers", markers.values),
+            value_source("loads", "simulated forces", noisy.forces, noisy.points, noisy.torques),
+        ),
+    )
+
+
+def marked_body() -> Model:
+    """MyoFullBody with a cluster of four markers on each of 15 bodies; fingers and wrists are locked.
+
+    Raises
+    ------
+    BadData
+        where the package `myo-sim` is not installed
+    """
+    try:
+        import myo_sim
+    except ImportError:
+        raise BadData("the simulated study needs the package 'myo-sim': pip install myo-sim") from None
+    with silent_mujoco():
+        compiled = myo_sim.load_model("myofullbody")
+    # Meshes are looked for beside a model's source.
+    model = model_from_mujoco(compiled, name="MyoFullBody", source=str(myo_sim.MODELS_DIR / "myofullbody"))
+    dependent = model.dependent_coordinates
+    coordinates = tuple(
+        replace(one, locked=not one.name.startswith(KEPT_FREE) and one.name not in dependent)
+        for one in model.coordinates
+    )
+    markers = []
+    for name in MARKED:
+        center = model.body(name).mass_center
+        shrink = 0.6 if name.startswith(("calcn", "thirdmc")) else 1.0
+        markers += [Marker(f"{name}_{i + 1}", name, center + shrink * offset) for i, offset in enumerate(CLUSTER)]
+    return replace(model, coordinates=coordinates, markers=tuple(markers))
+
+
+@dataclass(frozen=True, eq=False)
+class Splines:
+    """Coordinates as quintic splines of time."""
+
+    names: tuple[str, ...]
+    spline: Any
+
+    def at(self, rate: float, duration: float) -> Motion:
+        """The motion with exact derivatives at so many frames a second."""
+        time = np.arange(round(rate * duration) + 1) / rate
+        found = [self.spline(time, order) for order in range(3)]
+        return Motion(time, self.names, *found)
+
+
+def squat_splines(model: Model, options: SimulationOptions) -> Splines:
+    """Smooth coordinates through poses that keep the feet where they stand.
+
+    Between standing and `SQUAT` the depth is (1 - cos) / 2; each pose is the one nearest to that whose
+    heel markers stay in place.
+    """
+    time = np.arange(round(KNOT_RATE * options.duration) + 1) / KNOT_RATE
+    depth = 0.5 - 0.5 * np.cos(2.0 * np.pi * options.squats * time / options.duration)
+    free = [one for one in model.coordinates if not one.locked and one.name not in model.dependent_coordinates]
+    names = tuple(one.name for one in free)
+    default = np.array([one.default for one in free])
+    high, low = (np.deg2rad([pose.get(name, 0.0) for name in names]) for pose in (STANDING, SQUAT))
+    wanted = default + high + np.outer(depth, low)
+    tree = compile_tree(model)
+    standing = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    planted = [one for one in model.markers if one.body in FEET]
+    bodies = [tree.body_index[one.body] for one in planted]
+    places = standing.points(np.array(bodies), np.array([one.location for one in planted]))
+    feet = Markers(time, tuple(one.name for one in planted), np.repeat(places, len(time), axis=0))
+    pull = {name: CoordinateTask(1e-5) for name in names if not name.startswith("root_t")}
+    told = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
+    poses = inverse_kinematics(model, feet, told).motion
+    values = poses.values[:, [poses.names.index(name) for name in names]]
+    return Splines(names, natural_spline(time, values))
+
+
+def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
+    """Forces on both feet, half each, that leave nothing at the root.
+
+    The force that the root would need is moved to the feet: its center of pressure on the floor lies
+    midway between two points that are as far apart as the feet.
+    """
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    root = next(joint for joint in tree.model.joints if joint.parent == GROUND and len(joint.coordinates) == 6)
+    columns = [tree.model.coordinate_names.index(name) for name in root.coordinates]
+    needed = inverse_dynamics(tree.model, motion).values[:, columns]
+    body = tree.body_index[root.child]
+    feet = [poses.origins[:, tree.body_index[name]] for name in FEET]
+    up = -tree.model.gravity / np.linalg.norm(tree.model.gravity)
+    floor = float(np.min([foot @ up for foot in feet])) - SOLE
+    force, moment = np.empty((len(motion), 3)), np.empty((len(motion), 3))
+    for frame in range(len(motion)):
+        origin = poses.origins[frame, body]
+        jacobian = poses.jacobian(frame, body, origin)[:, columns]
+        wrench = np.linalg.solve(jacobian.T, needed[frame])
+        force[frame] = wrench[3:]
+        moment[frame] = wrench[:3] + np.cross(origin, wrench[3:])
+    vertical = force @ up
+    # Of all points of the line of action, the one on the floor; what moment remains is vertical.
+    center = np.cross(up, moment - floor * np.cross(up, force)) / vertical[:, None] + floor * up
+    free = (moment - np.cross(center, force)) / 2.0
+    apart = feet[0] - feet[1]
+    apart = (apart - np.outer(apart @ up, up)) / 2.0
+    points = np.stack([center + apart, center - apart], axis=1)
+    halves = np.repeat(force[:, None] / 2.0, 2, axis=1)
+    return Wrenches(motion.time, ("right foot", "left foot"), FEET, halves, points, np.repeat(free[:, None], 2, axis=1))
+
+
+def measured_markers(tree: Tree, motion: Motion, options: SimulationOptions, random: np.random.Generator) -> Markers:
+    """Markers of a motion, with white noise and a slow shift of each on the skin."""
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_index[one.body] for one in tree.model.markers])
+    places = poses.points(bodies, np.array([one.location for one in tree.model.markers]))
+    # The filter's ends are not like its middle: they are cut off.
+    margin = int(options.rate)
+    longer = random.standard_normal((len(places) + 2 * margin, *places.shape[1:]))
+    slow: Array = lowpass(longer, options.rate, 2.0)[margin:-margin]
+    shift = options.tissue * slow / slow.std(axis=0)
+    noise = options.marker_noise * random.standard_normal(places.shape)
+    return Markers(motion.time, tree.model.marker_names, places + shift + noise)

@@ -1,0 +1,4 @@
+"""Files of results: tables, NetCDF, settings, locks and progress, for every room that writes.
+
+It knows how a result is kept, not how it is computed.
+"""

@@ -1,0 +1,106 @@
+"""Contacts and their forces in result files."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.model.series import Series
+from myomorph.report.trial.given import Situation
+from myomorph.store.results import ResultWriter, Stored
+
+SITES, LOOKED_AT, DOUBTS = "contact_sites", "contact_sites_looked_at", "contact_doubts"
+SITUATION = "contact_situation"
+
+TOUCH_NUMBERS = (
+    ("start", "s", "when a site begins to touch"),
+    ("stop", "s", "when it ends"),
+    ("confidence", "1", "how sure that is"),
+)
+TOUCH_TEXTS = ("site", "surface", "source")
+
+
+def put_contact_forces(writer: ResultWriter, found: ContactForces) -> None:
+    """Forces at contact sites, and what the sites are."""
+    writer.time(found.time)
+    writer.names("contact_site", found.names)
+    writer.names("axis", ("x", "y", "z"))
+    writer.fact(SITES, json.dumps([_plain_site(one) for one in found.sites]))
+    three = ("time", "contact_site", "axis")
+    writer.put("contact_strength", ("time", "contact_site"), found.strengths, "1", "how ready a site is to carry force")
+    writer.put("contact_force", three, found.forces, "N", "estimated force on the body at a contact site, in ground")
+    writer.put("contact_point", three, found.points, "m", "center of pressure of a contact site, in ground")
+    writer.put("contact_torque", three, found.torques, "N m", "free torque about that point, in ground")
+
+
+def get_contact_forces(stored: Stored) -> ContactForces | None:
+    """What `put_contact_forces` wrote, or None."""
+    values = stored.values
+    if "contact_force" not in values:
+        return None
+    sites = tuple(_site(one) for one in json.loads(stored.facts[SITES]))
+    parts = (values[f"contact_{name}"] for name in ("strength", "force", "point", "torque"))
+    return ContactForces(stored.time, sites, *parts)
+
+
+def put_contacts(writer: ResultWriter, contacts: Contacts, situation: Situation = "unknown") -> None:
+    """Which site touches what, and when, and how the forces came to be known."""
+    writer.fact(SITUATION, situation)
+    writer.fact(LOOKED_AT, json.dumps(contacts.sites))
+    writer.fact(DOUBTS, json.dumps(contacts.warnings))
+    writer.sizes("touch", len(contacts.touches))
+    for name, unit, meaning in TOUCH_NUMBERS:
+        values = np.array([getattr(one, name) for one in contacts.touches], dtype=np.float64)
+        writer.put(f"touch_{name}", ("touch",), values, unit, meaning)
+    for name in TOUCH_TEXTS:
+        writer.texts(f"touch_{name}", "touch", [getattr(one, name) for one in contacts.touches])
+
+
+def get_contacts(stored: Stored) -> Contacts | None:
+    """What `put_contacts` wrote, or None."""
+    if LOOKED_AT not in stored.facts:
+        return None
+    numbers = [stored.values[f"touch_{name}"].tolist() for name, _, _ in TOUCH_NUMBERS]
+    texts = [stored.names.get(f"touch_{name}", ()) for name in TOUCH_TEXTS]
+    names = (*(name for name, _, _ in TOUCH_NUMBERS), *TOUCH_TEXTS)
+    touches = tuple(Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True))
+    return Contacts(tuple(json.loads(stored.facts[LOOKED_AT])), touches, tuple(json.loads(stored.facts[DOUBTS])))
+
+
+def put_carried(writer: ResultWriter, torques: Series) -> None:
+    """Generalized forces under all external forces, those of estimated contacts included."""
+    writer.names("coordinate", torques.names)
+    meaning = "generalized force of inverse dynamics with estimated contacts"
+    writer.put("carried_force", ("time", "coordinate"), torques.values, "N m or N", meaning)
+
+
+def get_carried(stored: Stored) -> Series | None:
+    """What `put_carried` wrote, or None."""
+    found = stored.values.get("carried_force")
+    return None if found is None else Series(stored.time, stored.names["coordinate"], found)
+
+
+def get_situation(stored: Stored) -> Situation:
+    """How the forces of contacts came to be known; "" where none were estimated."""
+    told: Situation = stored.facts.get(SITUATION, "")  # type: ignore[assignment]
+    return told
+
+
+def _plain_site(site: Site) -> dict[str, Any]:
+    cone = {name: getattr(site.cone, name) for name in ("frame", "friction", "torsion", "grip", "edges", "most")}
+    direction = None if site.cone.direction is None else site.cone.direction.tolist()
+    return {
+        "name": site.name,
+        "body": site.body,
+        "points": site.points.tolist(),
+        "against": site.against,
+        "group": site.group,
+        "cone": {"direction": direction, **cone},
+    }
+
+
+def _site(plain: dict[str, Any]) -> Site:
+    return Site(**{**plain, "points": np.array(plain["points"]), "cone": Cone(**plain["cone"])})

@@ -1,0 +1,191 @@
+"""Study files in TOML: tables that know their keys, and one list of all that is wrong with a file."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+
+from myomorph.model.errors import BadFile, listing
+from myomorph.store.settings import Setting
+
+
+class Strict(BaseModel):
+    """A table that takes no other keys than its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class StudyTable(Strict):
+    """The table `[study]`."""
+
+    name: str
+
+
+def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
+    """The table `[options]`: one table a step, its keys the settings of the step's option dataclasses."""
+    tables: dict[str, Any] = {}
+    for step, own in settings.items():
+        keys: dict[str, Any] = {one.name: (one.kind, one.default) for one in own}
+        made = create_model(f"{step.capitalize()}Options", __base__=Strict, **keys)
+        tables[step] = (made, Field(default_factory=made))
+    return create_model("StepOptions", __base__=Strict, **tables)
+
+
+MOST_PROBLEMS, MOST_SIGNS = 200, 200
+"""Problems of a file that are told, and signs of a value."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a study file.
+
+    Raises
+    ------
+    BadFile
+        where it cannot be read, or is no TOML
+    """
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        beside = sorted(one.name for one in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+        hint = f"{path.parent} has {listing(path.name, beside)}" if beside else "give a study file in TOML"
+        raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
+    except UnicodeDecodeError:
+        raise BadFile(path, "is not text", "give a study file in TOML") from None
+    except (ValueError, RecursionError) as error:
+        # Not only of `tomllib`: a whole number of thousands of digits is refused by `int`.
+        raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
+
+
+def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
+    """The file as checked values, or None and what is wrong."""
+    try:
+        return file.model_validate(raw), []
+    except ValidationError as error:
+        found = [one for one in error.errors() if not (one["loc"][-1] == "str" and isinstance(one["input"], dict))]
+        return None, list(dict.fromkeys(_sentence(one, file) for one in found))
+
+
+def refuse(path: Path, problems: Sequence[str]) -> None:
+    """Raise `BadFile` with all problems in one line, where there are any."""
+    if problems:
+        count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
+        told = list(problems[:MOST_PROBLEMS])
+        if len(problems) > MOST_PROBLEMS:
+            told.append(f"and {len(problems) - MOST_PROBLEMS} more")
+        raise BadFile(path, f"{count}: " + " | ".join(told))
+
+
+def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> Path | None:
+    """A file that a study file names; what is not there is added to the problems."""
+    if name is None:
+        return None
+    path = folder / name
+    if is_file(path):
+        return path
+    near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if is_folder(path.parent) else []
+    problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
+    return None
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; of a name that no system can have `Path.is_file` would raise an error."""
+    return os.path.isfile(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder, as `is_file`."""
+    return os.path.isdir(path)
+
+
+def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
+    """The files that a name or a pattern stands for."""
+    if is_pattern(pattern) and not is_file(folder / pattern):
+        found = [path for path in globbed(folder, pattern) if path.is_file()]
+        if not found:
+            problems.append(f"{where}: no file matches '{pattern}' in {folder}")
+        problems += [f"{where}: the name of '{one.name}' is not UTF-8: rename it" for one in found if not _is_utf8(one)]
+        return found
+    path = existing(folder, pattern, f"{where}: trial", problems)
+    return [] if path is None else [path]
+
+
+def _is_utf8(path: Path) -> bool:
+    """Whether tables and pages can hold the name: that of a file from an old Linux may be Latin-1."""
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def is_pattern(text: str) -> bool:
+    """Whether a name has signs that stand for others."""
+    return any(sign in text for sign in "*?[")
+
+
+def globbed(folder: Path, pattern: str) -> list[Path]:
+    """What a pattern matches, in order; a name without such signs is itself, where it exists."""
+    if not is_pattern(pattern):
+        path = folder / pattern
+        return [path] if pattern and os.path.exists(path) else []
+    whole = Path(pattern)
+    if whole.is_absolute():
+        folder, pattern = Path(whole.anchor), str(whole.relative_to(whole.anchor))
+    try:
+        return sorted(folder.glob(pattern))
+    except (ValueError, OSError):
+        return []
+
+
+def check_time(time: tuple[float, float] | None, where: str, problems: list[str]) -> None:
+    """Add to the problems where a range of time does not end after its start."""
+    if time is not None and not time[0] < time[1]:
+        problems.append(f"{where} = [{time[0]:g}, {time[1]:g}]: expected a start before an end [s]")
+
+
+def _sentence(error: Any, file: type[BaseModel]) -> str:
+    """One validation error: where it is, what was given, what exists."""
+    where = [one for one in error["loc"] if isinstance(one, int) or not _is_kind(one)]
+    name = ".".join(f"{one + 1}" if isinstance(one, int) else str(one) for one in where)
+    if error["type"] == "extra_forbidden":
+        return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
+    if error["type"] == "missing":
+        return f"'{name}' is missing"
+    return f"'{name}' = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _shown(given: Any) -> str:
+    """A value as the file may have it, cut short."""
+    try:
+        text = repr(given)
+    except ValueError:
+        # Hexadecimal numbers may have more digits than Python writes as decimals.
+        return "a number of thousands of digits"
+    return text if len(text) <= MOST_SIGNS else f"{text[:MOST_SIGNS]} ..."
+
+
+def _is_kind(part: str) -> bool:
+    """Whether a part of a place is no key, but one of the types that a key may have."""
+    return part in ("str", "float", "int") or part.startswith("_") or "[" in part
+
+
+def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:
+    """Keys that exist in the table at a place of the file."""
+    table = file
+    for one in where:
+        field = next((field for name, field in table.model_fields.items() if one in (name, field.alias)), None)
+        inner = None if field is None else _table(field.annotation)
+        table = inner or table
+    return tuple(field.alias or name for name, field in table.model_fields.items())
+
+
+def _table(kind: Any) -> type[BaseModel] | None:
+    """The table among the types that a key may have."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind
+    return next((found for found in map(_table, get_args(kind)) if found is not None), None)

@@ -1,0 +1,199 @@
+"""What a file holds and what looks wrong with it: `myomorph info FILE`."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.errors import BadFile
+from myomorph.model.model import Model
+
+MODELS = (".osim", ".xml", ".mjcf")
+TABLES = (".mot", ".sto")
+RECORDINGS = {
+    ".trc": "TRC markers",
+    ".c3d": "C3D recording",
+    ".mat": "Qualisys recording",
+    ".h5": "keypoints",
+    ".hdf5": "keypoints",
+}
+EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What was found in a file.
+
+    Attributes
+    ----------
+    kind : what it is, in words
+    facts : (label, text) in the order to show them
+    warnings : what looks wrong, one line each
+    """
+
+    kind: str
+    facts: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """The inspection as text, a fact or a warning a line."""
+        width = max((len(label) for label, _ in self.facts), default=0)
+        shown = [self.kind, *(f"  {label:<{width}}  {text}" for label, text in self.facts)]
+        return shown + [f"  warning: {line}" for line in self.warnings]
+
+
+def inspect(path: str | os.PathLike[str]) -> Inspection:
+    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong with it.
+
+    Raises
+    ------
+    BadFile : the file is absent, of another kind, or cannot be read
+    """
+    path = Path(path)
+    if not path.exists():
+        raise BadFile(path, "does not exist")
+    if path.is_dir():
+        raise BadFile(path, "is a folder", EXPECTED)
+    ending = path.suffix.lower()
+    if ending in RECORDINGS:
+        from myomorph.study.info.inspect_recording import inspect_trial
+        from myomorph.study.trial.inputs import open_trial
+
+        return inspect_trial(open_trial(path), RECORDINGS[ending])
+    if ending in TABLES:
+        from myomorph.io.sto import read_sto
+        from myomorph.study.info.inspect_recording import inspect_table
+
+        return inspect_table(read_sto(path))
+    if ending == ".xml":
+        return _inspect_xml(path)
+    if ending in MODELS:
+        from myomorph.io.models import read_model
+
+        return inspect_model(read_model(path))
+    raise BadFile(path, f"is of no kind that is known: its name ends in '{ending}'", EXPECTED)
+
+
+def _inspect_xml(path: Path) -> Inspection:
+    """A MuJoCo model, or one of OpenSim's settings."""
+    from myomorph.io.models import read_model
+    from myomorph.io.parsing.xml import read_xml
+
+    file = read_xml(path)
+    root = file.root
+    if root.tag == "mujoco":
+        return inspect_model(read_model(path))
+    inner = (
+        next((child for child in root if isinstance(child.tag, str)), None) if root.tag == "OpenSimDocument" else root
+    )
+    if inner is None:
+        raise BadFile(path, f"holds an empty '{root.tag}'", EXPECTED)
+    if inner.tag == "Model":
+        from myomorph.io.osim.read import read_osim
+
+        return inspect_model(read_osim(path))
+    if inner.tag == "ExternalLoads":
+        return _inspect_loads(path)
+    named = [child.tag for child in inner if isinstance(child.tag, str)]
+    facts = (("name", str(inner.get("name", ""))), ("settings", _list(sorted(set(named)))))
+    return Inspection(f"OpenSim settings: {inner.tag}", facts, file.warnings)
+
+
+def _inspect_loads(path: Path) -> Inspection:
+    from myomorph.io.loads import read_load_entries
+    from myomorph.io.sto import read_sto
+
+    entries = read_load_entries(path)
+    facts = [("forces", str(len(entries)))]
+    found = []
+    for entry in entries:
+        facts.append((entry.name, f"on '{entry.body}', columns '{entry.force}*' and '{entry.point}*' of {entry.data}"))
+    for data in dict.fromkeys(entry.data for entry in entries):
+        if not data.exists():
+            found.append(f"the table {data} does not exist")
+            continue
+        table = read_sto(data)
+        found += [f"{data.name}: {line}" for line in table.warnings]
+        for entry in entries:
+            for prefix in (entry.force, entry.point, entry.torque):
+                if entry.data == data and prefix and not any(name.startswith(prefix) for name in table.names):
+                    found.append(f"{data.name} has no column that begins with '{prefix}'")
+    return Inspection("OpenSim external loads", tuple(facts), tuple(found))
+
+
+def inspect_model(model: Model) -> Inspection:
+    """Counts, mass, joints and muscles of a model, and what its reader and its numbers warn of."""
+    facts = [
+        ("name", model.name),
+        ("mass", f"{model.mass:.5g} kg in {len(model.bodies)} bodies"),
+        ("joints", _counted([joint.kind for joint in model.joints])),
+        ("coordinates", _coordinates(model)),
+        ("gravity", " ".join(f"{value:g}" for value in model.gravity) + " m/s^2"),
+        ("markers", str(len(model.markers))),
+        ("muscles", _counted([muscle.kind for muscle in model.muscles])),
+        ("wrap objects", str(len(model.wrap_objects))),
+        ("actuators", _counted([actuator.kind for actuator in model.actuators])),
+        ("coordinate names", _list(model.coordinate_names)),
+        ("body names", _list(model.body_names)),
+    ]
+    if model.loops:
+        facts.append(("closed loops", _list([loop.name for loop in model.loops])))
+    passive = [*(one.name for one in model.passive_torques), *(one.name for one in model.bushings)]
+    if passive:
+        facts.append(("springs, limits and bushings", _list(passive)))
+    viscous = [one.name for one in model.muscles if one.viscosity]
+    if viscous:
+        facts.append(("muscles with viscosity", _list(viscous)))
+    modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
+    kept = [one.kind for one in model.kept if one.name not in modelled]
+    if kept:
+        facts.append(("kept, not modelled", _counted(kept)))
+    return Inspection("model", tuple(facts), (*model.warnings, *_model_doubts(model)))
+
+
+def _coordinates(model: Model) -> str:
+    locked = sum(1 for coordinate in model.coordinates if coordinate.locked)
+    clamped = sum(1 for coordinate in model.coordinates if coordinate.clamped)
+    parts = [f"{len(model.coordinates)}"]
+    for count, word in ((len(model.couplers), "dependent"), (locked, "locked"), (clamped, "clamped")):
+        if count:
+            parts.append(f"{count} {word}")
+    return ", ".join(parts)
+
+
+def _model_doubts(model: Model) -> list[str]:
+    """What looks wrong with a model's numbers."""
+    found = []
+    light = [body.name for body in model.bodies if body.mass <= 0.0]
+    if not np.isfinite(model.mass) or model.mass <= 0:
+        found.append("the bodies have no mass: inverse dynamics and tensions would be zero")
+    elif light:
+        found.append(f"{len(light)} bodies have no mass: {_list(light)}")
+    for body in model.bodies:
+        moments = np.sort(np.linalg.eigvalsh(0.5 * (body.inertia + body.inertia.T)))
+        if body.mass > 0 and (moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12):
+            found.append(
+                f"the inertia of body '{body.name}' is not that of a real body: {np.round(moments, 6).tolist()}"
+            )
+    for coordinate in model.coordinates:
+        lower, upper = coordinate.range
+        if coordinate.clamped and not lower <= coordinate.default <= upper:
+            found.append(f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its range")
+    if np.linalg.norm(model.gravity) == 0:
+        found.append("gravity is zero")
+    return found
+
+
+def _counted(kinds: Sequence[str]) -> str:
+    """'3 PinJoint, 1 FreeJoint' of a list of kinds."""
+    counts = Counter(kinds).most_common()
+    return f"{len(kinds)}" + (f": {', '.join(f'{count} {kind}' for kind, count in counts)}" if counts else "")
+
+
+def _list(names: Sequence[str], most: int = 400) -> str:
+    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")

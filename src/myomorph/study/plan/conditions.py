@@ -1,0 +1,157 @@
+"""In which condition trials were recorded, and which a study leaves out, by patterns of names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+from myomorph.model.errors import listing
+from myomorph.study.plan.subject_names import as_list
+from myomorph.study.plan.subject_tables import ExcludeTable, Patterns
+from myomorph.study.run.jobs import Conditions, Excluded
+from myomorph.study.trial.takes import FileTake
+
+
+class Exclusions:
+    """What a study file leaves out, while its subjects and trials are being found.
+
+    Attributes
+    ----------
+    found : what was left out so far
+    """
+
+    def __init__(self, tables: Sequence[ExcludeTable], problems: list[str]):
+        self.tables = tables
+        self.found: list[Excluded] = []
+        self._used: set[int] = set()
+        for number, table in enumerate(tables, 1):
+            if not table.subject and not table.trial:
+                problems.append(f"exclude.{number}: names no subject and no trial: expected one of them, or both")
+            if not table.reason.strip():
+                problems.append(f"exclude.{number}: its reason is empty: say why")
+
+    def subject(self, name: str) -> bool:
+        """Whether a subject is left out with all its trials."""
+        return self._left_out(name, "")
+
+    def trial(self, subject: str, name: str) -> bool:
+        """Whether a trial is left out."""
+        return self._left_out(subject, name)
+
+    def _left_out(self, subject: str, trial: str) -> bool:
+        reasons = []
+        for number, table in enumerate(self.tables):
+            meant = bool(table.trial) == bool(trial) and (table.subject or table.trial)
+            if meant and fnmatchcase(subject, table.subject or "*") and fnmatchcase(trial, table.trial or "*"):
+                self._used.add(number)
+                reasons.append(table.reason.strip())
+        if reasons:
+            self.found.append(Excluded(subject, trial, "; ".join(dict.fromkeys(reasons))))
+        return bool(reasons)
+
+    def unused(self, subjects: Sequence[str], takes: Sequence[FileTake], problems: list[str]) -> None:
+        """Add to the problems each table that leaves nothing out."""
+        trials: dict[str, list[str]] = {name: [] for name in subjects}
+        for one in takes:
+            trials[one.subject].append(one.name)
+        gone = {found.subject for found in self.found if not found.trial}
+        for number, table in enumerate(self.tables):
+            if number in self._used or not (table.subject or table.trial):
+                continue
+            where = f"exclude.{number + 1} excludes nothing"
+            meant = [one for one in subjects if fnmatchcase(one, table.subject or "*")]
+            if not meant:
+                problems.append(f"{where}: no subject '{table.subject}': there are {listing(table.subject, subjects)}")
+            elif set(meant) <= gone:
+                problems.append(f"{where}: subject '{table.subject}' is excluded as a whole already")
+            else:
+                names = list(dict.fromkeys(trial for name in meant for trial in trials[name]))
+                whose = f"subject '{table.subject}'" if table.subject else "the study"
+                problems.append(
+                    f"{where}: {whose} has no trial '{table.trial}': there are {listing(table.trial, names)}"
+                )
+
+
+def with_conditions(
+    takes: Sequence[FileTake],
+    study: Mapping[str, Patterns],
+    own: Mapping[str, Mapping[str, Patterns]],
+    excluded: Sequence[Excluded],
+    problems: list[str],
+    remarks: list[str],
+) -> tuple[list[FileTake], Conditions]:
+    """The trials with their conditions: what their own table says, else what a pattern of names says.
+
+    Parameters
+    ----------
+    study : patterns of trials' names by condition, for subjects that have none of their own
+    own : the same by subject
+    excluded : trials whose names a pattern may stand for without being wrong
+    problems, remarks : take up what is wrong, and which trials are in no condition
+    """
+    told = [one.condition for one in takes if one.condition]
+    names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *told]))
+    for subject, conditions in own.items():
+        for name in conditions:
+            if name not in names:
+                problems.append(
+                    f"subject '{subject}': conditions: '{name}' is none of the study's: {listing(name, names)}"
+                )
+    used: set[tuple[str, str, str]] = set()
+    placed = [_placed(one, study, own.get(one.subject, {}), names, used, problems) for one in takes]
+    trials = {}
+    for gone in excluded:
+        for name in (own.get(gone.subject) or study) if gone.trial else ():
+            if _matches(gone.subject, gone.trial, name, own.get(gone.subject) or {}, study, used):
+                trials[gone.subject, gone.trial] = name
+    for owner, conditions in (("", study), *own.items()):
+        where = f"subject '{owner}'" if owner else "study"
+        exist = tuple(dict.fromkeys(one.name for one in takes if owner in ("", one.subject)))
+        problems += [
+            f"{where}: conditions: '{name}': no trial matches '{pattern}': there are {listing(pattern, exist)}"
+            for name, patterns in conditions.items()
+            for pattern in as_list(patterns)
+            if (owner, name, pattern) not in used
+        ]
+    without = [f"{one.subject}/{one.name}" for one in placed if not one.condition]
+    if names and without:
+        remarks.append(f"in no condition: {', '.join(without[:6])}" + (" and others" if len(without) > 6 else ""))
+    trials |= {(one.subject, one.name): one.condition for one in placed if one.condition}
+    return placed, Conditions(names, trials)
+
+
+def _placed(
+    take: FileTake,
+    study: Mapping[str, Patterns],
+    own: Mapping[str, Patterns],
+    names: Sequence[str],
+    used: set[tuple[str, str, str]],
+    problems: list[str],
+) -> FileTake:
+    """A trial with its condition."""
+    where = f"subject '{take.subject}': trial '{take.name}'"
+    fits = [name for name in (own or study) if _matches(take.subject, take.name, name, own, study, used)]
+    if take.condition:
+        if take.condition not in names:
+            problems.append(
+                f"{where}: unknown condition '{take.condition}': there are {listing(take.condition, names)}"
+            )
+        return take
+    if len(fits) > 1:
+        problems.append(f"{where} is in more than one condition: {', '.join(fits)}")
+    return replace(take, condition=fits[0]) if fits else take
+
+
+def _matches(
+    subject: str,
+    trial: str,
+    name: str,
+    own: Mapping[str, Patterns],
+    study: Mapping[str, Patterns],
+    used: set[tuple[str, str, str]],
+) -> bool:
+    """Whether a trial's name fits a condition; patterns that fit are noted as used."""
+    fit = [pattern for pattern in as_list((own or study)[name]) if fnmatchcase(trial, pattern)]
+    used.update((subject if own else "", name, pattern) for pattern in fit)
+    return bool(fit)

@@ -1,0 +1,275 @@
+"""A study file: what is to be done with which files, checked as a whole before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from myomorph.model.errors import BadFile, listing
+from myomorph.store.study_file import checked, existing, read_toml, refuse
+from myomorph.study.plan.conditions import Exclusions, with_conditions
+from myomorph.study.plan.group_plan import GroupPlan, groups_of
+from myomorph.study.plan.measures import Measures, read_measures
+from myomorph.study.plan.model_names import check_model_names
+from myomorph.study.plan.plan_checks import check_makers, check_masses, check_names, maker_of, makes_model
+from myomorph.study.plan.step_settings import STEPS, check_settings, merged
+from myomorph.study.plan.study_groups import group_members, measured_groups
+from myomorph.study.plan.subject_names import Named, named_subjects
+from myomorph.study.plan.subject_tables import given_options, lacking, study_tables
+from myomorph.study.plan.subject_takes import Notes, contacts_file, measured, subject_files, subject_takes
+from myomorph.study.run.jobs import Conditions, Excluded, Key
+from myomorph.study.subject.subjects import SUBJECT_STEPS, SubjectFiles
+from myomorph.study.trial.takes import FileTake, Settings
+from myomorph.study.trial.together import Together, together_of
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a study does: one `FileTake` a trial, and what the steps are told.
+
+    Attributes
+    ----------
+    settings : by step, what the study file says for all
+    steps : of each take, in the order in which they run
+    subjects : by name, what the steps on subjects need
+    together : trials of several subjects that are solved as one after their own steps
+    remarks : what is not used, then which files were found by the rule of names
+    groups : two groups of subjects to compare when all is done
+    conditions : of the trials
+    excluded : what the study file leaves out, and why
+    own : settings of a subject or a trial, those for all included, where these have any
+    """
+
+    name: str
+    path: Path
+    takes: tuple[FileTake, ...]
+    steps: tuple[tuple[str, ...], ...]
+    settings: Settings = field(default_factory=lambda: MappingProxyType({}))
+    remarks: tuple[str, ...] = ()
+    subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
+    together: tuple[Together, ...] = ()
+    groups: GroupPlan | None = None
+    conditions: Conditions = field(default_factory=Conditions)
+    excluded: tuple[Excluded, ...] = ()
+    own: Mapping[Key, Settings] = field(default_factory=lambda: MappingProxyType({}))
+
+    def settings_of(self, subject: str, trial: str = "") -> Settings:
+        """What the steps are told of a trial, or the steps on a subject."""
+        return self.own.get((subject, trial), self.own.get((subject, ""), self.settings))
+
+    @cached_property
+    def _steps(self) -> dict[str, tuple[str, ...]]:
+        own: dict[str, set[str]] = {}
+        for take, steps in zip(self.takes, self.steps, strict=True):
+            own.setdefault(take.subject, set()).update(steps)
+        return {subject: tuple(step for step in STEPS if step in told) for subject, told in own.items()}
+
+    def steps_of(self, subject: str) -> tuple[str, ...]:
+        """All steps of a subject and its trials, in the order in which they run."""
+        return self._steps.get(subject, ())
+
+    def begins_with(self, subject: str) -> str:
+        """The subject whose own steps make the model that this one begins with, "" where it begins with a file."""
+        return self.subjects[subject].model_of
+
+    def maker(self, subject: str) -> str:
+        """The subject whose own steps make the model that this one's trials use, "" where they use a file."""
+        return subject if makes_model(self.steps_of(subject)) else self.begins_with(subject)
+
+
+def read_plan(path: str | Path) -> Plan:
+    """Read a study file; paths in it are relative to its folder, or to that of a subject.
+
+    Raises
+    ------
+    BadFile
+        where it is no TOML, or with one list of all that is wrong: unknown keys and steps, values of the
+        wrong kind, files that do not exist, patterns that match nothing, names that clash, subjects that wait for
+        each other
+    """
+    path = Path(path)
+    raw = read_toml(path)
+    if "specimen" in raw and "subject" not in raw:
+        raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
+    found, problems = checked(study_tables(), raw)
+    problems += [one for one in lacking(raw) if one not in problems]
+    if found is None or problems:
+        refuse(path, problems)
+    notes = Notes(problems)
+    plan = _plan(found, path, notes)
+    refuse(path, list(dict.fromkeys(notes.problems)))
+    return plan
+
+
+@dataclass
+class _Found:
+    """Subjects and trials while a study file is being read.
+
+    Attributes
+    ----------
+    tables : of the subjects, in the order of the file
+    own : settings where they differ from those for all
+    """
+
+    takes: list[FileTake] = field(default_factory=list)
+    steps: list[tuple[str, ...]] = field(default_factory=list)
+    subjects: dict[str, SubjectFiles] = field(default_factory=dict)
+    tables: dict[str, Named] = field(default_factory=dict)
+    own: dict[Key, Settings] = field(default_factory=dict)
+
+    def steps_of(self, subject: str) -> list[str]:
+        """All steps of a subject's trials."""
+        return [
+            step for take, own in zip(self.takes, self.steps, strict=True) if take.subject == subject for step in own
+        ]
+
+
+def _plan(file: Any, path: Path, notes: Notes) -> Plan:
+    """The tables of a file as a plan; worth nothing where the notes have problems."""
+    problems, home = notes.problems, path.parent
+    settings = given_options(file)
+    check_settings(settings, "", problems)
+    exclusions = Exclusions(file.exclude, problems)
+    named = named_subjects(file.subject, home, problems, notes.remarks)
+    names = list(dict.fromkeys(one.name for one in named))
+    gone = [name for name in names if exclusions.subject(name)]
+    measures = _measures(file.study.measures, home, names, gone, notes)
+    found = _Found()
+    for one in named:
+        if one.name not in gone:
+            _add(one, found, measures, file.study.measures, settings, exclusions, notes)
+    exclusions.unused(names, found.takes, problems)
+    if exclusions.found and not found.takes and not problems:
+        problems.append(
+            f"exclude: nothing is left: {len(exclusions.found)} subjects or trials are excluded, all of them"
+        )
+    steps = {name: found.steps_of(name) for name in found.subjects}
+    check_masses(found.subjects, problems)
+    check_names(found.takes, steps, [one.name for one in file.together], problems)
+    before = len(problems)
+    check_makers(found.subjects, steps, problems)
+    if len(problems) == before:
+        _with_makers(found, steps)
+    check_model_names(found.takes, problems)
+    told = {name: one.table.conditions for name, one in found.tables.items() if one.table.conditions}
+    takes, conditions = with_conditions(
+        found.takes, file.study.conditions, told, exclusions.found, problems, notes.remarks
+    )
+    together = tuple(_together(file, takes, home, problems))
+    groups = _groups(file, found, measures, [name for name in names if name not in found.subjects], notes)
+    return Plan(
+        file.study.name,
+        path,
+        tuple(takes),
+        tuple(found.steps),
+        MappingProxyType(settings),
+        tuple(dict.fromkeys((*notes.remarks, *notes.found))),
+        found.subjects,
+        together,
+        groups,
+        conditions,
+        tuple(exclusions.found),
+        MappingProxyType(found.own),
+    )
+
+
+def _measures(
+    given: str | None, home: Path, names: Sequence[str], gone: Sequence[str], notes: Notes
+) -> dict[str, Measures]:
+    """The table of measures, with a line for each subject that the study does not leave out."""
+    path = existing(home, given, "study: measures", notes.problems)
+    if path is None:
+        return {}
+    before = len(notes.problems)
+    measures = read_measures(path, notes.problems, notes.remarks)
+    if not measures and len(notes.problems) > before:
+        return {}
+    for name in names:
+        if name not in measures and name not in gone:
+            notes.problems.append(
+                f"{given}: has no line for subject '{name}': there are {listing(name, tuple(measures))}"
+            )
+    others = [name for name in measures if name not in names]
+    if others:
+        shown = ", ".join(others[:6]) + (" and others" if len(others) > 6 else "")
+        notes.remarks.append(f"{given}: lines of subjects that the study does not have: {shown}")
+    return measures
+
+
+def _add(
+    one: Named,
+    found: _Found,
+    measures: Mapping[str, Measures],
+    source: str | None,
+    settings: Settings,
+    exclusions: Exclusions,
+    notes: Notes,
+) -> None:
+    """Add a subject and its trials."""
+    model = None
+    if source is not None:
+        table, model = measured(one, measures.get(one.name), source, notes)
+        one = replace(one, table=table)
+    given = given_options(one.table)
+    whole = merged(settings, given)
+    if given:
+        found.own[one.name, ""] = whole
+        check_settings(given, f"subject '{one.name}': ", notes.problems)
+    steps = tuple(step for step in STEPS if step in one.table.steps)
+    takes = []
+    for take, told in subject_takes(one, model, exclusions.trial, notes):
+        takes.append(take)
+        if given or told:
+            found.own[one.name, take.name] = merged(whole, told)
+            check_settings(told, f"subject '{one.name}': trial '{take.name}': ", notes.problems)
+    files = subject_files(one, model, tuple(takes), notes)
+    if one.name in found.subjects and set(SUBJECT_STEPS) & {*steps, *found.steps_of(one.name)}:
+        notes.problems.append(f"subject '{one.name}' is there twice: put its trials into one table")
+    if takes or not any(gone.subject == one.name for gone in exclusions.found):
+        found.subjects[one.name] = files
+    found.tables[one.name] = one
+    found.takes += takes
+    found.steps += [steps] * len(takes)
+
+
+def _with_makers(found: _Found, steps: Mapping[str, Sequence[str]]) -> None:
+    """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
+    makers = {name: maker_of(name, found.subjects, steps) for name in found.subjects}
+    for name, maker in makers.items():
+        if not maker:
+            continue
+        first = maker
+        while makers[first]:
+            first = makers[first]
+        model = found.subjects[first].model
+        found.takes = [replace(one, model=model) if one.subject == name else one for one in found.takes]
+        own = tuple(one for one in found.takes if one.subject == name)
+        found.subjects[name] = replace(found.subjects[name], model=model, model_of=maker, takes=own)
+
+
+def _together(file: Any, takes: Sequence[FileTake], home: Path, problems: list[str]) -> list[Together]:
+    """Trials of several subjects that are solved as one."""
+    found = []
+    for one in file.together:
+        contacts = contacts_file(one.contacts, home, f"together '{one.name}'", problems)
+        found.append(together_of(one, takes, home, contacts, problems))
+    return found
+
+
+def _groups(
+    file: Any, found: _Found, measures: Mapping[str, Measures], gone: Sequence[str], notes: Notes
+) -> GroupPlan | None:
+    """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
+    subjects = tuple(found.subjects)
+    trials = {name: [take.name for take in found.takes if take.subject == name] for name in subjects}
+    if file.groups and file.study.compare:
+        notes.problems.append("study: compare and [groups] both name groups: give one of them")
+    if file.groups:
+        told = group_members(file.groups, subjects, gone, notes.problems)
+    else:
+        told = measured_groups(measures, subjects, file.study.compare, notes.problems, notes.remarks)
+    return groups_of(told, file.strides, trials, notes.problems)

@@ -1,0 +1,139 @@
+"""What can be wrong with a study although each of its tables is right: names that clash, models in a circle."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping, Sequence
+
+from myomorph.model.errors import listing
+from myomorph.store.results import file_name
+from myomorph.study.subject.subjects import MODELS, SUBJECT_STEPS, TABLES, SubjectFiles
+from myomorph.study.trial.takes import FileTake
+
+RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))
+"""Names that Windows gives to devices, with any ending."""
+
+OF_STUDY = (
+    "results.csv",
+    "results.parquet",
+    "results_tidy.csv",
+    "quality.csv",
+    "condition_curves.csv",
+    "condition_values.csv",
+    "differences.csv",
+    "outliers.csv",
+    "timings.csv",
+    "study.html",
+    "study.json",
+    "study.log",
+    "study.toml",
+    "groups.html",
+    "group_parameters.csv",
+    "group_curves.csv",
+    "group_strides.csv",
+)
+"""Files of the results' folder, whose names no subject can have."""
+
+LONGEST = 100
+"""Signs of a name: it is there twice in the path of a result, and Windows takes 260 in all."""
+
+
+def folder_key(name: str) -> str:
+    """What a file system that knows no case, and Windows, which drops dots at the end, make of a folder's name."""
+    return unicodedata.normalize("NFC", file_name(name)).rstrip(". ").casefold()
+
+
+def check_names(
+    takes: Sequence[FileTake],
+    steps: Mapping[str, Sequence[str]],
+    together: Sequence[str],
+    problems: list[str],
+) -> None:
+    """Add to the problems the names that cannot be folders, and those that would be the same folder.
+
+    Parameters
+    ----------
+    steps : of every subject, by name
+    together : names of trials that are solved as one
+    """
+    for subject in steps:
+        _possible(subject, f"subject '{subject}'", OF_STUDY, problems)
+    for name in together:
+        _possible(name, f"together '{name}'", OF_STUDY, problems)
+    _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
+    for subject, own in steps.items():
+        made = [name for step in SUBJECT_STEPS if step in own for name in (MODELS[step], TABLES[step])]
+        trials = [one.name for one in takes if one.subject == subject]
+        for name in dict.fromkeys(trials):
+            _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
+            if trials.count(name) > 1:
+                problems.append(f"subject '{subject}' has two trials named '{name}': give one a 'name'")
+        _clashes([(f"subject '{subject}': trial '{one}'", one) for one in dict.fromkeys(trials)], problems)
+
+
+def _possible(name: str, what: str, taken: Sequence[str], problems: list[str]) -> None:
+    key = folder_key(name)
+    if not key.strip("._"):
+        problems.append(f"{what}: cannot be the name of a folder: give it a 'name' with letters or digits")
+    elif key.split(".")[0] in RESERVED:
+        problems.append(f"{what}: '{key.split('.')[0]}' is a device on Windows, no folder: give it another 'name'")
+    elif key in taken:
+        problems.append(f"{what}: results have a file or folder '{key}' of their own there: give it another 'name'")
+    elif len(name) > LONGEST:
+        problems.append(f"{what}: its name has {len(name)} signs, at most {LONGEST} are possible: give it a 'name'")
+
+
+def _clashes(named: Sequence[tuple[str, str]], problems: list[str]) -> None:
+    """Names that differ, but whose folders would not."""
+    first: dict[str, str] = {}
+    for what, name in named:
+        other = first.setdefault(folder_key(name), what)
+        if other != what:
+            problems.append(f"{other} and {what} would write the same folder '{file_name(name)}': rename one of them")
+
+
+def makes_model(steps: Sequence[str]) -> bool:
+    """Whether a subject's own steps make the model that its trials use."""
+    return bool(set(steps) & set(SUBJECT_STEPS))
+
+
+def maker_of(name: str, subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Sequence[str]]) -> str:
+    """The subject whose own steps make the model that another begins with, "" where it begins with a file."""
+    maker = subjects[name].model_of
+    while maker and not makes_model(steps[maker]):
+        maker = subjects[maker].model_of
+    return maker
+
+
+def check_makers(subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Sequence[str]], problems: list[str]) -> None:
+    """Add to the problems the subjects that wait for each other's models, or for one that nobody makes."""
+    circles: list[set[str]] = []
+    for name, files in subjects.items():
+        if not files.model_of:
+            continue
+        if files.model_of not in subjects:
+            exist = listing(files.model_of, tuple(subjects))
+            problems.append(f"subject '{name}': model_of: no subject '{files.model_of}': there are {exist}")
+            continue
+        chain = [name]
+        while (following := subjects[chain[-1]].model_of) in subjects and following not in chain:
+            chain.append(following)
+        circle = chain[chain.index(following) :] if following in chain else []
+        if circle and set(circle) not in circles:
+            circles.append(set(circle))
+            told = " waits for ".join(f"'{one}'" for one in (*circle, circle[0]))
+            problems.append(f"model_of: subjects wait for each other's models: {told}")
+        elif not following and not any(makes_model(steps[one]) for one in chain[1:]):
+            problems.append(
+                f"subject '{name}': model_of: subject '{chain[-1]}' makes no model: give it one of the steps "
+                f"{', '.join(SUBJECT_STEPS)}, or give this one its 'model'"
+            )
+
+
+def check_masses(subjects: Mapping[str, SubjectFiles], problems: list[str]) -> None:
+    """Add to the problems the subjects without a mass where others have one."""
+    without = [name for name, one in subjects.items() if one.mass is None]
+    if without and len(without) < len(subjects):
+        known = len(subjects) - len(without)
+        told = [name for name in without if not any(f"subject '{name}'" in one and "mass" in one for one in problems)]
+        problems += [f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in told]

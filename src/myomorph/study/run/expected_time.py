@@ -1,0 +1,155 @@
+"""How long steps will take: as long as an earlier run took, else by rates of another machine."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.study.plan.step_settings import STEPS
+
+RATES = Path(__file__).with_name("step_rates.csv")
+"""What steps took on the machine of the benchmark, `python -m benchmarks rates`."""
+
+COLUMNS = ("step", "coordinates", "muscles", "seconds", "seconds_per_frame")
+BY_MUSCLES = ("muscles", "tension", "report")
+"""Steps whose time grows with muscles rather than coordinates."""
+
+
+@dataclass(frozen=True)
+class ModelSize:
+    """What the time of a step depends on."""
+
+    coordinates: int
+    muscles: int
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A time that a step will take.
+
+    Attributes
+    ----------
+    seconds : None where nothing tells
+    measured : an earlier run of this study tells, rather than another machine
+    """
+
+    seconds: float | None
+    measured: bool
+
+
+@dataclass(frozen=True)
+class _Timing:
+    """What a step took in an earlier run."""
+
+    subject: str
+    trial: str
+    step: str
+    frames: int
+    seconds: float
+
+
+class StepTimes:
+    """Times of an earlier run, and rates for steps that it did not do.
+
+    Parameters
+    ----------
+    timings : table of an earlier run (subject, trial, step, frames, seconds), which need not exist
+    """
+
+    def __init__(self, timings: Path | None = None):
+        self._timings = [] if timings is None else _read_timings(timings)
+        self._last = {(one.subject, one.trial, one.step): one for one in self._timings}
+        self._rates = _read_rates()
+        # The first trial that a process computes compiles kernels, so medians, which are not those.
+        self._each = {step: _median(one.seconds / one.frames for one in self._of(step) if one.frames) for step in STEPS}
+        self._whole = {step: _median(one.seconds for one in self._of(step) if not one.frames) for step in STEPS}
+
+    def _of(self, step: str) -> list[_Timing]:
+        return [one for one in self._timings if one.step == step]
+
+    def expected(self, subject: str, trial: str, step: str, frames: int | None, size: ModelSize | None) -> Expected:
+        """The time of a step of a trial, or of a subject's own (`trial` "").
+
+        Parameters
+        ----------
+        frames : None where it is not known
+        size : of the model, None where it is not known
+        """
+        last = self._last.get((subject, trial, step))
+        if last is not None:
+            share = frames / last.frames if frames and last.frames else 1.0
+            return Expected(last.seconds * share, True)
+        each, whole = self._each.get(step), self._whole.get(step)
+        if each is not None and frames is not None:
+            return Expected(each * frames, True)
+        if whole is not None:
+            return Expected(whole, True)
+        return Expected(self._guess(step, frames, size), False)
+
+    def _guess(self, step: str, frames: int | None, size: ModelSize | None) -> float | None:
+        """By the rates of the models whose sizes are next."""
+        rates = self._rates.get(step)
+        if not rates or frames is None or size is None:
+            return None
+        own = size.muscles if step in BY_MUSCLES else size.coordinates
+        sizes, fixed, each = (np.array(column) for column in zip(*rates, strict=True))
+        # Beyond the largest the time is taken to grow with the size.
+        beyond = max(own / sizes[-1], 1.0) if sizes[-1] > 0 else 1.0
+        return float(np.interp(own, sizes, fixed) + np.interp(own, sizes, each) * frames * beyond)
+
+
+def _median(values: Iterable[float]) -> float | None:
+    found = list(values)
+    return float(np.median(found)) if found else None
+
+
+def _read_timings(path: Path) -> list[_Timing]:
+    """Lines of a table of times; what is damaged, as by a run that was cut off, is passed over."""
+    found = []
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream):
+                try:
+                    frames, seconds = int(row["frames"]), float(row["seconds"])
+                except (KeyError, TypeError, ValueError):
+                    continue
+                if math.isfinite(seconds) and seconds >= 0.0:
+                    found.append(_Timing(row["subject"], row["trial"], row["step"], frames, seconds))
+    except (OSError, UnicodeDecodeError, csv.Error):
+        return []
+    return found
+
+
+def _read_rates() -> dict[str, list[tuple[float, float, float]]]:
+    """Size, seconds and seconds a frame by step, in the order of sizes."""
+    found: dict[str, list[tuple[float, float, float]]] = {}
+    with RATES.open(encoding="utf-8", newline="") as stream:
+        for row in csv.DictReader(stream):
+            size = float(row["muscles"] if row["step"] in BY_MUSCLES else row["coordinates"])
+            found.setdefault(row["step"], []).append((size, float(row["seconds"]), float(row["seconds_per_frame"])))
+    return {step: sorted(rates) for step, rates in found.items()}
+
+
+def in_words(seconds: float) -> str:
+    """A time as one would say it: "0.4 s", "12 s", "3 min 20 s", "2 h 5 min"."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"{hours} h {minutes} min"
+
+
+def together(times: Sequence[Expected]) -> Expected:
+    """The sum of times; None where nothing tells one of them."""
+    known = [one.seconds for one in times if one.seconds is not None]
+    return Expected(sum(known) if len(known) == len(times) else None, all(one.measured for one in times))

@@ -1,0 +1,105 @@
+"""What a run need not do: jobs whose results are there already, found without a worker for it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from myomorph.model.model import Model
+from myomorph.store import stored as store
+from myomorph.store.locks import RunMark, folder_lock
+from myomorph.store.netcdf import open_netcdf
+from myomorph.store.results import STORED, file_name, file_source, made_from, stored_values
+from myomorph.study.run.jobs import Outcome
+from myomorph.study.subject.subjects import SubjectFiles, kept_subject_steps
+from myomorph.study.trial.kept_report import KEY, PAGE, report_key
+from myomorph.study.trial.run_take import PARTS, VALUES, clear_leftovers, with_numbers
+from myomorph.study.trial.steps import CHAIN, Found, Take, step_provenance
+from myomorph.study.trial.takes import FileTake, Settings, open_take
+
+OF_FIT = (
+    *("time", "coordinate", "coordinate_value", "marker", "marker_error", "marker_weight"),
+    *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
+)
+"""Variables of a result that tell how well markers were met."""
+
+
+def kept_trial(
+    model: Model | None,
+    files: FileTake,
+    steps: Sequence[str],
+    settings: Settings,
+    folder: Path,
+    mark: RunMark | None = None,
+    read: str = "",
+) -> Outcome | None:
+    """The outcome of a trial of which nothing would be computed, None for one that a worker must see.
+
+    Parameters
+    ----------
+    read : hash of the model's file when the model was read, "" where that is not known
+    """
+    if not (folder / f"{file_name(files.name)}{STORED}").is_file():
+        return None
+
+    def look() -> Outcome | None:
+        if read and file_source("model", files.model).sha256 != read:
+            return None
+        found = unchanged(open_take(files, settings, model), steps, folder)
+        return None if found is None else replace(found, condition=files.condition)
+
+    return _looked(folder, mark, look)
+
+
+def kept_subject(
+    model: Model | None,
+    files: SubjectFiles,
+    steps: Sequence[str],
+    settings: Settings,
+    folder: Path,
+    mark: RunMark | None = None,
+) -> Outcome | None:
+    """The same for a subject's own steps."""
+    if not folder.is_dir():
+        return None
+
+    def look() -> Outcome | None:
+        reasons = kept_subject_steps(files, steps, settings, folder)
+        return None if any(reasons.values()) else Outcome(files.name, "", folder, tuple(reasons), tuple(reasons))
+
+    return _looked(folder, mark, look)
+
+
+def _looked(folder: Path, mark: RunMark | None, look: Callable[[], Outcome | None]) -> Outcome | None:
+    """What is found while nobody else writes into a folder; a worker tells of whatever is wrong."""
+    started = time.monotonic()
+    try:
+        with folder_lock(folder, mark, patience=0.0):
+            found = look()
+    except Exception:
+        return None
+    return None if found is None else replace(found, seconds=time.monotonic() - started)
+
+
+def unchanged(take: Take, steps: Sequence[str], folder: Path) -> Outcome | None:
+    """The outcome of a trial whose folder is what a run would leave it as, None for any other."""
+    stored = folder / f"{file_name(take.name)}{STORED}"
+    wanted = tuple(step for step in CHAIN if step in steps)
+    expected = [VALUES, PAGE] if "report" in steps else [VALUES]
+    if (folder / PARTS).exists() or not all((folder / name).is_file() for name in expected):
+        return None
+    with open_netcdf(stored) as file:
+        earlier = made_from(file.attributes)
+        # A step that nobody asks for now is for a run to keep or to remove.
+        if set(earlier) != set(wanted) or file.attributes.get(KEY, "") != report_key(take, wanted):
+            return None
+        if any(earlier[step].key != step_provenance(step, take).key for step in wanted):
+            return None
+        found = stored_values(stored, file, only=OF_FIT)
+    clear_leftovers(folder)
+    fit = store.get_fit(found)
+    done = (*wanted, "report") if "report" in steps else wanted
+    outcome = Outcome(take.subject, take.name, folder, done, done)
+    return with_numbers(outcome, Found(fit=fit, recorded=None if fit is None else fit.motion))

@@ -1,0 +1,1 @@
+"""The steps of a subject, before its trials: calibration, identification, morphing."""

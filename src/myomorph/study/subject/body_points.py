@@ -1,0 +1,178 @@
+"""Mass points of a subject from a skin mesh, from height and chest, or from envelopes of the model's own links."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from myomorph.identify.body.envelope import envelope_points
+from myomorph.identify.body.points import Links, MassPoints, links_of
+from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
+from myomorph.identify.consistency import Inside
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.model import Model
+from myomorph.model.segments import segments_of
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.store.progress import progress
+from myomorph.study.subject.body_shape import WEIGHTS, BodyOptions, BodyShape
+from myomorph.study.trial.inputs import about
+
+if TYPE_CHECKING:
+    from myomorph.identify.body.shape import Shape
+    from myomorph.identify.body.skin import Skin
+
+OWN = "own"
+"""Weight map of envelopes: each point belongs to the link whose envelope it fills."""
+
+POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))
+"""The model's default pose."""
+
+
+def weight_maps(model: Model) -> Mapping[str, Callable[[Array, Links], sparse.csr_array]]:
+    """The weight maps by the names of the command, links without mass left out."""
+    taking = links_with_mass(model)
+    return {
+        "bone": lambda points, links: bone_weights(points, links, taking=taking),
+        "cog": lambda points, links: cog_weights(points, links, taking=taking),
+        "nearest": lambda points, links: nearest_weights(points, links, taking=taking),
+    }
+
+
+def body_points(
+    model: Model,
+    shape: BodyShape,
+    mass: float,
+    options: BodyOptions,
+    compare: bool = True,
+    surfaces: Mapping[str, Surface] | None = None,
+) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
+    """Mass points by weight map, the one to use first; what tells what is inside the skin; and what there is to say.
+
+    Parameters
+    ----------
+    compare : also by the other weight maps, where a skin makes them differ
+    surfaces : meshes of the model's bodies
+
+    Raises
+    ------
+    BadData : a shape that cannot be, or more points than memory holds
+    """
+    if not 0.0005 <= options.spacing <= 0.1:
+        raise BadData(f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as 0.005")
+    if shape.skin is not None or shape.height is not None or shape.chest is not None:
+        return _in_skin(model, shape, mass, options, compare)
+    links = links_of(model, POSE)
+    points, owners, reference, words = envelope_points(model, POSE, options.spacing, surfaces)
+    reference = reference * (mass / reference.sum())
+    if options.weights is None:
+        own = (np.ones(len(owners)), (np.arange(len(owners)), owners))
+        weights = {OWN: sparse.csr_array(own, (len(owners), len(links.names)))}
+    else:
+        weights = _weights(model, points, links, (options.weights,))
+    return _made(points, reference, weights, links, options.spacing, words), None, ()
+
+
+def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, sparse.csr_array]:
+    """Weights of points by the maps' names."""
+    functions = weight_maps(model)
+    found = {}
+    with progress("weights of mass points", len(names), "maps") as advance:
+        for name in names:
+            found[name] = functions[name](points, links)
+            advance(1)
+    return found
+
+
+def _made(
+    points: Array, reference: Array, weights: Mapping[str, sparse.csr_array], links: Links, spacing: float, source: str
+) -> dict[str, MassPoints]:
+    return {name: MassPoints(points, reference, one, links, spacing, source) for name, one in weights.items()}
+
+
+def _in_skin(
+    model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
+) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
+    """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
+    from myomorph.identify.body.fit_pose import pose_model_to_skin
+    from myomorph.identify.body.grid import fill, reference_masses
+    from myomorph.identify.body.skin import inside
+
+    if shape.skin is not None:
+        skin = _read_skin(shape.skin, shape.height)
+        landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
+        with about(shape.landmarks or shape.skin):
+            fitted = pose_model_to_skin(model, skin, landmarks)
+        source, notes = f"the skin {shape.skin.name}", skin.notes
+    else:
+        body = _statistical(shape, mass)
+        fitted = pose_model_to_skin(model, body)
+        reached = ", ".join(f"{name} {value:.4g}" for name, value in body.reached.items())
+        source, notes = f"a statistical body ({reached})", body.notes
+    posed = fitted.skin
+    with about(shape.skin or "the body"):
+        points = fill(posed, options.spacing)
+    links = links_of(model, fitted.motion)
+    first = options.weights or "bone"
+    names = (first, *(one for one in WEIGHTS if one != first and compare))
+    weights = _weights(model, points, links, names)
+    regions = _regions(model, weights[first]) if options.density == "segments" else None
+    made = _made(points, reference_masses(points, mass, regions), weights, links, options.spacing, source)
+    return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
+
+
+def _regions(model: Model, weights: sparse.csr_array) -> np.ndarray:
+    """(points,) segment of the body that has the largest share of each point."""
+    segments = segments_of(model)
+    names = np.array([segments[body].name for body in model.body_names])
+    regions: np.ndarray = names[np.asarray(weights.argmax(axis=1)).ravel()]
+    return regions
+
+
+def _read_skin(path: Path, height: float | None) -> Skin:
+    from myomorph.identify.body.skin import check_skin
+    from myomorph.io.mesh import read_mesh
+
+    with about(path):
+        return check_skin(read_mesh(path), height)
+
+
+def _statistical(shape: BodyShape, mass: float) -> Shape:
+    from myomorph.identify.body.shape import body_shape
+
+    if shape.height is None or shape.chest is None:
+        lacking, given = ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
+        raise BadData(f"{given} needs {lacking} beside it: a body shape follows from both, in metres")
+    return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)
+
+
+def read_landmarks(path: Path) -> dict[str, Array]:
+    """Landmarks on a skin from a table with a line "name, x, y, z" each [m]; a first line of words is skipped.
+
+    Raises
+    ------
+    BadFile : it cannot be read, or a line is no name and three numbers
+    """
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
+    found: dict[str, Array] = {}
+    for number, row in enumerate(rows, start=1):
+        if not any(cell.strip() for cell in row):
+            continue
+        try:
+            name, x, y, z = (cell.strip() for cell in row)
+            found[name] = np.array([float(x), float(y), float(z)])
+        except ValueError:
+            if number > 1:
+                raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}") from None
+    if not found:
+        raise BadFile(path, "holds no landmark", "give lines 'name, x, y, z' in metres")
+    return found

@@ -1,0 +1,243 @@
+"""Kinematic identification from files: a model, recordings of markers, and the model of that body."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance, Source
+from myomorph.model.series import Markers
+from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.sync import cut
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.store.progress import progress
+from myomorph.store.results import file_source, provenance_of
+from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.subject.made_model import write_made_model
+from myomorph.study.trial import inputs
+
+if TYPE_CHECKING:
+    from myomorph.study.subject.subjects import SubjectFiles
+    from myomorph.study.trial.steps import Take
+    from myomorph.study.trial.takes import Settings
+
+
+@dataclass(frozen=True)
+class CalibrationFiles:
+    """The files of a calibration.
+
+    Attributes
+    ----------
+    markers : TRC or C3D files
+    static : recording of standing still, where there is one
+    marker_set : OpenSim marker set that replaces the model's markers of the same names
+    tasks : OpenSim task set or setup file whose weights of markers count
+    time : start and end of every recording but the static one [s]
+    """
+
+    model: Path
+    markers: tuple[Path, ...]
+    static: Path | None = None
+    marker_set: Path | None = None
+    tasks: Path | None = None
+    time: tuple[float, float] | None = None
+
+    def sources(self) -> tuple[Source, ...]:
+        """The files by their hashes."""
+        named = (("static", self.static), ("marker set", self.marker_set), ("tasks", self.tasks))
+        given = [("model", self.model), *(("markers", path) for path in self.markers)]
+        given += [(role, path) for role, path in named if path is not None]
+        return tuple(file_source(role, path) for role, path in given)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A calibration and what it was made from.
+
+    Attributes
+    ----------
+    recordings : names of the recordings, in the calibration's order
+    warnings : of the files, one line each
+    """
+
+    found: Calibration
+    recordings: tuple[str, ...]
+    provenance: Provenance
+    warnings: tuple[str, ...]
+
+
+def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
+    """Lengths and marker positions of the body that the files show.
+
+    Parameters
+    ----------
+    model : the model, where it was read already
+
+    Raises
+    ------
+    MyomorphError
+        where a file cannot be read, does not fit the model, or its unit cannot be what it says
+    """
+    if not files.markers and files.static is None:
+        raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
+    model = inputs.open_model(files.model) if model is None else model
+    warnings = list(model.warnings)
+    if files.marker_set is not None:
+        from myomorph.opensim_tools.scale import with_marker_set
+
+        model = with_marker_set(model, files.marker_set)
+    if files.tasks is not None:
+        options = replace(options, marker_weights=_weights(files.tasks, model))
+    recordings = [_recording(path, model, files.time, warnings) for path in files.markers]
+    if files.static is not None:
+        options = replace(options, static=_recording(files.static, model, None, warnings))
+    with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
+        found = calibrate(model, recordings, options, advance, default_path_lengths)
+    names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
+    told = plain_settings(options) | {"time": files.time}
+    return Calibrated(found, names, provenance_of("calibrate", files.sources(), told), tuple(warnings))
+
+
+def _recording(path: Path, model: Model, time: tuple[float, float] | None, warnings: list[str]) -> Markers:
+    trial = inputs.fitted_to(model, inputs.open_trial(path))
+    assert trial.markers is not None
+    warnings += [f"{path.name}: {text}" for text in trial.warnings]
+    span = inputs.cut_to(time, trial.markers, path)
+    return trial.markers if span is None else cut(trial.markers, *span)
+
+
+def _weights(path: Path, model: Model) -> dict[str, float]:
+    """Weights of a task set; markers that it does not name do not count."""
+    from myomorph.io.osim.tasks import read_ik_tasks
+
+    given = read_ik_tasks(path).marker_weights
+    return {name: given.get(name, 0.0) for name in model.marker_names}
+
+
+def calibrate_subject(
+    model: Model,
+    takes: Sequence[Take],
+    files: SubjectFiles,
+    settings: Settings,
+    made: Provenance,
+    out: Path,
+    tables: Path,
+) -> Calibrated:
+    """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
+    from myomorph.study.trial.steps import used_markers
+
+    options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
+    warnings = [text for take in takes for text in take.warnings]
+    recordings = {}
+    for take in takes:
+        if take.markers is not None:
+            inputs.cut_to(take.time, take.markers, take.name)
+            recordings[take.name] = used_markers(take, take.markers)
+            options = replace(options, marker_weights=take.kinematics.marker_weights or options.marker_weights)
+    if files.static is not None:
+        options = replace(options, static=_recording(files.static, model, None, warnings))
+    if not recordings and options.static is None:
+        raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
+    with inputs.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
+        found = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
+    names = (*recordings, *((files.static.stem,) if files.static else ()))
+    calibrated = Calibrated(found, names, made, tuple(dict.fromkeys(warnings)))
+    write_calibrated(calibrated, out, tables)
+    return calibrated
+
+
+def tables_folder(out: Path) -> Path:
+    """Where the tables of a calibrated model go: beside it."""
+    return out.with_name(f"{out.stem}_calibration")
+
+
+def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+    """Write the model, and beside it a folder of tables, a report and what it was made from; whole or not at all.
+
+    Parameters
+    ----------
+    tables : the folder, by default `tables_folder`
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+    """
+    found = calibrated.found
+
+    def fill(folder: Path) -> None:
+        from myomorph.study.subject.calibration_report import calibration_page
+        from myomorph.study.trial.reporting import REPORT
+
+        _write_rows(length_rows(found), folder / "lengths.csv")
+        _write_rows(marker_rows(found), folder / "markers.csv")
+        (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
+
+    return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)
+
+
+def length_rows(found: Calibration) -> list[dict[str, object]]:
+    """A row for every length: factor and metres before and after, and how far it is known."""
+    return [
+        {
+            "length": one.length.name,
+            "bodies": " ".join(dict.fromkeys(body for body, _ in one.length.stretched)),
+            "factor": one.factor,
+            "factor_sd": one.sd,
+            "generic_m": one.generic,
+            "found_m": one.value,
+            "found_sd_m": one.length.extent * one.sd,
+            "joint_to_joint": one.length.along and one.length.between_joints,
+            "shown": one.shown,
+        }
+        for one in found.lengths
+    ]
+
+
+def marker_rows(found: Calibration) -> list[dict[str, object]]:
+    """A row for every marker: its place, how far that is known, and its errors before and after."""
+    return [
+        {
+            "marker": one.name,
+            "body": one.body,
+            **{f"{axis}_m": float(value) for axis, value in zip("xyz", one.location, strict=True)},
+            **{f"{axis}_sd_m": float(value) for axis, value in zip("xyz", one.sd, strict=True)},
+            "shift_m": float(np.linalg.norm(one.shift)),
+            "rms_before_m": one.before,
+            "rms_after_m": one.after,
+        }
+        for one in found.markers
+    ]
+
+
+def _write_rows(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
+        writer.writeheader()
+        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
+
+
+def _short(value: object) -> object:
+    return f"{value:.6g}" if isinstance(value, float) else value
+
+
+def summary(found: Calibration) -> Iterable[str]:
+    """What was found, as lines of text."""
+    count = sum(len(one) for one in found.frames)
+    yield (
+        f"{count} frames, {len(found.marker_names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
+        f"{1e3 * found.rms_after:.1f} mm; size {found.size:.3f}"
+    )
+    for one in found.lengths:
+        if one.length.along and one.length.between_joints:
+            yield (
+                f"  {one.length.name:<16} {1e3 * one.generic:6.1f} -> {1e3 * one.value:6.1f} mm "
+                f"(factor {one.factor:.3f}, SD {1e3 * one.length.extent * one.sd:.1f} mm)"
+                + ("" if one.shown else ", not shown by the recordings")
+            )

@@ -1,0 +1,330 @@
+"""From the files of a subject's motions to an identified model: `myomorph identify` and the step of a study."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph import __version__
+from myomorph.identify.cross_validation import CrossValidation, cross_validate
+from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import with_inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance, Source
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.surface import Surface
+from myomorph.store.progress import progress
+from myomorph.store.results import file_source, provenance_of
+from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.subject.body_points import OWN, body_points
+from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.made_model import write_made_model
+from myomorph.study.trial import inputs
+from myomorph.study.trial.takes import load_tables
+
+MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
+"""Weight maps as the command names them, and as [D] and the tables do."""
+
+LIGHTEST, HEAVIEST = 1e-3, 1e4
+"""Masses of a body that is not mistyped [kg]: from a mouse to an elephant."""
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """All that identification may be told, each part in its own place."""
+
+    recording: RecordingOptions = field(default_factory=RecordingOptions)
+    identification: IdentificationOptions = field(default_factory=IdentificationOptions)
+    body: BodyOptions = field(default_factory=BodyOptions)
+
+    @staticmethod
+    def of(given: Mapping[str, Any]) -> IdentifyOptions:
+        """Options from settings of a command line or a study file."""
+        return IdentifyOptions(
+            with_settings(RecordingOptions(), given),
+            with_settings(IdentificationOptions(), given),
+            with_settings(BodyOptions(), given),
+        )
+
+    @property
+    def plain(self) -> dict[str, object]:
+        """The settings as plain values."""
+        parts = (self.recording, self.identification, self.body)
+        return {name: value for part in parts for name, value in plain_settings(part).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectMotion:
+    """One motion of a subject and its forces, as recorded.
+
+    Attributes
+    ----------
+    held_out : only to compare afterwards, not to identify from
+    """
+
+    name: str
+    motion: Motion
+    wrenches: Wrenches
+    time: tuple[float, float] | None = None
+    held_out: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What identification found, with the motions it was compared on, and what it was made from."""
+
+    found: Identification
+    validation: Mapping[str, CrossValidation]
+    provenance: Provenance
+
+
+def open_motions(
+    model: Model,
+    motions: Sequence[Path],
+    loads: Sequence[Path],
+    time: tuple[float, float] | None = None,
+    held_out: bool = False,
+) -> list[SubjectMotion]:
+    """Motions and their forces, in pairs in the order given.
+
+    Raises
+    ------
+    BadData : not as many of one as of the other, or a pair has no time in common
+    BadFile : a file cannot be read
+    """
+    if len(motions) != len(loads):
+        raise BadData(
+            f"{len(motions)} motions but {len(loads)} files of forces: give one of each for every recording, "
+            "in the same order"
+        )
+    found = []
+    for motion_path, loads_path in zip(motions, loads, strict=True):
+        motion = inputs.open_motion(motion_path, model)
+        cut_to = inputs.cut_to(time, motion, motion_path)
+        wrenches = inputs.open_loads(loads_path, model, motion)
+        found.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
+    return found
+
+
+def live_motions(
+    model: Model,
+    motions: Sequence[Path],
+    loads: Sequence[Path],
+    mass: float | None,
+    time: tuple[float, float] | None,
+    settings: Mapping[str, Any],
+) -> list[SubjectMotion]:
+    """Motions as they arrive, shown while they do, from recordings one after the other or from streams.
+
+    Raises
+    ------
+    BadData : neither recordings nor streams, or nothing usable came
+    """
+    from myomorph.identify.online import OnlineOptions
+    from myomorph.live.identification import LiveOptions, open_recording, run_live
+
+    live = with_settings(LiveOptions(), settings)
+    online = with_settings(OnlineOptions(), settings)
+    surfaces = _surfaces(model)
+    if live.lsl_markers or live.lsl_forces:
+        result = run_live(model, mass=mass, live=live, online=online, surfaces=surfaces)
+        sys.stderr.write(result.summary() + "\n")
+        return [SubjectMotion("live", result.motion, result.wrenches)]
+    opened = open_motions(model, motions, loads, time)
+    if not opened:
+        raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
+    for motion_path, loads_path in zip(motions, loads, strict=True):
+        result = run_live(
+            model,
+            open_recording(model, motion_path, loads_path, time),
+            mass=mass,
+            live=live,
+            online=online,
+            surfaces=surfaces,
+        )
+        sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
+    return opened
+
+
+def check_mass(model: Model, mass: float | None) -> float:
+    """The mass to use [kg]; raises `BadData` where it is none that a body has."""
+    inputs.has_mass(model, "identification")
+    if mass is None:
+        return model.mass
+    if not LIGHTEST <= mass <= HEAVIEST:
+        raise BadData(f"--mass {mass:g}: expected the body's mass in kilograms, as 72.6")
+    if not 0.4 <= mass / model.mass <= 2.5:
+        raise BadData(
+            f"--mass {mass:g}: the model weighs {model.mass:.4g} kg; scale it to the subject first, or is the mass "
+            "in another unit than kilograms?"
+        )
+    return mass
+
+
+def identify_subject(
+    model: Model,
+    motions: Sequence[SubjectMotion],
+    shape: BodyShape,
+    mass: float | None,
+    options: IdentifyOptions,
+    sources: Sequence[Source] = (),
+) -> Identified:
+    """Identify the masses of a scaled model from a subject's motions.
+
+    Raises
+    ------
+    BadData, BadFile, BadModel : what is wrong with the input, in one line
+    """
+    mass = check_mass(model, mass)
+    used = [
+        usable(model, one.motion, one.wrenches, mass=mass, time=one.time, name=one.name, options=options.recording)
+        for one in motions
+    ]
+    seen = [one for one, motion in zip(used, motions, strict=True) if not motion.held_out]
+    if not seen:
+        raise BadData("no motion to identify from: give at least one with its forces")
+    points, inside, told = body_points(
+        model, shape, mass, options.body, options.identification.compare, _surfaces(model)
+    )
+    ways = len(points) + 1 if options.identification.compare else 1
+    # The matrices are small: waking further threads of BLAS for them costs more than they save.
+    with progress("identification", ways, "solutions") as advance, threadpool_limits(limits=1, user_api="blas"):
+        found = identify(
+            model,
+            seen,
+            {MAPS[name]: one for name, one in points.items()},
+            mass=mass,
+            inside=inside,
+            options=options.identification,
+            recording=options.recording,
+            advance=advance,
+        )
+    found = replace(found, notes=(*told, *_doubts(options), *found.notes))
+    models = {name: with_inertial_parameters(model, found.parameters[name]) for name in (found.chosen, SHAPE, GENERIC)}
+    validation = {
+        one.name: cross_validate(models, one.recording.motion, one.recording.wrenches, one.use)
+        for one, motion in zip(used, motions, strict=True)
+        if motion.held_out
+    }
+    made = provenance_of("identify", sources, {"mass": mass, **options.plain})
+    return Identified(found, MappingProxyType(validation), made)
+
+
+def _doubts(options: IdentifyOptions) -> tuple[str, ...]:
+    if options.recording.cutoff is not None:
+        return ()
+    return (
+        "no low-pass filter: noise of markers grows with the square of frequency in accelerations; where the motion "
+        "is not filtered already, give a cutoff, as 6 Hz for walking",
+    )
+
+
+def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], shape: BodyShape) -> list[Source]:
+    """The files that an identification is made from."""
+    sources = [file_source("model", model)]
+    sources += [file_source("motion", path) for path in motions]
+    for path in loads:
+        sources += [file_source("loads", path), *load_tables(path)]
+    given = (("skin", shape.skin), ("landmarks", shape.landmarks))
+    sources += [file_source(role, path) for role, path in given if path is not None]
+    return sources
+
+
+def tables_folder(out: Path) -> Path:
+    """Where the tables and the report of an identified model go: beside it."""
+    return out.with_name(f"{out.stem}_identification")
+
+
+def write_identified(
+    identified: Identified, out: Path, subject: str = "", tables: Path | None = None
+) -> tuple[str, ...]:
+    """Write the model, and beside it a folder of tables and a report; whole or not at all.
+
+    Parameters
+    ----------
+    tables : the folder, by default `tables_folder`
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+    """
+    found = identified.found
+    return write_made_model(
+        found.model,
+        identified.provenance,
+        out,
+        tables or tables_folder(out),
+        lambda folder: _write_tables(identified, folder, subject or found.model.name),
+    )
+
+
+def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
+    from myomorph.report.trial.given import Note, ReportInput, SourceFile
+    from myomorph.report.trial.identification_given import identification_input
+    from myomorph.report.trial.identification_tables import identification_tables
+    from myomorph.report.trial.trial_page import report_page
+    from myomorph.study.trial.reporting import REPORT
+
+    found = identified.found
+    surfaces = _surfaces(found.model)
+    given = identification_input(found, validation=identified.validation, surfaces=surfaces)
+    for name, sheet in identification_tables(given).items():
+        (folder / name).write_text(sheet.csv(), encoding="utf-8")
+    made = identified.provenance
+    sources = tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
+    page = report_page(
+        ReportInput(
+            title=f"{subject}: identified body",
+            subject=subject,
+            date=made.date,
+            version=__version__,
+            notes=(
+                Note("real", f"Motions: {', '.join(one.name for one in found.recordings)}."),
+                Note("assumed", f"Shape of the body: {found.points.source}."),
+            ),
+            facts=MappingProxyType({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"}),
+            sources=sources,
+            model=found.model,
+            surfaces=surfaces,
+            identification=given,
+            warnings=found.notes,
+        )
+    )
+    (folder / REPORT).write_text(page, encoding="utf-8")
+
+
+def _surfaces(model: Model) -> Mapping[str, Surface]:
+    from myomorph.study.trial.reporting import surfaces_of
+
+    return surfaces_of(model)
+
+
+def summary(found: Identification) -> list[str]:
+    """What the command says: frames, misfits, and what the data did not show."""
+    used = sum(int(one.use.sum()) for one in found.recordings)
+    total = sum(one.frames for one in found.recordings)
+    lines = [f"{used} of {total} frames used" + "".join(f"; {n} {reason}" for reason, n in found.left_out.items())]
+    flight = sum(one.flight for one in found.recordings)
+    if flight:
+        lines[0] += f"; {flight} of those used without contact"
+    generic, own = found.residuals[GENERIC], found.residuals[found.chosen]
+    lines.append(
+        f"misfit of the ground wrench: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} "
+        f"N m); in unseen parts {found.held_out[1]:.1f} N, {found.held_out[0]:.1f} N m"
+    )
+    unshown = sum(len(names) for names in found.from_shape.values())
+    lines.append(
+        f"{found.shares.size - unshown} of {found.shares.size} parameters shown by the data, {unshown} from the shape "
+        f"({found.points.source})"
+    )
+    lines.append(found.consistency[found.chosen].verdict)
+    return lines

@@ -1,0 +1,179 @@
+"""The files of a morph: a source model with its bones, a folder of the target's bones, pairs of landmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from myomorph.io.mesh import ENDINGS, read_mesh, read_surfaces
+from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.model.model import Model
+from myomorph.model.provenance import Source
+from myomorph.model.surface import Surface
+from myomorph.morph.place_clusters import bone_surface
+from myomorph.store.results import file_source
+from myomorph.store.study_file import Strict, existing
+
+Unit: TypeAlias = Literal["m", "cm", "mm"]
+METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+@dataclass(frozen=True)
+class MorphFiles:
+    """What a morph is made from.
+
+    Attributes
+    ----------
+    source : model whose muscles are carried over
+    bones : folder of the target's bones, `<body>.obj`, `.stl`, `.ply` or `.vtp`
+    landmarks : pairs of points, CSV
+    geometry : folder of the source's own meshes, None to look beside the model
+    skin : closed surface of the target's skin, for masses
+    unit : of bones and skin
+    mass : of the target [kg]
+    together : the bones lie as one scan shows them, in one frame
+    mirror : a body without a bone takes the mirrored one of its other side
+    across : axis of ground across the source's plane of symmetry
+    """
+
+    source: Path
+    bones: Path
+    landmarks: Path | None = None
+    geometry: Path | None = None
+    skin: Path | None = None
+    unit: Unit = "m"
+    mass: float | None = None
+    together: bool = False
+    mirror: bool = False
+    across: Literal["x", "y", "z"] = "z"
+
+    def sources(self) -> tuple[Source, ...]:
+        """The files by their hashes."""
+        given = [("model", self.source), *(("bone", path) for path in bone_files(self.bones).values())]
+        given += [(role, path) for role, path in (("landmarks", self.landmarks), ("skin", self.skin)) if path]
+        return tuple(file_source(role, path) for role, path in given)
+
+    def told(self) -> dict[str, object]:
+        """What is said of the files, for provenance."""
+        return {name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")}
+
+
+class BonesTable(Strict):
+    """A subject's bones, as `bones` in a study file."""
+
+    folder: str
+    landmarks: str | None = None
+    geometry: str | None = None
+    skin: str | None = None
+    unit: Unit = "m"
+    together: bool = False
+    mirror: bool = False
+    across: Literal["x", "y", "z"] = "z"
+
+
+def bones_of(
+    table: BonesTable, model: Path, mass: float | None, folder: Path, where: str, problems: list[str]
+) -> MorphFiles:
+    """The files that a subject's table of bones names; what does not exist goes to `problems`."""
+    for role, name in (("folder", table.folder), ("geometry", table.geometry)):
+        if name is not None and not (folder / name).is_dir():
+            problems.append(f"{where}: bones: {role} '{name}' is no folder")
+    landmarks = existing(folder, table.landmarks, f"{where}: bones: landmarks", problems)
+    skin = existing(folder, table.skin, f"{where}: bones: skin", problems)
+    geometry = None if table.geometry is None else folder / table.geometry
+    home = folder / table.folder
+    told = (table.unit, mass, table.together, table.mirror, table.across)
+    return MorphFiles(model, home, landmarks, geometry, skin, *told)
+
+
+def bone_files(folder: Path) -> dict[str, Path]:
+    """Mesh files of a folder by their stems.
+
+    Raises
+    ------
+    BadFile : there is no such folder, no mesh in it, or two files for one bone
+    """
+    if not folder.is_dir():
+        raise BadFile(folder, "is not a folder", f"give the folder of the target's bones, <body>{ENDINGS[1]} and so on")
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() not in ENDINGS or not path.is_file():
+            continue
+        twice = [one.name for stem, one in found.items() if stem.lower() == path.stem.lower()]
+        if twice:
+            raise BadFile(folder, f"holds both {twice[0]} and {path.name}", "keep one file a bone")
+        found[path.stem] = path
+    if not found:
+        raise BadFile(folder, "holds no bones", f"expected files <body>{', <body>'.join(ENDINGS)}")
+    return found
+
+
+def read_bones(folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]) -> dict[str, Surface]:
+    """The target's bones [m] by the body of the model that each file is named after.
+
+    Parameters
+    ----------
+    notes : takes up files that no body is named after
+
+    Raises
+    ------
+    BadFile : no file is named after a body, or one cannot be read
+    """
+    files = bone_files(folder)
+    by_name = {body.lower(): body for body in bodies}
+    unknown = [path.name for stem, path in files.items() if stem.lower() not in by_name]
+    if len(unknown) == len(files):
+        raise BadFile(
+            folder, f"holds no bone named after a body: {listing('', unknown)}", f"bodies are {listing('', bodies)}"
+        )
+    if unknown:
+        notes.append(f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}")
+    found: dict[str, Surface] = {}
+    for stem, path in files.items():
+        body = by_name.get(stem.lower())
+        if body is not None:
+            found[body] = resized(read_mesh(path), unit)
+    return found
+
+
+def resized(surface: Surface, unit: Unit) -> Surface:
+    """A surface in metres."""
+    return surface if unit == "m" else Surface(surface.vertices * METERS[unit], surface.faces)
+
+
+def source_bones(model: Model, geometry: Path | None, notes: list[str]) -> dict[str, Surface]:
+    """The source's own bones in their bodies' frames [m], as far as their meshes are found.
+
+    Parameters
+    ----------
+    geometry : folder that holds them; None to look beside the model's file
+    notes : takes up what was not found
+
+    Raises
+    ------
+    BadFile : `geometry` is no folder
+    BadData : none was found
+    """
+    if geometry is not None and not geometry.is_dir():
+        raise BadFile(geometry, "is not a folder", "give the folder of the source model's meshes")
+    beside = Path(model.source).parent
+    folders = [geometry] if geometry is not None else [beside, beside / "Geometry", beside / "geometry"]
+    surfaces, warnings = read_surfaces(model, [one for one in folders if one.is_dir()])
+    notes += warnings
+    found = {}
+    for body in model.bodies:
+        if any(mesh.file in surfaces for mesh in body.meshes):
+            found[body.name] = bone_surface(body, surfaces)
+    if not found:
+        looked = ", ".join(str(one) for one in folders)
+        raise BadData(f"none of the bones' meshes is in {looked}: give their folder with --geometry")
+    return found
+
+
+def spread(surface: Surface) -> float:
+    """Greatest extent along an axis [m]."""
+    return float(np.ptp(surface.vertices, axis=0).max())

@@ -1,0 +1,264 @@
+"""A model in other bones, from files: bones laid on bones, muscles carried over, and the model of that body."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from myomorph.io.landmarks import read_landmark_pairs
+from myomorph.io.mesh import read_mesh
+from myomorph.io.mesh_write import write_obj
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Mesh, Model
+from myomorph.model.provenance import Provenance
+from myomorph.model.spatial import Transform
+from myomorph.model.surface import Surface
+from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.checks import MorphChecks, check_morph
+from myomorph.morph.fields import FeaturePoints, MapOptions
+from myomorph.morph.map_bone import map_bone
+from myomorph.morph.mirror_bones import with_mirrored_bones
+from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.nonrigid import MatchOptions
+from myomorph.morph.postures import COUNT
+from myomorph.morph.starts import start_by_neighbors
+from myomorph.morph.transfer import morph_model
+from myomorph.morph.virtual_links import standing_poses
+from myomorph.store.progress import progress
+from myomorph.store.results import provenance_of
+from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.subject.made_model import write_made_model
+from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
+from myomorph.study.trial import inputs
+
+if TYPE_CHECKING:
+    from myomorph.study.subject.subjects import SubjectFiles
+    from myomorph.study.trial.takes import Settings
+
+
+@dataclass(frozen=True)
+class MorphSettings:
+    """What the steps of a morph are told: how bones are matched, how space is mapped, what is made of muscles."""
+
+    match: MatchOptions = field(default_factory=MatchOptions)
+    map: MapOptions = field(default_factory=MapOptions)
+    morph: MorphOptions = field(default_factory=MorphOptions)
+
+    @staticmethod
+    def of(given: Mapping[str, Any]) -> MorphSettings:
+        """From the command line's or a study file's settings."""
+        return MorphSettings(
+            with_settings(MatchOptions(), given),
+            with_settings(MapOptions(), given),
+            with_settings(MorphOptions(), given),
+        )
+
+    def plain(self) -> dict[str, object]:
+        """As plain values, for provenance."""
+        return plain_settings(self.match) | plain_settings(self.map) | plain_settings(self.morph)
+
+
+@dataclass(frozen=True, eq=False)
+class Morphed:
+    """A morph, its checks, and what it was made from.
+
+    Attributes
+    ----------
+    warnings : of the files, one line each
+    """
+
+    morph: Morph
+    checks: MorphChecks
+    provenance: Provenance
+    warnings: tuple[str, ...]
+
+
+def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None = None) -> Morphed:
+    """The source model in the target's bones.
+
+    Parameters
+    ----------
+    model : the source, where it was read already
+
+    Raises
+    ------
+    MyomorphError
+        where a file cannot be read, or a bone or its landmarks cannot be what they say
+    """
+    model = inputs.open_model(files.source) if model is None else model
+    warnings = list(model.warnings)
+    with inputs.about(files.source):
+        ours = source_bones(model, files.geometry, warnings)
+    theirs = read_bones(files.bones, model.body_names, files.unit, warnings)
+    skin = None if files.skin is None else resized(read_mesh(files.skin), files.unit)
+    if files.mass is not None and not (np.isfinite(files.mass) and files.mass > 0.0):
+        raise BadData(f"a mass of {files.mass:g} kg: expected above 0")
+    pairs = {} if files.landmarks is None else _landmarks(files.landmarks, model)
+    bones = map_bones(model, ours, theirs, pairs, settings, files.together)
+    if files.mirror:
+        bones = with_mirrored_bones(model, bones, ours, files.together, files.across)
+    with inputs.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
+        morph = morph_model(model, bones, settings.morph, mass=files.mass, together=files.together, progress=advance)
+    if files.mass is not None or skin is not None:
+        from myomorph.study.subject.morph_masses import with_morphed_masses
+
+        weighed, notes = with_morphed_masses(morph, files.mass, skin)
+        morph = replace(morph, model=weighed, notes=(*morph.notes, *notes))
+    made = provenance_of("morph", files.sources(), settings.plain() | files.told())
+    return Morphed(morph, check_morph(morph), made, tuple(dict.fromkeys(warnings)))
+
+
+def map_bones(
+    model: Model,
+    ours: Mapping[str, Surface],
+    theirs: Mapping[str, Surface],
+    pairs: Mapping[str, FeaturePoints],
+    settings: MorphSettings,
+    together: bool = False,
+) -> dict[str, BoneMap]:
+    """The map of every bone that the target has a surface or landmarks of, by body; the largest first.
+
+    Parameters
+    ----------
+    ours, theirs : surfaces of source and target, in their bodies' frames
+    pairs : landmarks
+    together : the target's bones share one frame, so that those found tell where the next one lies
+    """
+    wanted = [body for body in model.body_names if body in theirs or body in pairs]
+    wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
+    poses = standing_poses(model) if together else {}
+    found: dict[str, BoneMap] = {}
+    with progress("bones", len(wanted), "bones") as advance:
+        for body in wanted:
+            source, target, points = ours.get(body), theirs.get(body), pairs.get(body)
+            start = start_by_neighbors(model, body, found, poses) if together else None
+            with inputs.about(body):
+                found[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
+            advance(1.0)
+    return {body: found[body] for body in model.body_names if body in found}
+
+
+def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
+    found: dict[str, FeaturePoints] = {}
+    for body, points in read_landmark_pairs(path).items():
+        if body not in model.body_names:
+            with inputs.about(path):
+                raise UnknownName("body", body, model.body_names)
+        found[body] = FeaturePoints(points.names, points.source, points.target)
+    return found
+
+
+def morph_subject(
+    model: Model, files: SubjectFiles, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> Morphed:
+    """The step `morph` of a study: a subject's bones into its model and tables."""
+    assert files.bones is not None
+    morphed = morph_files(files.bones, MorphSettings.of(settings.get("morph", {})), model)
+    morphed = replace(morphed, provenance=made)
+    write_morphed(morphed, out, tables)
+    return morphed
+
+
+def tables_folder(out: Path) -> Path:
+    """Where the bones, tables and report of a morphed model go: beside it."""
+    return out.with_name(f"{out.stem}_morph")
+
+
+def write_morphed(
+    morphed: Morphed,
+    out: Path,
+    tables: Path | None = None,
+    bones: Mapping[str, Surface] | None = None,
+    page: str = "",
+) -> tuple[str, ...]:
+    """Write the model, and beside it a folder with its bones, tables and report; whole or not at all.
+
+    Parameters
+    ----------
+    tables : the folder, by default `tables_folder`
+    bones : surfaces by body of the new model, by default those that the maps lead to
+    page : the report, where it tells more than the morph alone
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+    """
+    from myomorph.report.morph.morph_page import morph_page
+    from myomorph.report.morph.tables import morphing_tables
+    from myomorph.study.trial.reporting import REPORT
+
+    folder_name = (tables or tables_folder(out)).name
+    if bones is None:
+        bones = {bone.target_body: bone.target for bone in morphed.morph.bones.values() if bone.target is not None}
+
+    files = _bone_files(bones)
+
+    def fill(folder: Path) -> None:
+        for body, surface in bones.items():
+            write_obj(surface, folder / files[body])
+        for name, (header, rows) in morphing_tables(morphed.morph, morphed.checks).items():
+            _write_table(header, rows, folder / name)
+        text = page or morph_page(morphed.morph, morphed.checks, morphed.provenance, morphed.warnings)
+        (folder / REPORT).write_text(text, encoding="utf-8")
+
+    drawn = with_bones(morphed.morph.model, {body: f"{folder_name}/{file}" for body, file in files.items()})
+    return write_made_model(drawn, morphed.provenance, out, tables or tables_folder(out), fill)
+
+
+def with_bones(model: Model, files: Mapping[str, str]) -> Model:
+    """The model with its bodies drawn by these files, which lie in the bodies' frames."""
+    bodies = tuple(
+        replace(body, meshes=(Mesh(files[body.name], Transform.identity(), np.ones(3)),))
+        if body.name in files
+        else body
+        for body in model.bodies
+    )
+    return replace(model, bodies=bodies)
+
+
+def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
+    """A name of a file for each body, whose own name may hold anything; none twice, whatever the case."""
+    found: dict[str, str] = {}
+    for body in bodies:
+        stem = name = re.sub(r"[^\w.-]", "_", body).lstrip(".") or "bone"
+        taken = {file.lower() for file in found.values()}
+        count = 1
+        while f"{name}.obj".lower() in taken:
+            count += 1
+            name = f"{stem}_{count}"
+        found[body] = f"{name}.obj"
+    return found
+
+
+def _write_table(header: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(header)
+        writer.writerows([f"{one:.6g}" if isinstance(one, float) else one for one in row] for row in rows)
+
+
+def summary(morphed: Morphed) -> Iterable[str]:
+    """What was found, as lines of text; all measures of a bone are in the report and in bones.csv."""
+    morph = morphed.morph
+    for body, bone in morph.bones.items():
+        told = f"size {bone.whole.scale:.3f}"
+        if "residual [m]" in bone.measures:
+            share = 100.0 * bone.measures.get("coverage", float("nan"))
+            told += f", {1e3 * bone.measures['residual [m]']:.3g} mm apart, {share:.0f} % reached"
+        yield f"  {body:<12} by {bone.basis}: {told}"
+    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over"
+    yield f"{len(morphed.checks.warnings)} warnings of the checks stand first in the report"
+
+
+def bone_notes(morphed: Morphed) -> tuple[str, ...]:
+    """What the maps of the bones that the target has had to say, one line each, with the bone's name."""
+    own = {body: bone for body, bone in morphed.morph.bones.items() if bone.basis in ("bone", "landmarks")}
+    return tuple(
+        note if f"'{body}'" in note else f"'{body}': {note}" for body, bone in own.items() for note in bone.notes
+    )

@@ -1,0 +1,171 @@
+"""Two groups of subjects of a study: after the trials their comparison, as a page and as tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from myomorph import __version__
+from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.report.study.group_page import group_page
+from myomorph.report.trial.given import Note, ReportInput
+from myomorph.store.results import STORED, file_name, read_result
+from myomorph.study.plan.group_plan import GroupPlan
+from myomorph.study.summary.page_key import groups_key, with_key
+from myomorph.study.trial.reporting import model_of
+from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_turn, trial_strides
+
+PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
+TABLES = (PARAMETERS, CURVES, STRIDES)
+
+
+def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
+    """Compare the groups from the results in `out/subject/trial`; writes a page and three tables there.
+
+    A trial without results or strides is left out, said on the page.
+
+    Raises
+    ------
+    BadData : a group of which no subject has strides
+    """
+    notes: list[str] = []
+    rows: list[tuple[str, str, TrialStrides]] = []
+    groups = [_group(one, plan, out, notes, rows) for one in (plan.first, plan.second)]
+    for group in groups:
+        if not group.animals:
+            raise BadData(f"group '{group.name}' has no subject with strides: {'; '.join(notes) or 'no trials'}")
+    animals = in_one_turn([*groups[0].animals, *groups[1].animals])
+    count = len(groups[0].animals)
+    first, second = replace(groups[0], animals=animals[:count]), replace(groups[1], animals=animals[count:])
+    found = compare_groups(first, second)
+    given = ReportInput(
+        title=f"{name}: {plan.first[0]} and {plan.second[0]}" if name else f"{plan.first[0]} and {plan.second[0]}",
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=__version__,
+        notes=tuple(Note("warning", one) for one in notes),
+    )
+    page = group_page(found, given)
+    _write(out / PARAMETERS, _parameter_table(found))
+    _write(out / CURVES, _curve_table(found))
+    _write(out / STRIDES, _stride_table(rows))
+    # Last, so that where the page is new the tables are.
+    _write(out / PAGE, with_key(page, groups_key(plan, name, out, [out / table for table in TABLES])))
+    return found
+
+
+def _group(
+    told: tuple[str, tuple[str, ...]],
+    plan: GroupPlan,
+    out: Path,
+    notes: list[str],
+    rows: list[tuple[str, str, TrialStrides]],
+) -> Group:
+    animals: list[Animal] = []
+    for subject in told[1]:
+        results = []
+        for trial in plan.trials[subject]:
+            path = out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"
+            try:
+                found = read_result(path, leave_out=("moment_arm",))
+                model = model_of(found)
+                strides = trial_strides(found, model, plan.strides)
+            except MyomorphError as error:
+                notes.append(f"{subject}, {trial}: left out: {' '.join(str(error).split())}")
+                continue
+            notes += [f"{subject}, {trial}: {one}" for one in strides.notes]
+            if not strides.count:
+                notes.append(f"{subject}, {trial}: left out: no whole stride is seen")
+                continue
+            results.append((found, model, strides))
+            rows.append((told[0], subject, strides))
+        if results:
+            animals.append(animal_of(subject, results))
+        else:
+            notes.append(f"{subject} is left out of group '{told[0]}': no trial of it has strides")
+    return Group(told[0], tuple(animals))
+
+
+def _write(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(head)
+    for row in rows:
+        table.writerow([f"{one:.9g}" if isinstance(one, float) else one for one in row])
+    return text.getvalue()
+
+
+def _parameter_table(found: Comparison) -> str:
+    one, other = found.names
+    head = [
+        "parameter",
+        *(f"{name}_{what}" for name in (one, other) for what in ("mean", "sd", "animals")),
+        *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p", "p_holm", "q"),
+    ]
+    rows = [
+        (
+            each.name,
+            *each.first,
+            *each.second,
+            *(each.difference, each.low, each.high, each.g, each.g_low, each.g_high, each.p, each.holm, each.q),
+        )
+        for each in found.scalars
+    ]
+    return _table(head, rows)
+
+
+def _curve_table(found: Comparison) -> str:
+    one, other = found.names
+    head = [
+        "kind",
+        "curve",
+        "percent",
+        *(f"{name}_{what}" for name in (one, other) for what in ("mean", "low", "high")),
+        *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p_corrected"),
+    ]
+    rows: list[tuple[object, ...]] = []
+    for each in found.curves:
+        columns = [
+            *(part for band in (each.first, each.second) for part in (band.mean, band.low, band.high)),
+            *(each.difference, each.low, each.high, each.g, each.g_low, each.g_high, each.p),
+        ]
+        percent = np.linspace(0.0, 100.0, len(each.difference))
+        rows += [
+            (each.family, each.name, float(at), *(float(column[i]) for column in columns))
+            for i, at in enumerate(percent)
+        ]
+    return _table(head, rows)
+
+
+def _stride_table(trials: Sequence[tuple[str, str, TrialStrides]]) -> str:
+    head = (
+        "group", "subject", "trial", "limb", "start_s", "lift_s", "stop_s", "length_m", "duration_s", "speed_m_per_s",
+        "duty_factor", "width_m", "seen", "source",
+    )  # fmt: skip
+    rows = [
+        (
+            group,
+            subject,
+            strides.trial,
+            one.limb,
+            *(one.start, one.lift, one.stop, one.length, one.duration, one.speed, one.duty, one.width, one.seen),
+            one.source,
+        )
+        for group, subject, strides in trials
+        for limb in strides.limbs
+        for one in strides.of(limb)
+    ]
+    return _table(head, rows)

@@ -1,0 +1,109 @@
+"""Whether the tables and pages of a study are those of its trials: their key stands in the page, written last."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple
+from pathlib import Path
+
+from myomorph import __version__
+from myomorph.model.model import Model
+from myomorph.store.netcdf import open_netcdf
+from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, value_source
+from myomorph.study.plan.group_plan import GroupPlan
+from myomorph.study.plan.plan import Plan
+from myomorph.study.run.jobs import Outcome
+from myomorph.study.trial.kept_report import KEY
+
+END = "</body>"
+_KEY = re.compile(rb"<!-- made of ([0-9a-f]{64}) -->\s*</body>\s*</html>\s*\Z")
+
+
+def with_key(page: str, key: str) -> str:
+    """A page that tells what it and the tables beside it were made of."""
+    before, end, after = page.rpartition(END)
+    return f"{before}<!-- made of {key} -->\n{end}{after}"
+
+
+def made_of(page: Path, key: str) -> bool:
+    """Whether a page tells that it was made of this."""
+    try:
+        with page.open("rb") as stream:
+            stream.seek(max(0, page.stat().st_size - 200))
+            told = _KEY.search(stream.read())
+    except OSError:
+        return False
+    return told is not None and told.group(1).decode() == key
+
+
+def tables_key(plan: Plan, outcomes: Iterable[Outcome], own: Sequence[str], made: Iterable[Path]) -> str:
+    """Hash of what the tables of a study are made of, and of the tables.
+
+    Parameters
+    ----------
+    own : names of the tables that each trial has
+    made : the tables of the study
+    """
+    trials = [
+        (
+            one.key,
+            one.condition,
+            one.done,
+            one.error,
+            one.frames,
+            one.changed,
+            _hashes(one.folder / name for name in own),
+        )
+        for one in outcomes
+    ]
+    takes = [(one.subject, one.name, one.condition) for one in plan.takes]
+    told = (plan.name, takes, [one.name for one in plan.together], plan.groups is None, list(plan.conditions.names))
+    left = [astuple(one) for one in plan.excluded]
+    conditions = sorted(plan.conditions.trials.items())
+    return value_source("tables", "", __version__, told, left, conditions, trials, _hashes(made)).sha256
+
+
+def groups_key(plan: GroupPlan, name: str, out: Path, made: Iterable[Path]) -> str:
+    """The same for two groups, from what the results of their trials were made of."""
+    results = []
+    for subject in (*plan.first[1], *plan.second[1]):
+        for trial in plan.trials[subject]:
+            results.append(_result_key(out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"))
+    told = (plan.first, plan.second, sorted(plan.trials.items()), plan.strides)
+    return value_source("groups", name, __version__, name, told, results, _hashes(made)).sha256
+
+
+def _result_key(path: Path) -> tuple[object, ...]:
+    try:
+        with open_netcdf(path) as file:
+            attributes = file.attributes
+        return attributes.get(KEY, ""), sorted((step, one.key) for step, one in made_from(attributes).items())
+    except DAMAGED:
+        return ()
+
+
+def _hashes(paths: Iterable[Path]) -> tuple[str, ...]:
+    """Hash of each file, "" for one that is not there."""
+    return tuple(file_source("", path).sha256 if path.is_file() else "" for path in paths)
+
+
+def kept_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome | None:
+    """The outcome of the tables of a study where they would come out the same, else None."""
+    from myomorph.study.run.job_work import GATHERED
+    from myomorph.study.summary.study_tables import PAGE, made_here
+
+    if not (out / PAGE).is_file() or not made_of(out / PAGE, made_here(plan, outcomes, out)):
+        return None
+    return Outcome(*GATHERED, out, ("tables",), ("tables",))
+
+
+def kept_groups(model: Model | None, plan: Plan, out: Path) -> Outcome | None:
+    """The outcome of the comparison of groups where it would come out the same, else None."""
+    from myomorph.study.summary.grouping import PAGE, TABLES
+
+    assert plan.groups is not None
+    made = [out / name for name in TABLES]
+    if not (out / PAGE).is_file() or not made_of(out / PAGE, groups_key(plan.groups, plan.name, out, made)):
+        return None
+    return Outcome(f"{plan.groups.first[0]} and {plan.groups.second[0]}", "", out, ("groups",), ("groups",))

@@ -1,0 +1,267 @@
+"""The tables of a study: the values of all trials in one, their quality, and what conditions have in common."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from myomorph import __version__
+from myomorph.analysis.conditions import compare_conditions
+from myomorph.analysis.groups import GroupOptions
+from myomorph.io.parsing.text import written
+from myomorph.report.study.study_given import Judged, StudyInput, TrialLine
+from myomorph.report.study.study_page import study_page
+from myomorph.store.results import made_at
+from myomorph.study.plan.plan import Plan
+from myomorph.study.run.jobs import Outcome
+from myomorph.study.summary.condition_tables import curve_rows, described, described_rows, pair_rows
+from myomorph.study.summary.condition_values import GrowingCondition, of_subjects, shown_quantities
+from myomorph.study.summary.grouping import PAGE as GROUPS_PAGE
+from myomorph.study.summary.outlier_values import COMPARED, OutlierSearch, outlier_rows
+from myomorph.study.summary.page_key import tables_key, with_key
+from myomorph.study.summary.sign_notes import SignSearch
+from myomorph.study.trial.reporting import REPORT
+from myomorph.study.trial.tidy import (
+    CURVES,
+    QUALITY,
+    QUALITY_COLUMNS,
+    VALUE_COLUMNS,
+    VALUES,
+    Value,
+    read_curves,
+    read_quality,
+    read_values,
+)
+
+PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
+TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
+CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
+OF_TRIALS = (VALUES, CURVES, QUALITY)
+"""Tables of each trial from which these are made."""
+WHOSE = ("subject", "condition", "trial")
+ROWS = 1 << 16
+"""Of a block of the Parquet file: the memory that gathering takes grows with it, not with the trials."""
+PERMUTATIONS = 4000
+"""Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs."""
+FILES = (
+    (TIDY, "every value of every trial"),
+    (PARQUET, "the same as Parquet"),
+    (TRIAL_QUALITY, "of every trial what is held against a limit, warnings, what failed and what was left out"),
+    (CONDITION_VALUES, "every value in every condition: mean, standard deviation, number of subjects"),
+    (CONDITION_CURVES, "mean curves of every condition with standard deviation and interval"),
+    (DIFFERENCES, "every pair of conditions: differences, effect sizes, corrected p"),
+    (OUTLIERS, "values far from those of the other trials"),
+)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One trial with what became of it, or a subject's own steps."""
+
+    outcome: Outcome
+    condition: str
+
+    @property
+    def whose(self) -> tuple[str, str, str]:
+        return self.outcome.subject, self.condition, self.outcome.trial
+
+    @property
+    def has_values(self) -> bool:
+        return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / VALUES).is_file()
+
+
+def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
+    """Write the tables of a study and its page, `study.html`, from what trials wrote beside their results.
+
+    Trials stand in the order of the study file, whenever they ended. One that failed has the values of the steps that
+    ended well.
+
+    Parameters
+    ----------
+    outcomes : of all trials, and of subjects' own steps
+    out : folder of the study
+
+    Raises
+    ------
+    BadData : a trial's own tables are of another kind
+    """
+    trials = _in_order(plan, outcomes)
+    lines = _write_quality(plan, trials, out)
+    growing = {name: GrowingCondition(name) for name in plan.conditions.names}
+    search, signs = OutlierSearch(), SignSearch()
+    with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(out / PARQUET) as keep:
+        for one in trials:
+            if not one.has_values:
+                continue
+            values = [each for each in read_values(one.outcome.folder / VALUES) if each.step in one.outcome.done]
+            table.writerows((*one.whose, each.step, each.quantity, f"{each.value:.9g}", each.unit) for each in values)
+            keep(one.whose, values)
+            condition = growing.setdefault(one.condition, GrowingCondition(one.condition))
+            condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
+            search.add(one.whose, values)
+            signs.add(one.outcome.subject, values)
+    for one in trials:
+        if one.has_values:
+            search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES, COMPARED))
+    _write_conditions(plan, trials, lines, [one for one in growing.values() if one.trials], search, signs.notes(), out)
+
+
+def _write_conditions(
+    plan: Plan,
+    trials: Sequence[_Trial],
+    lines: Sequence[TrialLine],
+    growing: Sequence[GrowingCondition],
+    search: OutlierSearch,
+    notes: Sequence[str],
+    out: Path,
+) -> None:
+    """The tables of conditions, and the page."""
+    found = search.found()
+    subjects = of_subjects(growing)
+    conditions = tuple(one.finished(subjects) for one in growing)
+    comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
+    quantities = described(growing)
+    for name, rows in (
+        (OUTLIERS, outlier_rows(found)),
+        (CONDITION_VALUES, described_rows(quantities, conditions)),
+        (CONDITION_CURVES, curve_rows(conditions)),
+        (DIFFERENCES, pair_rows(comparisons)),
+    ):
+        with _csv(out / name, next(rows)) as table:
+            table.writerows(rows)
+    shown = shown_quantities([one.quantity for one in quantities])
+    groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
+    given = StudyInput(
+        plan.name,
+        made_at(),
+        __version__,
+        tuple(lines),
+        conditions,
+        comparisons,
+        tuple(found),
+        tuple(one for one in quantities if one.quantity in shown),
+        _changes(trials),
+        (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
+        (*groups, *FILES),
+    )
+    page = study_page(given)
+    key = made_here(plan, [one.outcome for one in trials], out)
+    with written(out / PAGE) as stream:
+        stream.write(with_key(page, key))
+
+
+def made_here(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> str:
+    """Hash of what the tables of a study are made of now, and of the tables that are there."""
+    trials = [one.outcome for one in _in_order(plan, outcomes)]
+    return tables_key(plan, trials, OF_TRIALS, [out / name for name, _ in FILES])
+
+
+def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
+    """Outcomes with their conditions in the order of the study file, a subject's own steps before its trials."""
+    found = {one.key: one for one in outcomes}
+    keys = [key for take in plan.takes for key in ((take.subject, ""), (take.subject, take.name))]
+    keys += [(one.name, one.name) for one in plan.together]
+    told = {(take.subject, take.name): take.condition for take in plan.takes} | dict(plan.conditions.trials)
+    return [
+        _Trial(found[key], found[key].condition or told.get(key, "")) for key in dict.fromkeys(keys) if key in found
+    ]
+
+
+def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path) -> list[TrialLine]:
+    """The table of quality of all trials; also each trial as a line of the page."""
+    lines: list[TrialLine] = []
+    with _csv(out / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as table:
+        for one in trials:
+            rows = read_quality(one.outcome.folder / QUALITY) if one.has_values else []
+            for row in rows:
+                table.writerow((*one.whose, *(row[name] for name in QUALITY_COLUMNS)))
+            if one.outcome.error:
+                table.writerow((*one.whose, "failed", "", "", "", "failed", "", "", one.outcome.error))
+            lines.append(_line(one, rows, out))
+        for left in plan.excluded:
+            condition = plan.conditions.trials.get((left.subject, left.trial), "")
+            table.writerow(
+                (left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason)
+            )
+            lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
+    return lines
+
+
+def _line(one: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLine:
+    outcome = one.outcome
+    page = outcome.folder / REPORT
+    judged = {
+        row["quantity"]: Judged(
+            float(row["value"]), row["unit"], float(row["limit"]) if row["limit"] else None, row["state"]
+        )
+        for row in rows
+        if row["value"]
+    }
+    return TrialLine(
+        outcome.subject,
+        outcome.trial,
+        one.condition,
+        "failed" if outcome.error else "done",
+        Path(os.path.relpath(page, out)).as_posix() if "report" in outcome.done or not outcome.trial else "",
+        outcome.done,
+        outcome.frames,
+        outcome.error,
+        judged,
+        sum(1 for row in rows if row["quantity"] == "warning"),
+    )
+
+
+def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """What made steps be computed again, each with the trials it concerns."""
+    found: dict[str, list[str]] = {}
+    for one in trials:
+        for text in one.outcome.changed:
+            found.setdefault(text, []).append(", ".join(part for part in one.outcome.key if part))
+    return tuple((text, tuple(names)) for text, names in found.items())
+
+
+@contextmanager
+def _csv(path: Path, head: Sequence[str]) -> Iterator[Any]:
+    """A writer of `csv` whose table appears under its name when it is whole."""
+    with written(path) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(head)
+        yield table
+
+
+@contextmanager
+def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Value]], None]]:
+    """The same for the values of trials as Parquet, written in blocks."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {name: pa.float64() if name == "value" else pa.string() for name in (*WHOSE, *VALUE_COLUMNS)}
+    schema = pa.schema(list(kinds.items()))
+    temporary = path.with_name(f".{path.name}.part")
+    waiting: list[pa.RecordBatch] = []
+
+    def block(writer: Any) -> None:
+        writer.write_table(pa.Table.from_batches(waiting, schema=schema).combine_chunks())
+        waiting.clear()
+
+    def keep(whose: tuple[str, str, str], values: Sequence[Value]) -> None:
+        if not values:
+            return
+        columns = [*([name] * len(values) for name in whose), *map(list, zip(*values, strict=True))]
+        arrays = [pa.array(column, kind) for column, kind in zip(columns, kinds.values(), strict=True)]
+        waiting.append(pa.RecordBatch.from_arrays(arrays, schema=schema))
+        if sum(map(len, waiting)) >= ROWS:
+            block(writer)
+
+    try:
+        with pq.ParquetWriter(temporary, schema) as writer:
+            yield keep
+            block(writer)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

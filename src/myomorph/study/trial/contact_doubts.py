@@ -1,0 +1,128 @@
+"""What is not sure about estimated contact forces: what the data leave open, and frames that contacts cannot carry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.series import Table
+from myomorph.model.spatial import Array
+from myomorph.report.trial.given import Uncarried
+from myomorph.store.progress import progress
+from myomorph.store.results import ResultWriter, Stored
+from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.relaxation import relaxation_lines, relaxations
+from myomorph.tension.tension import Tension
+
+AT_ONCE = 8
+"""Instants between two reports of progress."""
+
+
+LARGE = 250
+"""Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredIntervals:
+    """What the data leave open of contact forces at some instants; see `ForceIntervals`."""
+
+    time: Array
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactDoubts:
+    """Doubts about a solution.
+
+    Attributes
+    ----------
+    intervals : one for a few instants each
+    uncarried : frames whose contacts cannot carry the motion
+    lines : the same for runs of frames, one line each
+    """
+
+    intervals: tuple[ContactIntervals, ...]
+    uncarried: tuple[Uncarried, ...]
+    lines: tuple[str, ...]
+
+
+def contact_doubts(problem: TensionProblem, tension: Tension, instants: int, name: str) -> ContactDoubts:
+    """Ask at some instants, evenly spaced, what the data leave open, and of all frames whether contacts carry them.
+
+    Parameters
+    ----------
+    problem : as `tension_problem` sets it up with contacts, solved
+    name : of the recording, for the progress bar
+    """
+    marked = relaxations(problem, tension)
+    near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0
+    chosen = np.unique(np.linspace(0, len(tension) - 1, min(instants, len(tension))).round().astype(int))
+    intervals = []
+    with progress(f"{name}: what is left open", len(chosen)) as advance:
+        for start in range(0, len(chosen), AT_ONCE):
+            part = chosen[start : start + AT_ONCE]
+            intervals.append(contact_intervals(problem, tension, part.tolist(), CertificateOptions(near=near)))
+            advance(len(part))
+    uncarried = tuple(Uncarried(one.time, one.sentence) for one in marked)
+    return ContactDoubts(tuple(intervals), uncarried, relaxation_lines(marked))
+
+
+def put_doubts(writer: ResultWriter, doubts: ContactDoubts) -> None:
+    """Intervals and frames that could not be carried, in a result file."""
+    writer.sizes("uncarried", len(doubts.uncarried))
+    times = np.array([one.time for one in doubts.uncarried], dtype=np.float64)
+    writer.put("uncarried_time", ("uncarried",), times, "s", "frame that its contacts cannot carry")
+    writer.texts("uncarried_relaxation", "uncarried", [one.relaxation for one in doubts.uncarried])
+    if not doubts.intervals:
+        return
+    writer.names("contact_group", doubts.intervals[0].groups)
+    writer.names("axis", ("x", "y", "z"))
+    time = np.concatenate([one.time for one in doubts.intervals])
+    writer.sizes("interval_time", len(time))
+    writer.put("interval_time", ("interval_time",), time, "s", "instants at which it was asked what is left open")
+    writer.texts("least_determined", "interval_time", [text for one in doubts.intervals for text in one.sentences])
+    three = ("interval_time", "contact_group", "axis")
+    for name, meaning in (
+        ("low", "least force that the data allow"),
+        ("high", "greatest force that the data allow"),
+        ("near_low", "least force among solutions near the optimum"),
+        ("near_high", "greatest force among solutions near the optimum"),
+    ):
+        values = np.concatenate([getattr(one, name) for one in doubts.intervals])
+        writer.put(f"interval_{name}", three, values, "N", meaning)
+
+
+def get_intervals(stored: Stored) -> StoredIntervals | None:
+    """Intervals of contact forces of a result, or None."""
+    values = stored.values
+    if "interval_low" not in values:
+        return None
+    names = stored.names["contact_group"]
+    return StoredIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
+
+
+def get_uncarried(stored: Stored) -> tuple[Uncarried, ...]:
+    """Frames of a result that its contacts cannot carry."""
+    times = stored.values.get("uncarried_time", ())
+    texts = stored.names.get("uncarried_relaxation", ())
+    return tuple(Uncarried(float(time), text) for time, text in zip(times, texts, strict=True))
+
+
+def interval_table(intervals: Sequence[ContactIntervals]) -> Table:
+    """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ... [N]."""
+    time = np.concatenate([one.time for one in intervals])
+    parts = [np.concatenate([getattr(one, name) for one in intervals]) for name in ("forces", "low", "high")]
+    names = tuple(
+        f"{group}_f{axis}{ending}"
+        for group in intervals[0].groups
+        for axis in "xyz"
+        for ending in ("", "_low", "_high")
+    )
+    values = np.stack(parts, axis=3).reshape(len(time), -1)
+    return Table(time, names, values, facts=MappingProxyType({"name": "What the data leave open of contact forces"}))

@@ -1,0 +1,267 @@
+"""Contacts that nobody measured, in the step of muscle tensions: where, when, how ready, and what is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.contact.held_objects import find_holds
+from myomorph.contact.paws_on_steps import shared_stairs
+from myomorph.contact.raised import raised_contacts
+from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
+from myomorph.contact.site_motion import plate_height, rest_on_floor
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import ContactStateOptions, find_contacts
+from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
+from myomorph.model.spatial import Array
+from myomorph.study.trial.contact_file import FOREVER, ContactPlan
+from myomorph.study.trial.sound_plan import heard_contacts
+from myomorph.study.trial.stairs_file import Stairs, stairs_contacts
+from myomorph.tension.contacts import ContactOptions, ContactTask
+
+NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSetting:
+    """Contacts of a recording, ready for the tension problem.
+
+    Attributes
+    ----------
+    exact : measured forces that act as they were measured, None where there are none
+    """
+
+    task: ContactTask
+    contacts: Contacts
+    exact: Wrenches | None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """What a recording tells of contacts beside the motion.
+
+    Attributes
+    ----------
+    wrenches : forces of plates on bodies, at the motion's times
+    plates, plate_time : the plates themselves, where their outlines are known, and the clock of their forces [s]
+    recorded : the motion before it was filtered
+    cutoff : of that filter [Hz]
+    """
+
+    recorded: Motion
+    wrenches: Wrenches | None = None
+    plates: Sequence[ForcePlate] = ()
+    plate_time: Array | None = None
+    cutoff: float | None = None
+
+
+def set_contacts(
+    plan: ContactPlan, model: Model, motion: Motion, known: Measurements, options: ContactOptions
+) -> ContactSetting:
+    """Sites, touches and strengths of a motion, and what measured forces tell of them.
+
+    Raises
+    ------
+    BadData
+        where there is no site, or touches are told of a site that does not exist
+    """
+    measured = known.wrenches
+    if plan.stairs is not None:
+        return _on_stairs(plan.stairs, plan, model, motion, measured, options)
+    feet = _soles(plan, model)
+    seen = None if plan.measured == "hidden" else measured
+    feet, floor = rest_on_floor(model, motion, feet, plate_height(model, seen)) if feet else (feet, None)
+    sites = (*feet, *plan.sites)
+    if not sites:
+        raise BadData(f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}")
+    heard = None
+    if plan.sound is not None:
+        heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
+    height = None if floor is None else floor.height
+    told = [one for one in (plan.told, None if heard is None else heard.contacts) if one is not None]
+    raised = _raised(plan, told, model, motion, feet)
+    told += [contacts for contacts, _ in raised.values()]
+    contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
+    elsewhere = () if plan.told is None else (*never_during(plan.told, known.recorded.time), *untold(plan.told, feet))
+    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
+    ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
+    if plan.measured == "exact" and measured is not None:
+        ready = without_measured(model, ready, sites, measured)
+    shared = _shared(known, model, motion, sites, contacts) if plan.measured == "shared" else ()
+    exact = measured if plan.measured == "exact" else None
+    if heard is not None:
+        # Their forces are known already.
+        ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
+        exact = heard.blows if exact is None else _beside(exact, heard.blows)
+    doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
+    task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
+    return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
+
+
+def _on_stairs(
+    stairs: Stairs, plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None, options: ContactOptions
+) -> ContactSetting:
+    """Paws on steps: the cells tell touches, and forces for the sites on each step together.
+
+    Loads that are given beside act as they are; then only steps that these leave out are shared.
+    """
+    paws = stairs.paws_in(model, motion)
+    contacts = stairs_contacts(paws)
+    exact = measured if plan.measured == "exact" else None
+    ready = contacts.states(motion.time)
+    known: set[str] = set()
+    if exact is not None:
+        ready = without_measured(model, ready, paws.sites, exact)
+        pairs = ((step.name, site.body) for step in paws.steps for site in paws.sites)
+        known = {step for step, body in pairs if f"{step}_{body}" in exact.names}
+    task = ContactTask(paws.sites, ready, shared_stairs(paws, known), options, leans(model, motion, paws.sites))
+    return ContactSetting(task, contacts, exact, paws.notes)
+
+
+def during(contacts: Contacts, start: float, stop: float) -> Contacts:
+    """Touches that always last, cut to a motion's start and stop [s]."""
+    touches = (
+        replace(
+            one,
+            start=max(one.start, start) if one.start <= -FOREVER else one.start,
+            stop=min(one.stop, stop) if one.stop >= FOREVER else one.stop,
+        )
+        for one in contacts.touches
+    )
+    return replace(contacts, touches=tuple(touches))
+
+
+def untold(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
+    """Soles that a file leaves out while it tells of others: who took their lines away meant that they never touch."""
+    names = [one.name for one in feet]
+    lacking = [name for name in names if name not in told.sites]
+    if not lacking or len(lacking) == len(names):
+        return ()
+    return (f"no touch is told of {', '.join(lacking)}: the motion tells when they do",)
+
+
+def never_during(told: Contacts, time: Array) -> tuple[str, ...]:
+    """What to say of sites whose touches all lie before or after a motion (frames,)."""
+    start, stop = float(time[0]), float(time[-1])
+    texts = []
+    for name in told.sites:
+        touches = told.of(name)
+        if touches and all(one.stop < start or one.start > stop for one in touches):
+            spans = f"{min(one.start for one in touches):g} to {max(one.stop for one in touches):g} s"
+            texts.append(
+                f"'{name}' is told to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
+            )
+    return tuple(texts)
+
+
+def _shared(
+    known: Measurements, model: Model, motion: Motion, sites: tuple[Site, ...], contacts: Contacts
+) -> tuple[SharedWrench, ...]:
+    """What plates tell of the sites that stand on them; with their outlines where these are known."""
+    if any(len(one.forces) for one in known.plates):
+        return shared_wrenches(model, motion, sites, contacts, known.plates, known.plate_time)
+    return () if known.wrenches is None else shared_wrenches(model, motion, sites, contacts, known.wrenches)
+
+
+def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
+    """Sites under the feet, where they are asked for; none for a model without feet whose sites are named."""
+    if not plan.feet:
+        return ()
+    try:
+        return foot_sites(model)
+    except MyomorphError as error:
+        if plan.sites:
+            return ()
+        raise BadData(f"no contact site: {error}; {NAME_SITES}") from None
+
+
+def _all_contacts(
+    plan: ContactPlan,
+    told: Sequence[Contacts],
+    model: Model,
+    motion: Motion,
+    sites: tuple[Site, ...],
+    measured: Wrenches | None,
+    options: ContactStateOptions,
+) -> Contacts:
+    """Touches that files and sound tell; those of every other site from plates and motion."""
+    names = tuple(one.name for one in sites)
+    known = {name for one in told for name in one.sites}
+    for name in sorted(known):
+        if name not in names:
+            raise BadData(f"touches are told of '{name}', but the contact sites are {', '.join(names)}")
+    by_motion = tuple(one for one in sites if plan.when.get(one.name, "motion") == "motion" and one.name not in known)
+    standing = tuple(one for one in by_motion if one.against == GROUND)
+    holding = tuple(one for one in by_motion if one.against != GROUND)
+    found = [find_contacts(model, motion, standing, options, measured)] if standing else []
+    found += [find_holds(model, motion, holding)] if holding else []
+    parts = (*told, *found)
+    against = {one.name: one.against for one in sites}
+    # Tables seldom tell the surface; of a site against a body it is that body.
+    touches = tuple(
+        replace(touch, surface=against[touch.site]) if touch.surface == GROUND else touch
+        for one in parts
+        for touch in one.touches
+    )
+    return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
+
+
+def _raised(
+    plan: ContactPlan, told: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
+) -> dict[str, tuple[Contacts, Array]]:
+    """Touches and strengths (frames,) of sites that rest on something else than the floor, as the motion tells."""
+    known = {name for one in told for name in one.sites}
+    return {
+        one.name: raised_contacts(model, motion, one, soles, plan.surfaces[one.name])
+        for one in plan.sites
+        if one.name in plan.surfaces and one.against == GROUND and one.name not in known
+    }
+
+
+def _with(ready: Series, columns: Mapping[str, Array | float]) -> Series:
+    """The strengths with other columns of some sites."""
+    values = np.array(ready.values)
+    for name, column in columns.items():
+        values[:, ready.names.index(name)] = column
+    return replace(ready, values=values)
+
+
+def _beside(first: Wrenches, second: Wrenches) -> Wrenches:
+    """Two sets of external forces at the same times as one."""
+    vectors = [
+        np.concatenate([getattr(first, name), getattr(second, name)], axis=1)
+        for name in ("forces", "points", "torques")
+    ]
+    return Wrenches(first.time, (*first.names, *second.names), (*first.bodies, *second.bodies), *vectors)
+
+
+def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
+    """Every force that acted on the bodies, one load a body: measured ones and those of contacts."""
+    found = estimated.wrenches("body")
+    if exact is None:
+        return found
+    bodies = tuple(dict.fromkeys((*exact.bodies, *found.bodies)))
+    shape = (len(found), len(bodies), 3)
+    forces, points, torques = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    for j, body in enumerate(bodies):
+        parts = [(one, i) for one in (exact, found) for i, other in enumerate(one.bodies) if other == body]
+        forces[:, j], points[:, j], torques[:, j] = _summed(parts)
+    return Wrenches(found.time, bodies, bodies, forces, points, torques)
+
+
+def _summed(parts: list[tuple[Wrenches, int]]) -> tuple[Array, Array, Array]:
+    """Force, point of application and free torque (frames, 3) of several loads together."""
+    force = np.stack([one.forces[:, i] for one, i in parts])
+    point = np.nan_to_num(np.stack([one.points[:, i] for one, i in parts]))
+    torque = np.stack([one.torques[:, i] for one, i in parts])
+    size = np.linalg.norm(force, axis=2, keepdims=True)
+    share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
+    middle = (share * point).sum(axis=0)
+    return force.sum(axis=0), middle, (torque + np.cross(point - middle, force)).sum(axis=0)

@@ -1,0 +1,171 @@
+"""EMG of files: raw channels become envelopes, channels find their muscles, and what is wrong with them is told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.errors import BadFile
+from myomorph.model.model import Model, index_of
+from myomorph.model.series import Emg, Series, Table
+from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, raw_faults, without_faults
+from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
+from myomorph.study.trial.inputs import TABLE_FILES, about, open_trial
+
+SWINGS = 0.3
+"""Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope does not."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmgGiven:
+    """EMG of a recording.
+
+    Attributes
+    ----------
+    emg : envelopes of all channels that the file has, of a C3D file of those that tell a muscle
+    muscles : channel to the muscles it was measured on
+    notes : what was done, and what is wrong with it, one line each
+    """
+
+    emg: Emg
+    muscles: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+
+
+def open_emg(
+    path: str | Path,
+    model: Model,
+    named: Mapping[str, tuple[str, ...]],
+    options: EnvelopeOptions | None = None,
+    reference: Sequence[Path] = (),
+    side: str = "",
+) -> EmgGiven:
+    """EMG of a table or of the analog channels of a C3D file, as envelopes.
+
+    Channels that swing about zero are raw: they are filtered (see `envelopes`) and scaled to their largest value in
+    the reference recordings, or to their own. Envelopes are taken as they are; a table whose largest value is
+    over 1.5 has every channel scaled to its own.
+
+    Parameters
+    ----------
+    named : channel to muscles, as a user tells it; other channels find theirs by name
+    reference : recordings of maximum voluntary contractions, raw
+    side : "right" or "left", of channels whose names tell none
+
+    Raises
+    ------
+    BadFile, UnknownName, BadData
+        where a file cannot be read, a channel or muscle does not exist, or raw EMG is too short or slow
+    """
+    found = _channels(path)
+    for channel, muscles in named.items():
+        index_of("EMG channel", channel, found.names, str(path))
+        for muscle in muscles:
+            index_of(f"muscle of EMG channel '{channel}'", muscle, model.muscle_names)
+    with about(path):
+        told = muscles_of_channels(found.names, model, side) | dict(named)
+        mended = (*_mended(found, path), *_left_out(path, found.names, told))
+        if Path(path).suffix.lower() == ".c3d":
+            if not told:
+                raise BadFile(path, "has no analog channel that tells a muscle", "name them in emg_muscles")
+            found = _picked(found, tuple(told))
+        if not _is_raw(found):
+            made = _as_envelopes(found, told, Path(path).name)
+            return replace(made, notes=(*mended, *made.notes))
+        maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
+        faults = raw_faults(found)
+        whole = without_faults(envelopes(found, options, maxima), faults)
+    scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
+    notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
+    return EmgGiven(whole, told, (*mended, *notes))
+
+
+def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
+    """What a table had to have mended."""
+    return tuple(f"{Path(path).name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
+
+
+def _left_out(path: str | Path, names: Sequence[str], told: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """Channels of a table that take no part while others do; a C3D file has channels of all kinds."""
+    lacking = [name for name in names if name not in told]
+    if not told or not lacking or Path(path).suffix.lower() == ".c3d":
+        return ()
+    which = ", ".join(lacking[:6]) + (" ..." if len(lacking) > 6 else "")
+    return (f"EMG of {which} takes no part: the name tells no muscle of the model; name them in emg_muscles",)
+
+
+def _channels(path: str | Path) -> Series:
+    """All channels of a file."""
+    ending = Path(path).suffix.lower()
+    if ending in TABLE_FILES:
+        from myomorph.io.sto import read_sto
+
+        return read_sto(path)
+    if ending == ".c3d":
+        analog = open_trial(path).analog
+        if analog is None:
+            raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
+        return analog
+    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot or .c3d")
+
+
+def _picked(series: Series, names: tuple[str, ...]) -> Series:
+    values = np.array([series[name] for name in names]).T.reshape(len(series), len(names))
+    return Series(series.time, names, values)
+
+
+def _is_raw(series: Series) -> bool:
+    known = np.isfinite(series.values)
+    negative = (known & (series.values < 0.0)).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return bool(np.median(negative) > SWINGS) if negative.size else False
+
+
+def _as_envelopes(found: Series, told: Mapping[str, tuple[str, ...]], name: str) -> EmgGiven:
+    values, notes = found.values, []
+    peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
+    if peak > BEYOND_ONE:
+        values = values / np.nanmax(values, axis=0).clip(1e-12)
+        notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
+    emg = Emg(found.time, found.names, values)
+    faults = envelope_faults(emg)
+    used = [one.text for one in faults if not told or one.channel in told]
+    return EmgGiven(without_faults(emg, faults), told, (*notes, *used))
+
+
+def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -> dict[str, tuple[str, ...]]:
+    """The model's muscles that each EMG channel was measured on, as far as its name tells muscle and side.
+
+    "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the
+    model calls it; "soleus" without a side is not claimed to be either.
+
+    Parameters
+    ----------
+    side : "right" or "left", of channels whose names tell none
+    """
+    from myomorph.analysis.selection import MAJOR_MUSCLES
+    from myomorph.model.sides import split_side
+
+    sided = {name: split_side(name) for name in model.muscle_names}
+    found: dict[str, tuple[str, ...]] = {}
+    for channel in channels:
+        plain = re.sub(r"[_. ](activation|emg|envelope)$", "", channel.strip(), flags=re.IGNORECASE)
+        # As amplifiers and capture programs write: "Voltage.R Tib Ant".
+        plain = re.sub(r"^(voltage|emg|analog)[_.: ]+", "", plain, flags=re.IGNORECASE).replace(" ", "_")
+        if plain in sided:
+            found[channel] = (plain,)
+            continue
+        base, told = split_side(plain)
+        here = told or side
+        pattern = next((one for _, one in MAJOR_MUSCLES if re.fullmatch(one, base, re.IGNORECASE)), None)
+        if pattern is None or not here:
+            continue
+        alike = [
+            name for name, (word, at) in sided.items() if at == here and re.fullmatch(pattern, word, re.IGNORECASE)
+        ]
+        if alike:
+            found[channel] = tuple(alike)
+    return found

@@ -1,0 +1,378 @@
+"""Input files as nouns that fit the model, or one sentence that says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.segments import feet_of
+from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
+from myomorph.model.spatial import Array
+
+MARKER_FILES = (".trc", ".c3d", ".mat", ".h5", ".hdf5")
+TABLE_FILES = (".mot", ".sto")
+SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
+
+
+@contextmanager
+def about(path: object) -> Iterator[None]:
+    """Put the file's name before an error that does not name it."""
+    try:
+        yield
+    except (BadFile, UnknownName) as error:
+        if str(path) in str(error):
+            raise
+        raise BadData(f"{path}: {error}") from None
+    except (BadData, BadModel) as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from None
+    except ValueError as error:
+        raise BadData(f"{path}: {error}") from None
+
+
+def open_model(path: str | Path) -> Model:
+    """The model of a file; raises `BadFile` or `BadModel`."""
+    from myomorph.io.models import read_model
+
+    with about(path):
+        return read_model(path)
+
+
+def has_mass(model: Model, step: str) -> None:
+    """Raise `BadModel` where no body has a mass, so that forces would all be zero."""
+    if not np.isfinite(model.mass) or model.mass <= 0.0:
+        raise BadModel(
+            f"{model.source or model.name}: {step} needs masses, but the model's bodies weigh {model.mass:g} kg; "
+            "give the bodies their masses"
+        )
+
+
+def open_trial(path: str | Path) -> Trial:
+    """What a recording of markers or keypoints holds, plates as forces in the laboratory."""
+    ending = Path(path).suffix.lower()
+    if ending == ".trc":
+        from myomorph.io.trc import read_trc
+
+        return read_trc(path)
+    if ending == ".c3d":
+        from myomorph.contact.plates import force_plates
+        from myomorph.io.c3d.read import read_c3d
+
+        with about(path):
+            return force_plates(read_c3d(path))
+    if ending == ".mat":
+        from myomorph.io.qualisys_mat import read_qualisys_mat
+
+        return read_qualisys_mat(path)
+    if ending in (".h5", ".hdf5"):
+        from myomorph.io.keypoints import read_keypoints
+
+        return read_keypoints(path)
+    raise BadFile(path, f"does not hold markers: its name ends in '{ending}'", f"expected {', '.join(MARKER_FILES)}")
+
+
+def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
+    """The trial with its markers under the model's names.
+
+    Parameters
+    ----------
+    labels : recorded label to the model's name; a label that the recording lacks is passed over, for labels differ
+        from file to file
+
+    Raises
+    ------
+    BadData
+        where two markers would have the same name
+    """
+    if trial.markers is None or not labels:
+        return trial
+    names = tuple(labels.get(name, name) for name in trial.markers.names)
+    twice = next((name for name in names if names.count(name) > 1), "")
+    if twice:
+        own = [old for old, name in zip(trial.markers.names, names, strict=True) if name == twice]
+        raise BadData(f"{trial.source}: {' and '.join(repr(one) for one in own)} would both be called '{twice}'")
+    return replace(trial, markers=replace(trial.markers, names=names))
+
+
+def fitted_to(model: Model, trial: Trial) -> Trial:
+    """The trial in the model's ground frame, its markers checked against the model's size.
+
+    A recording whose vertical axis is z is turned to the model's vertical, which is told in its warnings: a C3D
+    file in which a standing body is tallest along z or whose plates lie level with z, and a Qualisys export, whose z
+    points up by custom. Nothing is turned where a standing body is tallest along y.
+
+    Raises
+    ------
+    BadData
+        where there are no markers, none that the model has, or their unit cannot be what the file says
+    """
+    markers = trial.markers
+    if markers is None or not markers.names:
+        raise BadData(f"{trial.source}: holds no markers")
+    if len(markers) == 0:
+        raise BadData(f"{trial.source}: holds no frames")
+    shared = [name for name in model.marker_names if name in markers.names]
+    if not shared:
+        with about(trial.source):
+            from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
+
+            tracked_markers(model, markers, InverseKinematicsOptions())
+    from myomorph.motion.measurements import default_markers
+
+    own = default_markers(model, shared)
+    recorded = markers.values[:, [markers.names.index(name) for name in shared]]
+    if not np.isfinite(recorded).all(axis=2).any():
+        raise BadData(f"{trial.source}: none of its {len(markers)} frames shows a marker that the model has")
+    _check_size(trial.source, own, recorded)
+    why = _why_z_is_up(model, trial, own, recorded)
+    if not why:
+        return trial
+    told = f"{why}: the recording was turned to the model's y axis"
+    return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, told))
+
+
+def _check_size(source: str, own: Array, recorded: Array) -> None:
+    """Refuse markers a hundred times too large or small: their unit cannot be what the file says."""
+    size, expected = _spread(recorded), float(np.linalg.norm(np.ptp(own, axis=0)))
+    if len(own) < 3 or expected <= 0.0 or not np.isfinite(size) or size <= 0.0:
+        return
+    ratio = size / expected
+    if 1.0 / 15.0 < ratio < 15.0:
+        return
+    guess = min(SIZES, key=lambda one: abs(np.log(ratio / one[0])))
+    hint = f"are its numbers {guess[1]}?" if 0.5 < ratio / guess[0] < 2.0 else "does it belong to this model?"
+    raise BadData(
+        f"{source}: its markers spread over {size:.4g} m, those of the model over {expected:.3g} m; {hint} "
+        "Correct the unit in the file's header"
+    )
+
+
+def _spread(recorded: Array) -> float:
+    """Median over frames of the diagonal of the box around the markers [m], nan without enough of them."""
+    seen = np.isfinite(recorded).all(axis=2)
+    full = recorded[seen.sum(axis=1) >= max(3, 0.6 * seen.shape[1])]
+    if not len(full):
+        return float("nan")
+    extent = np.nanmax(full, axis=1) - np.nanmin(full, axis=1)
+    return float(np.median(np.linalg.norm(extent, axis=1)))
+
+
+def _why_z_is_up(model: Model, trial: Trial, own: Array, recorded: Array) -> str:
+    """What shows that z is up in the recording while y is in the model; "" where nothing does."""
+    ending = Path(trial.source).suffix.lower()
+    if ending not in (".c3d", ".mat") or model.gravity[1] >= 0.0:
+        return ""
+    size = np.ptp(own, axis=0)
+    seen = recorded[np.isfinite(recorded).all(axis=(1, 2))]
+    if len(seen) and size[1] > 1.3 * size[2]:
+        extent = np.median(np.ptp(seen, axis=1), axis=0)
+        if extent[2] > 1.3 * extent[1]:
+            return "the laboratory's z axis points up"
+        if extent[1] > 1.3 * extent[2]:
+            return ""
+    if ending == ".mat":
+        return "the z axis of a Qualisys export points up by custom"
+    return "the plates lie level with z" if trial.plates and all(map(_faces_z, trial.plates)) else ""
+
+
+def _faces_z(plate: ForcePlate) -> bool:
+    """Whether a plate's normal is the z axis."""
+    normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
+    return bool(abs(normal[2]) > 0.9 * np.linalg.norm(normal) > 0.0)
+
+
+def open_motion(path: str | Path, model: Model) -> Motion:
+    """Coordinates over time for a model.
+
+    Raises
+    ------
+    BadFile, BadData
+        where the file is no table of coordinates, or some coordinates of a frame are missing
+    """
+    from myomorph.io.sto import motion_from_table, read_sto
+
+    ending = Path(path).suffix.lower()
+    if ending not in TABLE_FILES:
+        raise BadFile(path, f"is not a motion: its name ends in '{ending}'", "expected .mot or .sto")
+    with about(path):
+        motion = motion_from_table(read_sto(path), model)
+    missing = np.isnan(motion.values)
+    partly = missing.any(axis=1) & ~missing.all(axis=1)
+    if partly.any():
+        frame = int(np.argmax(partly))
+        name = motion.names[int(np.argmax(missing[frame]))]
+        raise BadData(
+            f"{path}: coordinate '{name}' has no finite value at {motion.time[frame]:g} s ({int(partly.sum())} such "
+            "frames); fill the gap, or leave those frames out with --time START END"
+        )
+    return motion
+
+
+def open_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+) -> Wrenches:
+    """External forces of an OpenSim external loads file, of a table with the bodies that they act on, or of stairs.
+
+    Parameters
+    ----------
+    bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
+    trial : for stairs: the file of the markers, which tells the one of the load cells
+
+    Raises
+    ------
+    BadFile, BadModel, UnknownName
+        where a file is not what it should be, or names what the table or the model does not have
+    """
+    ending = Path(path).suffix.lower()
+    if ending in TABLE_FILES and bodies:
+        wrenches = force_table(path, bodies)
+    elif ending in TABLE_FILES:
+        raise BadFile(
+            path, "holds forces, but not the bodies they act on", "give an external loads file (.xml) that names both"
+        )
+    elif ending == ".xml":
+        from myomorph.io.loads import read_external_loads
+
+        with about(path):
+            wrenches = read_external_loads(path, poses=_poses_by(model, motion))
+    elif ending == ".toml":
+        from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
+
+        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
+    else:
+        raise BadFile(
+            path,
+            f"holds no external loads: its name ends in '{ending}'",
+            "expected .xml, or .toml of force-measuring stairs",
+        )
+    for body in wrenches.bodies:
+        if body not in model.body_names and body != "ground":
+            raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
+    return wrenches
+
+
+def force_table(path: str | Path, bodies: Mapping[str, str]) -> Wrenches:
+    """Forces of a table whose columns are PREFIXvx ..., PREFIXpx ... and, for torques, PREFIXmx ... or OpenSim's names.
+
+    Parameters
+    ----------
+    bodies : prefix of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body
+    """
+    from myomorph.io.sto import read_sto
+
+    table = read_sto(path)
+    parts: list[list[Array]] = [[], [], []]
+    for prefix in bodies:
+        torque = prefix.replace("force", "torque")
+        choices = (
+            (f"{prefix}v", f"{prefix}F", f"{prefix}"),
+            (f"{prefix}p", f"{prefix}P"),
+            (f"{torque}", f"{prefix}m", f"{torque}m"),
+        )
+        for values, starts, needed in zip(parts, choices, (True, True, False), strict=True):
+            found = next((one for one in starts if {f"{one}{axis}" for axis in "xyz"} <= set(table.names)), None)
+            if found is None and needed:
+                raise UnknownName("column", f"{starts[0]}x", table.names, str(path))
+            columns = [table[f"{found}{axis}"] for axis in "xyz"] if found else [np.zeros(len(table))] * 3
+            values.append(np.column_stack(columns))
+    force, point, free = (np.stack(values, axis=1) for values in parts)
+    return Wrenches(table.time, tuple(bodies), tuple(bodies.values()), force, point, free)
+
+
+class _poses_by:
+    """Poses of bodies in ground at any time of a motion, for loads that are given in moving frames."""
+
+    def __init__(self, model: Model, motion: Motion):
+        self.model, self.motion = model, motion
+
+    def __call__(self, body: str, time: Array) -> tuple[Array, Array]:
+        """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
+        from myomorph.rigid.kinematics import forward_kinematics
+        from myomorph.rigid.tree import compile_tree
+
+        tree = compile_tree(self.model)
+        if body not in tree.body_index:
+            raise UnknownName("body", body, self.model.body_names)
+        columns = [np.interp(time, self.motion.time, column) for column in self.motion.values.T]
+        values = np.array(columns).T.reshape(len(time), len(self.motion.names))
+        poses = forward_kinematics(tree, tree.coordinates_of(Motion(time, self.motion.names, values)))
+        b = tree.body_index[body]
+        return poses.rotations[:, b], poses.origins[:, b]
+
+
+def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tuple[float, float] | None:
+    """Check a time range that a user gave against a recording.
+
+    Raises
+    ------
+    BadData
+        where it ends before it starts, or holds no frame of the recording
+    """
+    if time is None:
+        return None
+    start, end = time
+    if not start < end:
+        raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
+    first, last = float(series.time[0]), float(series.time[-1])
+    if end < first or start > last:
+        raise BadData(f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to {end:g} s")
+    return start, end
+
+
+def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
+    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
+
+    Raises
+    ------
+    BadData
+        where there are fewer plates than bodies
+    """
+    from myomorph.contact.plates import wrenches_from_plates
+
+    if len(bodies) > len(trial.plates):
+        names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
+        raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
+    used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
+    wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
+    return replace(wrenches, bodies=tuple(body for _, body in used))
+
+
+def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
+    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
+
+    Raises
+    ------
+    BadData
+        where the model has no foot
+    """
+    from myomorph.contact.assign import assign_bodies
+    from myomorph.contact.plates import wrenches_from_plates
+
+    feet = feet_of(model)
+    if not feet:
+        raise BadData(
+            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
+        )
+    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
+    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
+    wrenches = replace(wrenches, **parts)
+    poses = _poses_by(model, motion)
+    places = {}
+    for foot in feet:
+        rotations, origins = poses(foot, wrenches.time)
+        # Heel and ball: twice the way from the body's origin to its mass center.
+        ahead = 2.0 * rotations @ model.body(foot).mass_center
+        places[foot] = np.stack([origins, origins + ahead], axis=1)
+    return assign_bodies(wrenches, places).wrenches

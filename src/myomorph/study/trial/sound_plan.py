@@ -1,0 +1,190 @@
+"""Contacts told by sound: microphones and instruments of a contact file, to touches and short forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from myomorph.contact.onsets import SoundOptions
+from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes, speed_of_sound
+from myomorph.contact.sound_clock import sound_clock
+from myomorph.contact.strokes import (
+    Blow,
+    blow_wrenches,
+    blows_from_sound,
+    calibration_pairs,
+    effective_mass,
+    striking_sites,
+    velocity_change,
+)
+from myomorph.model.contacts import Contacts, Site
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.model.sound import Sound
+from myomorph.model.spatial import Array
+from myomorph.store.study_file import Strict
+
+Impulse = Literal["known", "motion"]
+
+
+class InstrumentTable(Strict):
+    """The table `[[instrument]]` of a contact file."""
+
+    name: str
+    channel: str = "1"
+    distance: float = Field(default=0.0, ge=0.0)
+    sites: list[str] = Field(min_length=1)
+    direction: tuple[float, float, float] | None = None
+    known: list[tuple[float, float]] = Field(default_factory=list)
+
+
+class SoundTable(Strict):
+    """The table `[sound]` of a contact file."""
+
+    file: str
+    start: float | Literal["auto"] = 0.0
+    celsius: float = 20.0
+    impulse: Impulse = "known"
+    pulse: float = Field(default=0.008, gt=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SoundPlan:
+    """A recording of strokes.
+
+    Attributes
+    ----------
+    speed : of sound [m/s]
+    find_clock : whether the motion of what strikes tells when the sound began
+    known : instrument to (time [s], impulse [N s]) of strokes of known impulse
+    directions : of the force on what strikes, by instrument, in ground; up where it is not named
+    impulse : "known": from loudness, calibrated with the known strokes; "motion": effective mass of the site times its
+        change of velocity
+    pulse : length of a stroke's force [s]
+    """
+
+    sound: Sound
+    instruments: tuple[Instrument, ...]
+    speed: float
+    find_clock: bool
+    known: Mapping[str, Sequence[tuple[float, float]]]
+    directions: Mapping[str, Array]
+    impulse: Impulse
+    pulse: float
+
+
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """Strokes as contacts and forces.
+
+    Attributes
+    ----------
+    blows : forces on bodies at the motion's times
+    sites : names of the sites that strike
+    """
+
+    contacts: Contacts
+    blows: Wrenches
+    sites: tuple[str, ...]
+
+
+def sound_plan(table: SoundTable, instruments: Sequence[InstrumentTable], path: Path, up: Array) -> SoundPlan:
+    """Read the recording that a contact file names.
+
+    Raises
+    ------
+    BadFile
+        where it is no WAV file
+    BadData
+        where no instrument is named, or loudness is to tell impulses and no stroke of known impulse is given
+    """
+    from myomorph.io.wav import read_wav
+
+    if not instruments:
+        raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
+    for one in instruments:
+        if table.impulse == "known" and not one.known:
+            raise BadData(
+                f"instrument '{one.name}' has no strokes of known impulse: give known = [[time, N s], ...], or "
+                "impulse = 'motion' to take effective mass times change of velocity"
+            )
+    return SoundPlan(
+        read_wav(path, 0.0 if isinstance(table.start, str) else table.start),
+        tuple(Instrument(one.name, one.channel, one.distance, tuple(one.sites)) for one in instruments),
+        speed_of_sound(table.celsius),
+        table.start == "auto",
+        {one.name: [(float(time), float(impulse)) for time, impulse in one.known] for one in instruments},
+        {one.name: up if one.direction is None else np.array(one.direction) for one in instruments},
+        table.impulse,
+        table.pulse,
+    )
+
+
+def heard_contacts(
+    plan: SoundPlan, model: Model, motion: Motion, sites: Sequence[Site], recorded: Motion, cutoff: float | None
+) -> Heard:
+    """Strokes during a motion, each at the site that struck.
+
+    Parameters
+    ----------
+    recorded : the motion before it was filtered: a filter takes most of a stroke's change of velocity away
+    cutoff : of that filter, which the forces go through too [Hz]
+
+    Raises
+    ------
+    UnknownName
+        where an instrument names a channel or a site that does not exist
+    BadData
+        where sound and motion have no time in common, or no known stroke of an instrument was heard
+    """
+    options = SoundOptions(speed=plan.speed)
+    sound = plan.sound
+    found: tuple[str, ...] = ()
+    if plan.find_clock:
+        clock = sound_clock(hear_strokes(sound, plan.instruments, options), model, recorded, sites)
+        sound = replace(sound, start=sound.start + clock.shift)
+        found = (
+            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.strokes} strokes tell "
+            f"({clock.ratio:.1f} times better than the next best time)",
+        )
+    strokes = hear_strokes(sound, plan.instruments, options, np.asarray(recorded.time))
+    struck = striking_sites(strokes, model, recorded, sites)
+    own = tuple(dict.fromkeys(name for one in plan.instruments for name in one.sites))
+    inside = Strokes(strokes.instruments, tuple(strokes.strokes[k] for k in struck), strokes.warnings)
+    contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
+    told: tuple[str, ...] = ()
+    if plan.impulse == "motion":
+        blows = _blows_by_motion(plan, strokes, struck, model, recorded, sites)
+    else:
+        laws = calibration_pairs(strokes, plan.known)
+        blows, told = blows_from_sound(strokes, laws, struck, plan.directions)
+    forces = blow_wrenches(blows, model, motion, sites, plan.pulse, cutoff)
+    return Heard(Contacts(contacts.sites, contacts.touches, (*found, *contacts.warnings, *told)), forces, own)
+
+
+def _blows_by_motion(
+    plan: SoundPlan,
+    strokes: Strokes,
+    struck: Mapping[int, str],
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+) -> tuple[Blow, ...]:
+    """Impulses as effective mass times change of velocity, along each instrument's direction."""
+    by_name = {one.name: one for one in sites}
+    found = []
+    for k, name in struck.items():
+        stroke, site = strokes.strokes[k], by_name[name]
+        direction = plan.directions[stroke.instrument]
+        frame = int(np.argmin(np.abs(motion.time - stroke.time)))
+        instant = Motion(motion.time[[frame]], motion.names, motion.values[[frame]])
+        mass = effective_mass(model, instant, site.body, site.points.mean(axis=0), direction)[0]
+        change = max(float(velocity_change(model, motion, site, stroke.time) @ direction), 0.0)
+        found.append(Blow(name, stroke.time, mass * change if np.isfinite(mass) else 0.0, direction))
+    return tuple(found)

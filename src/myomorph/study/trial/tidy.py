@@ -1,0 +1,266 @@
+"""What one trial comes to in numbers: a value a row, mean curves over the cycle, and how good it is."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
+from myomorph.analysis.walking import walking_strides
+from myomorph.io.parsing.text import written
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Series
+from myomorph.report.trial.prepared import prepare
+from myomorph.report.trial.tables import Verdict, residuals
+from myomorph.store import stored as store
+from myomorph.store.results import STORED, Stored, file_name, read_result
+from myomorph.study.run.jobs import Outcome
+from myomorph.study.trial.reporting import report_input
+from myomorph.study.trial.steps import Take
+from myomorph.study.trial.trial_signals import LOADED, Signals, signals_of, statistics_of
+from myomorph.study.trial.trial_strides import PARAMETERS, TrialStrides, by_side
+
+VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
+OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
+IN_STRIDE = "in a stride"
+UNUSED = ("moment_arm", "coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
+"""Variables of results that no value comes from."""
+VALUE_COLUMNS = ("step", "quantity", "value", "unit")
+QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
+
+
+class Value(NamedTuple):
+    """One number of a trial: the step it comes from, what it is, and its unit."""
+
+    step: str
+    quantity: str
+    value: float
+    unit: str
+
+
+def write_trial_values(take: Take, outcome: Outcome, found: Stored | None = None) -> None:
+    """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone.
+
+    Where every step was taken over from an earlier run and the files are there, they stay.
+
+    Parameters
+    ----------
+    found : those results, None to read them
+
+    Raises
+    ------
+    BadFile : the results cannot be read, or the folder not be written
+    """
+    names = (VALUES, CURVES, QUALITY)
+    steps = [step for step in outcome.done if step != "report"]
+    if set(steps) <= set(outcome.kept) and all((outcome.folder / name).is_file() for name in names):
+        return
+    if found is None:
+        found = read_result(outcome.folder / f"{file_name(take.name)}{STORED}", leave_out=UNUSED)
+    strides = strides_of(found, take.model)
+    told = float(found.facts.get("mass") or 0.0)
+    signals = signals_of(found, take.model, told or take.model.mass)
+    cycles = [_cycles(one, strides) for one in signals]
+    _write_curves(outcome.folder / CURVES, strides, signals, cycles)
+    verdicts = prepare(report_input(found, take.model, {})).verdicts
+    warnings = json.loads(found.facts.get("warnings", "[]"))
+    _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(verdicts, warnings))
+    # Last, so that where there are values there is everything.
+    _write_rows(
+        outcome.folder / VALUES,
+        VALUE_COLUMNS,
+        (
+            (one.step, one.quantity, f"{one.value:.9g}", one.unit)
+            for one in trial_values(found, take.model, strides, signals, cycles)
+            if np.isfinite(one.value)
+        ),
+    )
+
+
+def strides_of(found: Stored, model: Model) -> TrialStrides | None:
+    """Strides of a result, None where it is no walk."""
+    if "coordinate_value" not in found.values or not len(found.time):
+        return None
+    strides = walking_strides(model, store.get_motion(found), store.get_fit(found))
+    if strides is None:
+        return None
+    return TrialStrides(found.facts.get("trial", ""), tuple(strides.strikes), (strides,), strides.notes)
+
+
+def trial_values(
+    found: Stored,
+    model: Model,
+    strides: TrialStrides | None,
+    signals: Sequence[Signals],
+    cycles: Sequence[Cycles | None],
+) -> Iterator[Value]:
+    """All numbers of a trial, one after the other.
+
+    Of every signal its extremes and mean over the trial; where there are strides also those of each stride, as the
+    mean over the strides.
+    """
+    yield Value("ik", "frames", float(len(found.time)), "1")
+    if len(found.time):
+        yield Value("ik", "duration", float(found.time[-1] - found.time[0]), "s")
+    fit = store.get_fit(found)
+    if fit is not None and np.isfinite(fit.errors).any():
+        yield Value("ik", "marker error, RMS", float(np.sqrt(np.nanmean(fit.errors**2))), "m")
+        yield Value("ik", "marker error, largest", float(np.nanmax(fit.errors)), "m")
+        yield Value("ik", "frames not converged", float((fit.seen & ~np.asarray(fit.converged, bool)).sum()), "1")
+    if strides is not None:
+        yield from _stride_values(strides)
+    torques = store.get_torques(found)
+    root = None if torques is None else residuals(model, torques)
+    for name, values, unit in zip(("force", "moment"), root or (), ("N", "N m"), strict=False):
+        yield Value("id", f"residual {name}, largest", float(np.nanmax(values)), unit)
+        yield Value("id", f"residual {name}, RMS", float(np.sqrt(np.nanmean(values**2))), unit)
+    for signal, own in zip(signals, cycles, strict=True):
+        whole = statistics_of(signal.series.values)
+        each = {} if own is None or strides is None else statistics_of(own.values, axis=1)
+        means = {name: statistics_of(values)["mean"] for name, values in each.items()}
+        for k, name in enumerate(signal.series.names):
+            for what in signal.statistics:
+                yield Value(signal.step, f"{name}{signal.endings[k]}, {what}", float(whole[what][k]), signal.units[k])
+            for what in signal.statistics if means else ():
+                quantity = f"{name}{signal.endings[k]}, {what} {IN_STRIDE}"
+                yield Value(signal.step, quantity, float(means[what][k]), signal.units[k])
+    yield from _tension_values(found, model)
+
+
+def _stride_values(strides: TrialStrides) -> Iterator[Value]:
+    for limb in strides.limbs:
+        own = strides.of(limb)
+        yield Value("ik", f"strides, {limb}", float(len(own)), "1")
+        for label, attribute in PARAMETERS:
+            name, _, unit = label.partition(" [")
+            values = np.array([getattr(one, attribute) for one in own])
+            if np.isfinite(values).any():
+                yield Value("ik", f"{name}, {limb}", float(np.nanmean(values)), unit.removesuffix("]") or "1")
+
+
+def _tension_values(found: Stored, model: Model) -> Iterator[Value]:
+    if "tension_status" not in found.values:
+        return
+    yield Value("tension", "frames not optimal", float((found.values["tension_status"] != 0).sum()), "1")
+    forces = found.values.get("actuator_force")
+    if forces is None or not forces.size:
+        return
+    largest = statistics_of(np.abs(forces))["maximum"]
+    for k, name in enumerate(found.names.get("actuator_coordinate", ())):
+        if name in model.coordinate_names:
+            unit = "N m" if model.coordinate(name).motion == "rotational" else "N"
+            yield Value("tension", f"{name}_reserve, largest", float(largest[k]), unit)
+
+
+def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table of quality: what is held against a limit, then what files and steps had to say."""
+    for one in verdicts:
+        limit = "" if one.limit is None else f"{one.limit:.6g}"
+        time = "" if one.time is None else f"{one.time:.6g}"
+        yield (one.quantity, f"{one.value:.6g}", one.unit, limit, one.state, one.worst, time, one.detail)
+    for text in warnings:
+        yield ("warning", "", "", "", "note", "", "", " ".join(text.split()))
+
+
+def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
+    """Signals over strides, else over the whole trial; None where nothing is long enough."""
+    if strides is not None:
+        found = by_side(signal.series, strides)
+        if signal.curve.startswith("vertical force") and found is not None:
+            return _on_plates(found, signal)
+        return found
+    if len(signal.series) < 2:
+        return None
+    return over_cycles(signal.series, [(float(signal.series.time[0]), float(signal.series.time[-1]))])
+
+
+def _on_plates(cycles: Cycles, signal: Signals) -> Cycles:
+    """Cycles in which a foot never carries anything are not known: it stood beside the plates."""
+    values = np.array(cycles.values)
+    peaks = statistics_of(values, axis=1)["maximum"] * signal.factor
+    values[np.broadcast_to(~(peaks > LOADED)[:, None], values.shape)] = np.nan
+    return Cycles(cycles.names, values)
+
+
+def _write_curves(
+    path: Path, strides: TrialStrides | None, signals: Sequence[Signals], cycles: Sequence[Cycles | None]
+) -> None:
+    """Mean over the strides of every drawn signal, one row a percent; nan where it is not known."""
+    head = [OF_STRIDE if strides is not None else OF_TRIAL]
+    columns = [np.linspace(0.0, 100.0, SAMPLES)[:, None]]
+    for signal, own in zip(signals, cycles, strict=True):
+        if own is None:
+            continue
+        drawn = list(signal.drawn)
+        head += [curve_name(signal.curve, signal.series.names[k]) for k in drawn]
+        columns.append(statistics_of(own.values[:, :, drawn])["mean"] * signal.factor[drawn])
+    rows = ([f"{value:.6g}" for value in row] for row in np.hstack(columns).tolist())
+    _write_rows(path, head, rows)
+
+
+def curve_name(family: str, name: str) -> str:
+    """Heading of a curve: the family "joint angle [°]" and "knee_angle_r" are "joint angle: knee_angle_r [°]"."""
+    what, _, unit = family.partition(" [")
+    return f"{what}: {name}" + (f" [{unit}" if unit else "")
+
+
+def _family_and_name(heading: str) -> tuple[str, str]:
+    what, _, rest = heading.partition(": ")
+    name, bracket, unit = rest.rpartition(" [")
+    return (f"{what} [{unit}", name) if bracket else (what, rest)
+
+
+def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, Series]]:
+    """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family over percents.
+
+    Parameters
+    ----------
+    only : beginnings of the families that are wanted, () for all
+
+    Raises
+    ------
+    BadData : another kind of file
+    """
+    with path.open(newline="", encoding="utf-8") as stream:
+        head = next(csv.reader(stream), [])
+        if not head or head[0] not in (OF_STRIDE, OF_TRIAL):
+            raise BadData(f"{path}: holds no curves over a cycle: run the trial again")
+        columns = [0, *(k for k, name in enumerate(head) if k and name.startswith(only or ""))]
+        values = np.loadtxt(stream, delimiter=",", usecols=columns, ndmin=2)
+    families: dict[str, list[int]] = {}
+    names = [_family_and_name(head[k]) for k in columns[1:]]
+    for k, (family, _) in enumerate(names):
+        families.setdefault(family, []).append(k)
+    return head[0], {
+        family: Series(values[:, 0], tuple(names[k][1] for k in own), values[:, [k + 1 for k in own]])
+        for family, own in families.items()
+    }
+
+
+def read_values(path: Path) -> list[Value]:
+    """Values as `write_trial_values` wrote them."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = csv.reader(stream)
+        next(rows, None)
+        return [Value(step, quantity, float(value), unit) for step, quantity, value, unit in rows]
+
+
+def read_quality(path: Path) -> list[dict[str, str]]:
+    """The table of quality as `write_trial_values` wrote it, empty where there is none."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _write_rows(path: Path, head: Sequence[str], rows: Iterator[Sequence[str]]) -> None:
+    with written(path) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(head)
+        table.writerows(rows)

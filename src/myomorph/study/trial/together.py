@@ -1,0 +1,221 @@
+"""Recordings of several subjects, and of objects between them, as one: for forces that they pass to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from myomorph.model.errors import BadData, listing
+from myomorph.model.free_object import free_object
+from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
+from myomorph.model.model import Model
+from myomorph.model.series import Emg, Motion, Wrenches
+from myomorph.motion.one_clock import on_one_clock
+from myomorph.motion.sync import resample_wrenches
+from myomorph.store.results import file_source, value_source
+from myomorph.store.settings import Measured
+from myomorph.store.study_file import Strict, existing
+from myomorph.study.trial import inputs
+from myomorph.study.trial.steps import Found, Take
+from myomorph.study.trial.takes import FileTake, Settings, contact_parts, contact_sources
+
+TOGETHER_STEPS = ("id", "tension", "report")
+
+
+class ObjectTable(Strict):
+    """An object of known inertia: a box of even density, or with an inertia of its own about its mass center."""
+
+    name: str
+    mass: float = Field(gt=0.0)
+    motion: str
+    size: tuple[float, float, float] | None = None
+    inertia: tuple[float, float, float] | None = None
+    mass_center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class TogetherTable(Strict):
+    """The table `[[together]]` of a study file: trials of several subjects that belong together."""
+
+    name: str
+    trials: dict[str, str] = Field(min_length=1)
+    contacts: str
+    measured: Measured | None = None
+    object: list[ObjectTable] = Field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Trials that are solved as one.
+
+    Attributes
+    ----------
+    trials : name of each part, which is its subject's, to the name of its trial
+    objects : tables of objects, each with the file of its motion: coordinates tx, ty, tz, rx, ry, rz
+    contacts : file of sites and touches; names in it have their part's name before them (`tori_hand_r`)
+    """
+
+    name: str
+    trials: Mapping[str, str]
+    contacts: str
+    measured: Measured | None = None
+    objects: tuple[tuple[ObjectTable, Path], ...] = ()
+
+
+def together_of(
+    table: TogetherTable, takes: Sequence[FileTake], folder: Path, contacts: str, problems: list[str]
+) -> Together:
+    """A table of a study file, its trials looked up among the study's; what is wrong is added to the problems."""
+    where = f"together '{table.name}'"
+    if len(table.trials) + len(table.object) < 2:
+        problems.append(f"{where}: has one trial and no object: expected two parts or more")
+    for subject, trial in table.trials.items():
+        own = [one.name for one in takes if one.subject == subject]
+        if not own:
+            subjects = tuple(dict.fromkeys(one.subject for one in takes))
+            problems.append(f"{where}: no subject '{subject}': there are {listing(subject, subjects)}")
+        elif trial not in own:
+            problems.append(f"{where}: subject '{subject}' has no trial '{trial}': there are {listing(trial, own)}")
+    if table.name in {one.subject for one in takes}:
+        problems.append(f"{where}: a subject has that name: give it another")
+    objects, names = [], list(table.trials)
+    for one in table.object:
+        if one.name in names:
+            problems.append(f"{where}: two parts are named '{one.name}': give one of them another name")
+        names.append(one.name)
+        try:
+            object_model(one.model_dump())
+        except BadData as error:
+            problems.append(f"{where}: {error}")
+        path = existing(folder, one.motion, f"{where}: motion of '{one.name}'", problems)
+        objects.append((one, path or folder))
+    return Together(table.name, MappingProxyType(dict(table.trials)), contacts, table.measured, tuple(objects))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One subject or object of what is solved together.
+
+    Attributes
+    ----------
+    recorded : its coordinates, as inverse kinematics or a file gave them
+    told : the file of its model, or the table of an object
+    """
+
+    take: Take
+    recorded: Motion
+    told: str | dict[str, object]
+
+
+def object_model(told: dict[str, Any]) -> Model:
+    """The model of an object from its table as text."""
+    table = ObjectTable(**told)
+    return free_object(table.name, table.mass, table.size, inertia=table.inertia, mass_center=table.mass_center)
+
+
+def object_part(table: ObjectTable, path: Path) -> Part:
+    """An object of known inertia, moving as a file says.
+
+    Raises
+    ------
+    BadFile, BadData
+        where the file is no table of the coordinates tx, ty, tz, rx, ry, rz, or the inertia is none of a body
+    """
+    told = table.model_dump()
+    model = object_model(told)
+    sources = (file_source("motion", path), value_source("object", table.name, sorted(told.items())))
+    return Part(Take(table.name, table.name, model, sources=sources), inputs.open_motion(path, model), told)
+
+
+def join_takes(together: Together, parts: Mapping[str, Part], settings: Settings) -> tuple[Take, Found]:
+    """One recording made of those of its parts, with their coordinates at common times.
+
+    Raises
+    ------
+    BadData
+        where the parts have no time in common, or differ in what their steps are told
+    """
+    first = next(iter(parts.values())).take
+    models = {name: one.take.model for name, one in parts.items()}
+    motions, notes = on_one_clock({name: one.recorded for name, one in parts.items()})
+    recorded = join_motions(motions)
+    model = join_models(models, together.name)
+    files = FileTake(Path(), contacts=together.contacts, measured=together.measured)
+    takes = [one.take for one in parts.values()]
+    sources = tuple(one for take in takes for one in take.sources if one.role != "contacts")
+    emg, channels = _emg(parts)
+    take = Take(
+        name=together.name,
+        subject=" and ".join(parts),
+        model=model,
+        loads=_JoinedLoads(parts, motions),
+        emg=emg,
+        emg_muscles=channels,
+        derivatives=first.derivatives,
+        torque_table=first.torque_table,
+        tension=first.tension,
+        **contact_parts(files, settings, model),
+        emg_options=next((one.emg_options for one in takes if one.emg_options is not None), None),
+        emg_use=first.emg_use,
+        tables=first.tables,
+        report=first.report,
+        phases=first.phases,
+        plates=tuple({plate.name: plate for one in takes for plate in one.plates}.values()),
+        real=tuple(dict.fromkeys(text for one in takes for text in one.real)),
+        assumed=tuple(dict.fromkeys(text for one in takes for text in one.assumed)),
+        simulated=tuple(dict.fromkeys(text for one in takes for text in one.simulated)),
+        sources=(*sources, *contact_sources(files)),
+        warnings=tuple(text for one in parts.values() for text in one.take.warnings),
+        parts=MappingProxyType({name: one.told for name, one in parts.items()}),
+    )
+    return take, Found(recorded=recorded, notes=notes)
+
+
+def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str, ...]]]:
+    """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
+    given = {name: one.take.emg for name, one in parts.items() if one.take.emg is not None}
+    if not given:
+        return None, MappingProxyType({})
+    time = next(iter(given.values())).time
+    columns = {
+        name: Emg(time, one.names, np.array([np.interp(time, one.time, column) for column in one.values.T]).T)
+        for name, one in given.items()
+    }
+    joined = join_series(columns)
+    channels = {
+        f"{name}_{channel}": tuple(f"{name}_{muscle}" for muscle in muscles)
+        for name in given
+        for channel, muscles in parts[name].take.emg_muscles.items()
+    }
+    return Emg(joined.time, joined.names, joined.values), MappingProxyType(channels)
+
+
+class _JoinedLoads:
+    """External forces of all parts, at the times of the first that has any."""
+
+    def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
+        self.parts = {name: one for name, one in parts.items() if one.take.loads is not None}
+        self.motions = motions
+
+    def __call__(self, recorded: Motion) -> Wrenches:
+        found: dict[str, Wrenches] = {}
+        for name, one in self.parts.items():
+            assert one.take.loads is not None
+            found[name] = one.take.loads(self.motions[name])
+        if not found:
+            nothing = np.zeros((len(recorded), 0, 3))
+            return Wrenches(recorded.time, (), (), nothing, nothing, nothing)
+        if clock_difference(found):
+            time = next(iter(found.values())).time
+            start = max(one.time[0] for one in found.values())
+            stop = min(one.time[-1] for one in found.values())
+            if stop <= start:
+                raise BadData("external forces of " + " and ".join(found) + " have no time in common")
+            common = time[(time >= start) & (time <= stop)]
+            found = {name: resample_wrenches(one, common) for name, one in found.items()}
+        return join_wrenches(found)

@@ -1,0 +1,277 @@
+"""Strides of stored results, and what a comparison of groups takes from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
+from myomorph.analysis.groups import Animal
+from myomorph.analysis.strides import Limb, Stride, Strides, find_strides
+from myomorph.analysis.walking import feet_move, walking_limbs, walking_points
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, Model
+from myomorph.model.segments import feet_of
+from myomorph.model.series import Series
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import Array
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store import stored as store
+from myomorph.store.results import Stored
+from myomorph.study.plan.group_plan import StridePlan
+
+ANGLES, TORQUES, LENGTHS, TENSIONS = "joint angle [°]", "joint torque [N·m]", "muscle length [mm]", "muscle tension [N]"
+PHASE = "phase, "
+"""With which the names of parameters begin that are shares of a turn."""
+
+LONGEST_HIDDEN = 0.25
+"""A recording in which the body is not seen for longer is cut there [s]."""
+SHORTEST_PART = 16
+"""Frames of a part from which strides are looked for."""
+PARAMETERS = (
+    ("stride duration [s]", "duration"),
+    ("stride length [m]", "length"),
+    ("speed [m/s]", "speed"),
+    ("duty factor", "duty"),
+    ("track width [m]", "width"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TrialStrides:
+    """Strides of one trial, its parts in order of time, the limbs they are of, and what was left out."""
+
+    trial: str
+    limbs: tuple[str, ...]
+    parts: tuple[Strides, ...]
+    notes: tuple[str, ...] = ()
+
+    def of(self, limb: str) -> tuple[Stride, ...]:
+        """Strides of one limb in all parts."""
+        return tuple(stride for part in self.parts for stride in part.of(limb))
+
+    @property
+    def count(self) -> int:
+        """Of the limb that has most."""
+        return max((len(self.of(limb)) for limb in self.limbs), default=0)
+
+
+def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
+    """Limbs and trunk of a model, as points named by bodies.
+
+    Raises
+    ------
+    UnknownName : a body that the model does not have
+    BadData : no limb is told, and no body is named as a foot
+    """
+    children = {joint.parent: joint.child for joint in reversed(model.joints)}
+    told = dict(plan.limbs) or {foot: (foot, children.get(foot, foot)) for foot in feet_of(model)}
+    if not told:
+        raise BadData(f"model '{model.name}' has no body named as a foot: name 'limbs' in the table 'strides'")
+    for name in (*(body for bodies in told.values() for body in bodies), *((plan.trunk,) if plan.trunk else ())):
+        if name not in model.body_names:
+            raise UnknownName("body", name, model.body_names)
+    trunk = plan.trunk or _common_ancestor(model, [bodies[0] for bodies in told.values()])
+    limbs = [
+        Limb(name, (bodies[0],), bodies[1:2], bodies=(*bodies[:1], *_below(model, bodies[0])))
+        for name, bodies in told.items()
+    ]
+    return tuple(limbs), trunk
+
+
+def _common_ancestor(model: Model, bodies: Sequence[str]) -> str:
+    parents = {joint.child: joint.parent for joint in model.joints}
+    chains = []
+    for body in bodies:
+        chain = [body]
+        while chain[-1] in parents and parents[chain[-1]] != GROUND:
+            chain.append(parents[chain[-1]])
+        chains.append(chain[1:] or chain)
+    shared = [body for body in chains[0] if all(body in chain for chain in chains)]
+    if not shared:
+        raise BadData(
+            f"no body of model '{model.name}' carries all of {', '.join(bodies)}: name the 'trunk' of 'strides'"
+        )
+    return shared[0]
+
+
+def _below(model: Model, body: str) -> tuple[str, ...]:
+    found: list[str] = []
+    for joint in model.joints:
+        if joint.parent in (body, *found):
+            found.append(joint.child)
+    return tuple(found)
+
+
+def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides:
+    """Strides of a result's coordinates, in every stretch of time in which the body was seen."""
+    limbs, points, trunk = _points(found, model, plan)
+    names = tuple(limb.name for limb in limbs)
+    trial = found.facts.get("trial", found.path.stem)
+    if _by_feet(model, plan) and not feet_move(points):
+        note = "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
+        return TrialStrides(trial, names, (), (note,))
+    wrenches = store.get_wrenches(found)
+    if wrenches is not None and not set(wrenches.bodies) & {body for limb in limbs for body in limb.bodies}:
+        wrenches = None
+    parts: list[Strides] = []
+    notes: list[str] = []
+    for part in _parts(points, trunk):
+        try:
+            parts.append(
+                find_strides(
+                    part,
+                    limbs,
+                    (trunk,),
+                    np.asarray(model.up),
+                    direction=None if plan.direction is None else np.array(plan.direction),
+                    ground_speed=plan.belt,
+                    wrenches=wrenches,
+                    weight=None if wrenches is None else model.weight,
+                )
+            )
+        except BadData as error:
+            notes.append(f"{part.time[0]:.2f} to {part.time[-1]:.2f} s: {error}")
+    notes += [note for part in parts for note in part.notes]
+    return TrialStrides(trial, names, tuple(parts), tuple(dict.fromkeys(notes)))
+
+
+def _by_feet(model: Model, plan: StridePlan) -> bool:
+    """Whether limbs are the bodies that are feet by their names, since the study tells no others."""
+    return not plan.limbs and not plan.trunk and bool(walking_limbs(model))
+
+
+def _points(found: Stored, model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], Series, str]:
+    """Limbs, the places of their points and of the trunk, and what the trunk is called."""
+    motion = store.get_motion(found)
+    if _by_feet(model, plan):
+        points = walking_points(model, motion, store.get_fit(found))
+        return walking_limbs(model), points, points.names[-1]
+    limbs, trunk = limbs_of(model, plan)
+    bodies = list(dict.fromkeys([trunk, *(name for limb in limbs for name in (*limb.points, *limb.lifting))]))
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    places = poses.origins[:, [tree.body_index[name] for name in bodies]]
+    return limbs, Series(motion.time, tuple(bodies), places), trunk
+
+
+def _parts(points: Series, trunk: str) -> list[Series]:
+    """Stretches of time in which the trunk is seen, but for short gaps."""
+    seen = np.flatnonzero(np.isfinite(points[trunk]).all(axis=1))
+    if not len(seen):
+        return []
+    cuts = np.flatnonzero(np.diff(points.time[seen]) > LONGEST_HIDDEN) + 1
+    runs = np.split(seen, cuts)
+    return [
+        Series(points.time[run[0] : run[-1] + 1], points.names, points.values[run[0] : run[-1] + 1])
+        for run in runs
+        if len(run) >= SHORTEST_PART
+    ]
+
+
+def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) -> Animal:
+    """All strides of a subject's trials: parameters of every limb, and curves over the cycle.
+
+    What belongs to a side is cut at the strikes of that side's limb, everything else at those of the first limb.
+    """
+    scalars: dict[str, list[Array]] = {}
+    curves: dict[str, list[Cycles]] = {}
+    count = 0
+    for found, model, strides in results:
+        count += strides.count
+        for limb in strides.limbs:
+            own = strides.of(limb)
+            for label, attribute in PARAMETERS:
+                values = np.array([getattr(one, attribute) for one in own])
+                if np.isfinite(values).any():
+                    scalars.setdefault(f"{label.partition(' [')[0]}, {limb}{_unit(label)}", []).append(values)
+            if limb != strides.limbs[0]:
+                phase = np.concatenate([part.phases.get(limb, np.zeros(0)) for part in strides.parts] or [np.zeros(0)])
+                if np.isfinite(phase).any():
+                    scalars.setdefault(f"{PHASE}{limb} after {strides.limbs[0]}", []).append(phase)
+        for family, series in _signals(found, model).items():
+            cycles = by_side(series, strides)
+            if cycles is not None:
+                curves.setdefault(family, []).append(cycles)
+    return Animal(
+        name,
+        {label: np.concatenate(parts) for label, parts in scalars.items()},
+        {family: _joined(parts) for family, parts in curves.items()},
+        count,
+    )
+
+
+def in_one_turn(animals: Sequence[Animal]) -> tuple[Animal, ...]:
+    """The animals with every phase in the turn in which it is nearest to the others: 0.02 and 0.98 are 0.04 apart.
+
+    The middle of all animals, each by the direction of its own mean, is put between -0.25 and 0.75; the phases of an
+    animal are within half a turn of its own mean, and that within half a turn of the middle.
+    """
+    found = [dict(one.scalars) for one in animals]
+    for name in dict.fromkeys(name for table in found for name in table if name.startswith(PHASE)):
+        means = {k: _direction(np.exp(2j * np.pi * table[name])) for k, table in enumerate(found) if name in table}
+        middle = (_direction(np.exp(2j * np.pi * np.array(list(means.values())))) + 0.25) % 1.0 - 0.25
+        for k, mean in means.items():
+            own = mean - np.round(mean - middle)
+            found[k][name] = found[k][name] - np.round(found[k][name] - own)
+    return tuple(replace(one, scalars=table) for one, table in zip(animals, found, strict=True))
+
+
+def _direction(turns: np.ndarray) -> float:
+    """Of the mean of unit numbers, in turns; NaN where none is known."""
+    known = turns[np.isfinite(turns)]
+    return float(np.angle(known.mean()) / (2.0 * np.pi)) if len(known) else float("nan")
+
+
+def _unit(label: str) -> str:
+    return f" [{label.partition(' [')[2]}" if " [" in label else ""
+
+
+def _signals(found: Stored, model: Model) -> dict[str, Series]:
+    """What a result has over time, by family, in the units of its name."""
+    motion = store.get_motion(found)
+    turning = [k for k, name in enumerate(motion.names) if model.coordinate(name).motion == "rotational"]
+    values = np.degrees(motion.values[:, turning])
+    signals = {ANGLES: Series(motion.time, tuple(motion.names[k] for k in turning), values)}
+    torques = store.get_torques(found)
+    if torques is not None:
+        own = [k for k, name in enumerate(torques.names) if name in signals[ANGLES].names]
+        signals[TORQUES] = Series(torques.time, tuple(torques.names[k] for k in own), torques.values[:, own])
+    if "muscle_length" in found.values:
+        signals[LENGTHS] = Series(found.time, found.names["muscle"], 1000.0 * found.values["muscle_length"])
+    if "muscle_force" in found.values:
+        signals[TENSIONS] = Series(found.time, found.names["muscle"], found.values["muscle_force"])
+    moving = {family: _moving(series) for family, series in signals.items()}
+    return {family: series for family, series in moving.items() if len(series.names)}
+
+
+def _moving(series: Series) -> Series:
+    """Columns that are known and change."""
+    own = [k for k in range(len(series.names)) if np.nanstd(series.values[:, k]) > 1e-9] if len(series) else []
+    return Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
+
+
+def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
+    """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the others NaN."""
+    sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
+    spans = {limb: [(one.start, one.stop) for one in strides.of(limb)] for limb in strides.limbs}
+    most = max((len(own) for own in spans.values()), default=0)
+    if not most:
+        return None
+    limbs = [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
+    values = np.full((most, SAMPLES, len(series.names)), np.nan)
+    for limb in dict.fromkeys(limbs):
+        own = [k for k, one in enumerate(limbs) if one == limb]
+        columns = Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
+        values[: len(spans[limb]), :, own] = over_cycles(columns, spans[limb]).values
+    return Cycles(series.names, values)
+
+
+def _joined(parts: Sequence[Cycles]) -> Cycles:
+    """Cycles of several trials; signals that not all have are left out."""
+    names = tuple(name for name in parts[0].names if all(name in part.names for part in parts))
+    rows = [part.values[:, :, [part.names.index(name) for name in names]] for part in parts]
+    return Cycles(names, np.concatenate(rows))

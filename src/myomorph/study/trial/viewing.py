@@ -1,0 +1,103 @@
+"""From folders of results to a page that plays them again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from myomorph.model.errors import BadFile
+from myomorph.store.netcdf import open_netcdf
+from myomorph.store.results import DAMAGED, STORED, read_result
+
+if TYPE_CHECKING:
+    from myomorph.report.trial.given import ReportInput
+    from myomorph.viewer.replay import Replay
+
+MOTIONS = ("coordinate_value", "coordinate_filtered")
+"""Variables of result files that hold a motion."""
+
+LARGE = ("moment_arm",)
+"""Variables that a page does not show."""
+
+
+def open_replay(
+    folders: Sequence[str | Path], port: int | None = None, served: Callable[[int], None] | None = None
+) -> Replay:
+    """A page that shows the results of one folder, or of several in one scene.
+
+    Parameters
+    ----------
+    folders : folders of results, or single result files
+    port : of the page; any free one where not given
+    served : called with the port once the page can be opened, before the results are read
+
+    Raises
+    ------
+    BadFile
+        where there are no results with a motion, or the model they were made with is gone
+    BadData
+        where the port is taken
+    """
+    choices = [recordings(one) for one in folders]
+    from myomorph.viewer.replay import Replay
+
+    return Replay(choices, port, served)
+
+
+def recordings(folder: str | Path) -> Mapping[str, Callable[[], ReportInput]]:
+    """The recordings of a folder of results by name, each opened when it is called; those with a motion.
+
+    Files in one folder belong together where they tell of the same trial at the same times.
+    """
+    folder = Path(folder)
+    if folder.is_file():
+        paths = [folder]
+    elif folder.is_dir():
+        paths = sorted(path for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts)
+    else:
+        raise BadFile(folder, "does not exist", "give a folder that run, tension, muscles or demo wrote")
+    if not paths:
+        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
+    groups: dict[tuple[object, ...], list[Path]] = {}
+    moving: set[tuple[object, ...]] = set()
+    for path in paths:
+        key, has_motion = _told(path)
+        if key is not None:
+            groups.setdefault(key, []).append(path)
+            moving |= {key} if has_motion else set()
+    shown = {key: files for key, files in groups.items() if key in moving}
+    if not shown:
+        raise BadFile(folder, "holds results, but none with a motion", "give the --out of ik, run, muscles or tension")
+    found: dict[str, Callable[[], ReportInput]] = {}
+    for (home, trial, *_), files in shown.items():
+        place = Path(str(home)).relative_to(folder if folder.is_dir() else folder.parent)
+        name = str(place) if len(place.parts) and place.name == trial else str(place / str(trial or files[0].stem))
+        while name in found:
+            name += "'"
+        found[name] = partial(_open, tuple(files))
+    return found
+
+
+def _open(files: Sequence[Path]) -> ReportInput:
+    # The page is served already: what takes longest to import comes last.
+    from myomorph.study.trial.reporting import joined, model_of, report_input
+
+    stored = joined([read_result(path, leave_out=LARGE) for path in files])
+    return report_input(stored, model_of(stored))
+
+
+def _told(path: Path) -> tuple[tuple[object, ...] | None, bool]:
+    """Folder, trial, number of frames and ends of a result's time, or None; and whether it holds a motion."""
+    try:
+        with open_netcdf(path) as file:
+            variables = dict(file.data())
+            if "time" not in variables:
+                return None, False
+            time = variables["time"]
+            ends = (float(time[0]), float(time[-1])) if time.shape[0] else ()
+            trial = file.attributes.get("trial", "")
+            return (path.parent, trial, time.shape[0], *ends), any(name in variables for name in MOTIONS)
+    except DAMAGED as error:
+        raise BadFile(path, f"is not a result of Myomorph ({error})", "give a folder that a step wrote") from None

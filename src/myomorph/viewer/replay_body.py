@@ -1,0 +1,346 @@
+"""One body that is played again: at any of its frames, where everything is, as arrays that a page can take."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.analysis.subjects import Subject, centroids, subjects
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Wrenches
+from myomorph.model.spatial import Array
+from myomorph.muscles.path import compile_paths
+from myomorph.muscles.path_shape import drawn_paths
+from myomorph.report.scene.image import activation_color
+from myomorph.report.scene.scene import Scene, make_scene, nearest_samples
+from myomorph.report.trial.given import ReportInput
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.viewer.web_page import DEEPER
+
+Bytes = NDArray[np.uint8]
+Single = NDArray[np.float32]
+
+TALL = 1.2
+"""Most size of a body against its height."""
+
+FRAMES_LOOKED_AT = 24
+"""Frames that tell how far the body reaches and where it looks."""
+
+SLACK, TIGHT = 0.002, 0.0085
+"""Radius of a muscle without tension, and what its maximum isometric force adds, as shares of the body's size."""
+
+FOUND, OTHERS = 1.5, 0.82
+"""How much thicker muscles are that were searched for, and how far the others fade."""
+
+FLESH = (0.72, 0.24, 0.24)
+"""Color of muscles whose activation was not asked for."""
+
+FADED = np.array([0.80, 0.77, 0.72])
+"""Color towards which the others fade."""
+
+WEIGHT = 0.45
+"""Length of an arrow of one body weight, as a share of the body's size."""
+
+LEAST_FORCE = 0.005
+"""Smaller forces are not drawn, as a share of body weight."""
+
+SHAFT, HEAD = 0.006, 0.045
+"""Radius of an arrow's shaft and length of its head, as shares of the body's size; both of a short one are smaller."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tubes:
+    """Muscle paths as straight tubes along z: middles, turns (w, x, y, z), sizes (radius, radius, half length)."""
+
+    positions: Single
+    wxyzs: Single
+    scales: Single
+    colors: Bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """A body at one time, in ground.
+
+    Attributes
+    ----------
+    known : whether the coordinates of this frame are
+    rotations, origins : (bodies + 1, 3, 3), (bodies + 1, 3) poses, the ground first
+    tubes : of the muscles
+    recorded, modelled : (markers, 3) NaN where hidden [m]
+    measured, estimated : (forces, 2, 3) start and end of the arrows of plates and of contacts, NaN without a force
+    centers : (subjects, 3) of mass [m]
+    """
+
+    known: bool
+    rotations: Array
+    origins: Array
+    tubes: Tubes
+    recorded: Array
+    modelled: Array
+    measured: Array
+    estimated: Array
+    centers: Array
+
+    @property
+    def middle(self) -> Array:
+        """(3,) the mean of the centers of mass, or where nothing has a mass, the first body's origin [m]."""
+        seen = self.centers[np.isfinite(self.centers).all(axis=1)]
+        found: Array = seen.mean(axis=0) if len(seen) else self.origins[1]
+        return found
+
+
+class PlayedBody:
+    """One body with all that was found of it, frame by frame on demand.
+
+    Parameters
+    ----------
+    given : with a model and a motion
+
+    Attributes
+    ----------
+    known : (frames,) whether the coordinates of each frame are
+    scene : the body at some frames: its solids, directions and floor
+    size : that all that is drawn is thick by [m]
+    subjects : people and objects in the model
+    centers : (frames, subjects, 3) of mass [m]
+
+    Raises
+    ------
+    BadData : there is no model or no motion, or no frame of it is known
+    """
+
+    def __init__(self, given: ReportInput):
+        model, motion = given.model, given.kinematics
+        if model is None or motion is None or not len(motion):
+            raise BadData(f"{given.title}: has no motion to show: run 'ik', or a step that begins with a motion")
+        self.given, self.model, self.motion = given, model, motion
+        self._tree = compile_tree(model)
+        self._coordinates = np.ascontiguousarray(self._tree.coordinates_of(motion), dtype=np.float64)
+        self.known = np.asarray(np.isfinite(self._coordinates).all(axis=1))
+        if not self.known.any():
+            raise BadData(f"{given.title}: no frame of the motion has a value for every coordinate")
+        shown = np.flatnonzero(self.known)
+        self._some = np.unique(shown[np.linspace(0, len(shown) - 1, FRAMES_LOOKED_AT).astype(int)])
+        self.scene: Scene = make_scene(
+            replace(model, muscles=()), motion, self._some.tolist(), given.surfaces, wrenches=given.wrenches
+        )
+        # Two people far apart, or one who leaps, do not make a body larger.
+        self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))
+        self._paths = compile_paths(model)
+        self._muscles = _Muscles(model, given, motion.time)
+        self._markers = _Markers(model, given, motion.time, self._tree.body_index)
+        self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
+        self.centers: Array = np.stack([one.values for one in centroids(model, motion, self.subjects)], axis=1)
+        weight = self.scene.weight * self._heaviest
+        self._measured = _Arrows(given.wrenches, motion.time, weight, self.size)
+        estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
+        self._estimated = _Arrows(estimated, motion.time, weight, self.size)
+
+    @property
+    def time(self) -> Array:
+        """(frames,) [s]."""
+        return self.motion.time
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        """Names."""
+        return self.model.muscle_names
+
+    @cached_property
+    def tube_muscles(self) -> np.ndarray:
+        """(tubes,) the index of the muscle of each tube."""
+        owner = drawn_paths(self._paths, self._coordinates[np.flatnonzero(self.known)[:1]]).muscle
+        return owner[1:][owner[1:] == owner[:-1]]
+
+    @property
+    def activations(self) -> Array:
+        """(frames, muscles), NaN where unknown."""
+        return self._muscles.activations
+
+    @property
+    def tensions(self) -> Array:
+        """(frames, muscles) [N], NaN where unknown."""
+        return self._muscles.tensions
+
+    @property
+    def _heaviest(self) -> float:
+        """Share of the heaviest subject in the mass of all, by whose weight arrows are drawn."""
+        masses = [sum(self.model.body(name).mass for name in one.bodies) for one in self.subjects]
+        return max(masses) / self.model.mass if self.model.mass > 0.0 else 1.0
+
+    @property
+    def travelled(self) -> float:
+        """How far the root gets from where it begins, over the floor [m]."""
+        roots = forward_kinematics(self._tree, self._coordinates[self._some]).origins[:, 1]
+        way = roots - roots[0]
+        return float(np.linalg.norm(way - np.outer(way @ self.scene.up, self.scene.up), axis=1).max())
+
+    def frame_at(self, time: float) -> int:
+        """The frame nearest to a time [s]."""
+        return int(nearest_samples(self.time, np.array([time]))[0])
+
+    def at(self, frame: int, found: Collection[int] = ()) -> Instant:
+        """The body at a frame; muscles of the indices `found` stand out. An unknown frame shows the last known pose."""
+        known = bool(self.known[frame])
+        before = np.flatnonzero(self.known[: frame + 1])
+        posed = frame if known else int(before[-1] if len(before) else np.flatnonzero(self.known)[0])
+        coordinates = self._coordinates[posed : posed + 1]
+        poses = forward_kinematics(self._tree, coordinates)
+        rotations, origins = poses.rotations[0], poses.origins[0]
+        points = drawn_paths(self._paths, coordinates)
+        return Instant(
+            known=known,
+            rotations=rotations,
+            origins=origins,
+            tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.size, found)),
+            recorded=self._markers.recorded[frame],
+            modelled=self._markers.modelled(rotations, origins),
+            measured=self._measured.at(frame),
+            estimated=self._estimated.at(frame),
+            centers=self.centers[posed],
+        )
+
+    def middle_of(self, frame: int, muscle: int) -> Array:
+        """A place (3,) in the middle of a muscle, for its label [m]."""
+        posed = frame if self.known[frame] else int(np.flatnonzero(self.known)[0])
+        drawn = drawn_paths(self._paths, self._coordinates[posed : posed + 1])
+        own = drawn.places[0, drawn.muscle == muscle]
+        own = own[np.isfinite(own).all(axis=1)]
+        steps = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(own, axis=0), axis=1))]
+        return np.array([np.interp(0.5 * steps[-1], steps, own[:, i]) for i in range(3)])
+
+
+def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
+    """Shafts and heads of arrows from their starts to their ends (arrows, 2, 3) beside a body of a size [m]."""
+    along = ends[:, 1] - ends[:, 0]
+    lengths = np.nan_to_num(np.linalg.norm(along, axis=1))
+    neck = ends[:, 1] - along * (np.minimum(HEAD * size, 0.4 * lengths) / np.maximum(lengths, 1e-12))[:, None]
+    radii = np.minimum(SHAFT * size, 0.06 * lengths)
+    owner, colors = np.repeat(np.arange(len(ends)), 2), np.tile(color, (len(ends), 1))
+    shafts = np.stack([ends[:, 0], neck], axis=1).reshape(-1, 3)
+    heads = np.stack([neck, ends[:, 1]], axis=1).reshape(-1, 3)
+    return tubes(shafts, owner, radii, colors, 0.0), tubes(heads, owner, 2.6 * radii, colors, 0.0)
+
+
+def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array, beyond: float = 0.35) -> Tubes:
+    """A tube between every two points that follow each other on a muscle.
+
+    Parameters
+    ----------
+    points : (points, 3), NaN where a path has no more
+    muscle : (points,) index of the muscle of each point
+    radii, colors : (muscles,) [m], (muscles, 3) in 0..1
+    beyond : how far a tube goes on at both ends, in radii, so that no gap opens where a path bends
+
+    Returns
+    -------
+    as many tubes at any frame; those that do not exist have no size
+    """
+    joined = muscle[1:] == muscle[:-1]
+    start, end, owner = points[:-1][joined], points[1:][joined], muscle[1:][joined]
+    along = end - start
+    lengths = np.linalg.norm(along, axis=1)
+    exists = np.isfinite(lengths) & (lengths > 1e-9)
+    unit = np.where(exists[:, None], along / np.where(exists, lengths, 1.0)[:, None], [0.0, 0.0, 1.0])
+    # The shortest turn of z to the direction; (0, 1, 0, 0) turns z to -z.
+    turns = np.stack([1.0 + unit[:, 2], -unit[:, 1], unit[:, 0], np.zeros(len(unit))], axis=1)
+    turns[unit[:, 2] < -1.0 + 1e-9] = (0.0, 1.0, 0.0, 0.0)
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    radius = np.where(exists, radii[owner], 0.0)
+    half = np.where(exists, 0.5 * lengths + beyond * radius, 0.0)
+    return Tubes(
+        positions=np.where(exists[:, None], 0.5 * (start + end), 0.0).astype(np.float32),
+        wxyzs=turns.astype(np.float32),
+        scales=np.stack([radius, radius, half], axis=1).astype(np.float32),
+        colors=np.round(255.0 * colors[owner]).astype(np.uint8),
+    )
+
+
+class _Muscles:
+    """How muscles look: activation as color, tension as cross-section."""
+
+    def __init__(self, model: Model, given: ReportInput, time: Array):
+        shape = (len(time), len(model.muscles))
+        self.activations, self.tensions = np.full(shape, np.nan), np.full(shape, np.nan)
+        self._strengths = np.array([max(one.max_isometric_force, 0.0) for one in model.muscles])
+        self._solved = given.tension is not None
+        if given.tension is not None and len(given.tension.time):
+            columns = {name: i for i, name in enumerate(given.tension.muscles)}
+            own = np.array([columns.get(name, -1) for name in model.muscle_names])
+            near = nearest_samples(given.tension.time, time)
+            inside = _inside(given.tension.time, time)
+            for values, found in ((self.activations, given.tension.activations), (self.tensions, given.tension.forces)):
+                values[:, own >= 0] = found[near][:, own[own >= 0]]
+                values[~inside] = np.nan
+
+    def look(self, frame: int, size: float, found: Collection[int]) -> tuple[Array, Array]:
+        """Radii (muscles,) [m] and colors (muscles, 3) in 0..1 at a frame."""
+        most = max(float(self._strengths.max(initial=0.0)), 1e-9)
+        # A cross-section grows as the force; without tensions a muscle is as thick as it is strong.
+        force = np.abs(self.tensions[frame]) if self._solved else 0.35 * self._strengths
+        share = np.sqrt(np.clip(np.nan_to_num(force) / most, 0.0, 1.0))
+        radii = size * (SLACK + TIGHT * share)
+        colors = activation_color(self.activations[frame]) if self._solved else np.tile(FLESH, (len(share), 1))
+        colors = colors**DEEPER
+        if found:
+            other = np.ones(len(radii), dtype=bool)
+            other[list(found)] = False
+            radii[~other] = np.maximum(FOUND * radii[~other], size * (SLACK + 0.5 * TIGHT))
+            radii[other] = np.minimum(radii[other], size * 1.2 * SLACK)
+            colors[other] = (1.0 - OTHERS) * colors[other] + OTHERS * FADED
+        return radii, colors
+
+
+class _Markers:
+    """Markers as recorded, and where the model has them."""
+
+    def __init__(self, model: Model, given: ReportInput, time: Array, numbers: Mapping[str, int]):
+        recorded = given.markers
+        self.recorded = np.full((len(time), 0 if recorded is None else len(recorded.names), 3), np.nan)
+        own = model.markers
+        if recorded is not None and len(recorded):
+            self.recorded = np.array(recorded.values[nearest_samples(recorded.time, time)])
+            self.recorded[~_inside(recorded.time, time)] = np.nan
+            own = tuple(one for one in own if one.name in recorded.names)
+        self._bodies = np.array([numbers[one.body] for one in own], dtype=np.int64)
+        self._places = np.array([one.location for one in own]).reshape(-1, 3)
+
+    def modelled(self, rotations: Array, origins: Array) -> Array:
+        """(markers, 3) of the model in ground [m]."""
+        placed: Array = np.einsum("mij,mj->mi", rotations[self._bodies], self._places) + origins[self._bodies]
+        return placed
+
+
+class _Arrows:
+    """External forces at the motion's times."""
+
+    def __init__(self, wrenches: Wrenches | None, time: Array, weight: float, size: float):
+        self._wrenches = wrenches if wrenches is not None and len(wrenches) and wrenches.names else None
+        self._weight, self._scale = weight, WEIGHT * size / weight
+        if self._wrenches is not None:
+            self._near = nearest_samples(self._wrenches.time, time)
+            self._inside = _inside(self._wrenches.time, time)
+
+    def at(self, frame: int) -> Array:
+        """(forces, 2, 3) start and end of their arrows at a frame, NaN where none acts [m]."""
+        if self._wrenches is None:
+            return np.zeros((0, 2, 3))
+        near = self._near[frame]
+        start, force = self._wrenches.points[near], self._wrenches.forces[near]
+        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > LEAST_FORCE * self._weight)
+        ends = np.stack([start, start + self._scale * force], axis=1)
+        found: Array = np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
+        return found
+
+
+def _inside(clock: Array, time: Array) -> np.ndarray:
+    """Which times lie within a clock that may be coarser, to one and a half of its steps."""
+    near = 1.5 * float(np.median(np.diff(clock))) if len(clock) > 1 else 1e-6
+    return (time >= clock[0] - near) & (time <= clock[-1] + near)

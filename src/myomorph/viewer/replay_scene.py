@@ -1,0 +1,235 @@
+"""Bodies in the space of a page: what is made once, and what moves from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.report.scene.scene import Solid
+from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
+from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
+from myomorph.viewer.web_page import BONE, Links
+
+LAYERS: Mapping[str, str] = MappingProxyType(
+    {
+        "bones": "Bones",
+        "muscles": "Muscles",
+        "measured": "Plate forces",
+        "estimated": "Contact forces",
+        "recorded": "Markers",
+        "modelled": "Model markers",
+        "center": "Center of mass",
+        "floor": "Floor",
+    }
+)
+"""What can be shown or hidden, and how it is called."""
+
+COLORS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
+    {
+        "measured": (26, 148, 117),
+        "estimated": (233, 138, 21),
+        "recorded": (38, 92, 214),
+        "modelled": (230, 72, 150),
+        "center": (30, 30, 34),
+    }
+)
+"""Of layers that have one; markers as in OpenSim, blue as measured and pink as modelled."""
+
+BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
+"""Colors of the bones of the first body, the second, ..."""
+
+MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
+MOST_LABELS = 6
+DETAIL = 0.003
+"""Smallest detail of bones that is kept, as a share of the body's size."""
+
+MOST_TRIANGLES, SIMPLE = 60_000, 300
+"""Triangles of all bones at most, and of shapes that keep all their edges."""
+
+
+class ShownBody:
+    """One body on a page.
+
+    Parameters
+    ----------
+    page : `viser`'s scene
+    root : name of the node that everything hangs on
+    number : of the body, which gives its color
+    """
+
+    def __init__(self, page: Any, root: str, body: PlayedBody, number: int = 0):
+        self.body, self._page, self._root = body, page, root
+        self.node = page.add_frame(root, show_axes=False)
+        scene = body.scene
+        first = body.at(int(np.flatnonzero(body.known)[0]))
+        size = body.size
+        surfaces = [
+            one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * size)
+            for one in scene.solids
+        ]
+        surfaces = reduced(surfaces, size, MOST_TRIANGLES)
+        solids = [Solid(one.body, surface) for one, surface in zip(scene.solids, surfaces, strict=True)]
+        self._links = Links(page, root, solids, self._bone_colors(number))
+        self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
+        self._layers["bones"] = list(self._links.handles.values())
+        if len(first.tubes.positions):
+            self._layers["muscles"] = [self._add_batch("muscles", tube(), first.tubes)]
+        for name, ends in (("measured", first.measured), ("estimated", first.estimated)):
+            if len(ends):
+                shafts, heads = arrows(ends, size, np.array(COLORS[name]) / 255.0)
+                self._layers[name] = [
+                    self._add_batch(f"{name}_shafts", tube(), shafts),
+                    self._add_batch(f"{name}_heads", cone(), heads),
+                ]
+        for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
+            if count:
+                self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
+        if np.isfinite(body.centers).any():
+            balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
+            traces = [self._add_trace(k) for k in range(len(first.centers))]
+            self._layers["center"] = [balls, *(line for lines in traces for line in lines)]
+        self._add_plates()
+        self._visible = dict.fromkeys(LAYERS, True)
+        self._labels: list[Any] = []
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Those that this body has."""
+        return tuple(name for name in LAYERS if self._layers[name] or name == "floor")
+
+    def toggle(self, layer: str, visible: bool) -> None:
+        """Show a layer, or hide it."""
+        self._visible[layer] = visible
+        for handle in self._layers[layer]:
+            handle.visible = visible
+
+    def draw(self, instant: Instant) -> None:
+        """Move everything to where it is at an instant; what is hidden stays as it was."""
+        if self._visible["bones"]:
+            self._links.pose(instant.rotations, instant.origins)
+        if self._visible["muscles"] and self._layers["muscles"]:
+            _move(self._layers["muscles"][0], instant.tubes)
+            self._layers["muscles"][0].batched_colors = instant.tubes.colors
+        for name, ends in (("measured", instant.measured), ("estimated", instant.estimated)):
+            if self._visible[name] and self._layers[name]:
+                parts = arrows(ends, self.body.size, np.zeros(3))
+                for handle, part in zip(self._layers[name], parts, strict=True):
+                    _move(handle, part)
+        for name, places in (("recorded", instant.recorded), ("modelled", instant.modelled)):
+            if self._visible[name] and self._layers[name]:
+                self._place(self._layers[name][0], places)
+        if self._visible["center"] and self._layers["center"]:
+            self._place(self._layers["center"][0], instant.centers)
+
+    def label(self, texts: Mapping[int, str], frame: int) -> None:
+        """Name muscles at their middles, by their indices; nothing takes the names away."""
+        while len(self._labels) > len(texts):
+            self._labels.pop().remove()
+        for k, (muscle, text) in enumerate(texts.items()):
+            place = self.body.middle_of(frame, muscle)
+            if k == len(self._labels):
+                name = f"{self._root}/label{k}"
+                self._labels.append(self._page.add_label(name, text, position=place, anchor="bottom-left"))
+            self._labels[k].text, self._labels[k].position = text, place
+
+    def on_muscle(self, told: Any) -> None:
+        """Call `told(index of the muscle)` where a muscle is clicked."""
+        if self._layers["muscles"]:
+            owner = self.body.tube_muscles
+            self._layers["muscles"][0].on_click(lambda event: told(int(owner[event.instance_index])))
+
+    def _add_batch(self, name: str, shape: Surface, shown: Tubes) -> Any:
+        """Copies of one surface, each with its own place, turn, size and color."""
+        return self._page.add_batched_meshes_simple(
+            f"{self._root}/{name}",
+            shape.vertices.astype(np.float32),
+            shape.faces.astype(np.uint32),
+            batched_wxyzs=shown.wxyzs,
+            batched_positions=shown.positions,
+            batched_scales=shown.scales,
+            batched_colors=shown.colors,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _add_balls(self, name: str, count: int, radius: float) -> Any:
+        none = np.zeros((count, 3), dtype=np.float32)
+        turns = np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (count, 1))
+        colors = np.tile(np.array(COLORS[name], dtype=np.uint8), (count, 1))
+        return self._add_batch(name, sphere(radius), Tubes(none, turns, none, colors))
+
+    @staticmethod
+    def _place(handle: Any, places: Array) -> None:
+        seen = np.asarray(np.isfinite(places).all(axis=1))
+        handle.batched_positions = np.where(seen[:, None], places, 0.0).astype(np.float32)
+        handle.batched_scales = np.repeat(seen[:, None], 3, axis=1).astype(np.float32)
+
+    def _bone_colors(self, number: int) -> dict[int, tuple[int, int, int]]:
+        """A color for every subject, by the numbers of its bodies; `number` colors come before."""
+        names = self.body.model.body_names
+        return {
+            names.index(name) + 1: BONES[(number + k) % len(BONES)]
+            for k, subject in enumerate(self.body.subjects)
+            for name in subject.bodies
+        }
+
+    def _add_trace(self, subject: int) -> list[Any]:
+        """The path of a center of mass in space, and its shadow on the floor."""
+        scene, centers = self.body.scene, self.body.centers[:, subject]
+        path = centers[:: max(len(centers) // TRACE_STEPS, 1)]
+        path = path[np.isfinite(path).all(axis=1)]
+        if len(path) < 2:
+            return []
+        shadow = path + (scene.floor + 0.002 - path @ scene.up)[:, None] * scene.up
+        return [
+            self._lines(f"trace{subject}", np.stack([path[:-1], path[1:]], axis=1), COLORS["center"], 2.0),
+            self._lines(f"shadow{subject}", np.stack([shadow[:-1], shadow[1:]], axis=1), (120, 120, 126), 1.5),
+        ]
+
+    def _add_plates(self) -> None:
+        corners = [one.corners[outline(one.corners)] for one in self.body.given.plates]
+        if not corners:
+            return
+        lift = 0.001 * self.body.scene.up
+        edges = np.concatenate([np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in corners]) + lift
+        self._layers["floor"].append(self._lines("plates", edges, (70, 78, 84), 2.5))
+        faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+        sheet = self._page.add_mesh_simple(
+            f"{self._root}/sheets",
+            (np.concatenate(corners) + lift).astype(np.float32),
+            np.concatenate([faces + 4 * k for k in range(len(corners))]),
+            color=(150, 164, 172),
+            opacity=0.45,
+            side="double",
+            cast_shadow=False,
+        )
+        self._layers["floor"].append(sheet)
+
+    def _lines(self, name: str, points: Array, color: tuple[int, int, int], width: float) -> Any:
+        return self._page.add_line_segments(
+            f"{self._root}/{name}",
+            points.astype(np.float32),
+            np.array(color, dtype=np.uint8),
+            thickness=width,
+            thickness_units="screen",
+        )
+
+
+def _move(handle: Any, shown: Tubes) -> None:
+    handle.batched_positions, handle.batched_wxyzs, handle.batched_scales = shown.positions, shown.wxyzs, shown.scales
+
+
+def outline(corners: Array) -> list[int]:
+    """Corners of a plate in the order of its outline, whatever order they are given in."""
+    middle = corners.mean(axis=0)
+    x = corners[0] - middle
+    y = np.cross(np.cross(x, corners[1] - middle), x)
+    across = [axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in (x, y)]
+    angles = np.arctan2((corners - middle) @ across[1], (corners - middle) @ across[0])
+    return [int(one) for one in np.argsort(angles)]

@@ -1,0 +1,168 @@
+"""What every live page has: a server on this machine, a floor, a camera and the links of bodies."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.spatial import Array
+from myomorph.model.surface import Surface
+from myomorph.report.scene.scene import Scene, Solid
+from myomorph.report.scene.shapes import outward
+
+HOST = "127.0.0.1"
+"""Pages are for this machine only."""
+
+BONE = (214, 207, 193)
+"""Color of links that nothing is told of."""
+
+DEEPER = 1.35
+"""Exponent on colors, which the page's lights make paler."""
+
+MARKER = (70, 70, 70)
+"""Color of recorded markers."""
+
+
+def open_server(port: int | None, title: str) -> Any:
+    """A page on this machine by `viser`, on a given port or on any free one.
+
+    Raises
+    ------
+    MyomorphError : `viser` is not installed
+    BadData : the port is taken, or none
+    """
+    viser = _viser()
+    if port is not None:
+        if not 0 < port < 65536:
+            raise BadData(f"port {port}: expected 1 to 65535")
+        # Viser would go on to the next port without a word.
+        with socket.socket() as probe:
+            if os.name == "posix":
+                # A page that has just ended does not hold its port.
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((HOST, port))
+            except OSError as error:
+                raise BadData(f"port {port} cannot be used ({error.strerror or error}): name another") from None
+    with quiet():
+        server = viser.ViserServer(host=HOST, port=port or 0, label=title, verbose=False)
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    return server
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Viser greets and takes leave on the terminal; here it does not."""
+    with redirect_stdout(StringIO()):
+        yield
+
+
+def add_floor(page: Any, name: str, up: Array, height: float, side: float = 30.0) -> Any:
+    """A grid of half metres on the floor at a height along `up` [m]."""
+    axis = int(np.argmax(np.abs(up)))
+    return page.add_grid(
+        name,
+        width=side,
+        height=side,
+        plane=("yz", "xz", "xy")[axis],
+        cell_size=0.5,
+        cell_color=(225, 225, 222),
+        section_color=(190, 192, 190),
+        position=tuple(float(one) for one in height * up),
+    )
+
+
+def add_lights(page: Any, scene: Scene) -> None:
+    """Even light from above, and a lamp from ahead and the right: viser's own bleach what is colored."""
+    page.configure_default_lights(False)
+    page.configure_environment_map(None)
+    page.add_light_hemisphere(
+        "/lights/sky",
+        sky_color=(255, 255, 255),
+        ground_color=(176, 170, 160),
+        intensity=1.7,
+        position=tuple(float(one) for one in scene.up),
+    )
+    for name, place, intensity in (
+        ("key", 0.7 * scene.forward + 0.8 * scene.right + 1.2 * scene.up, 1.7),
+        ("fill", -0.8 * scene.forward - 0.6 * scene.right + 0.6 * scene.up, 0.7),
+    ):
+        page.add_light_directional(
+            f"/lights/{name}", intensity=intensity, position=tuple(float(one) for one in 5.0 * place)
+        )
+
+
+class Links:
+    """The links of one body on a page, each one mesh.
+
+    Parameters
+    ----------
+    root : name of the node that they hang on
+    solids : in the bodies' frames
+    colors : of bodies, by their numbers
+    """
+
+    def __init__(
+        self,
+        page: Any,
+        root: str,
+        solids: Sequence[Solid],
+        colors: Mapping[int, tuple[int, int, int]] = MappingProxyType({}),
+    ):
+        self.handles: dict[int, Any] = {}
+        for body in sorted({one.body for one in solids}):
+            surface = joined_surfaces([outward(one.surface) for one in solids if one.body == body])
+            self.handles[body] = page.add_mesh_simple(
+                f"{root}/link{body}",
+                np.asarray(surface.vertices, dtype=np.float32),
+                np.asarray(surface.faces, dtype=np.uint32),
+                color=colors.get(body, BONE),
+                side="front",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+    def pose(self, rotations: Array, origins: Array) -> None:
+        """Put the links where their bodies are: (bodies + 1, 3, 3) and (bodies + 1, 3), the ground first."""
+        turned = quaternions(rotations)
+        for body, handle in self.handles.items():
+            handle.wxyz, handle.position = turned[body], origins[body]
+
+
+def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
+    """Several surfaces as one."""
+    starts = np.cumsum([0, *(len(one.vertices) for one in surfaces[:-1])])
+    return Surface(
+        np.concatenate([one.vertices for one in surfaces]),
+        np.concatenate([one.faces + start for one, start in zip(surfaces, starts, strict=True)]),
+    )
+
+
+def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1.05) -> Array:
+    """Where a camera sees the body around `middle` from a direction, at a distance in sizes of the body [m]."""
+    place: Array = middle + distance * scene.size * direction / np.linalg.norm(direction)
+    return place
+
+
+def quaternions(rotations: Array) -> Array:
+    """(n, 4) as (w, x, y, z) of rotation matrices (n, 3, 3), w not negative."""
+    from scipy.spatial.transform import Rotation
+
+    turned: Array = Rotation.from_matrix(rotations).as_quat(canonical=True)[:, [3, 0, 1, 2]]
+    return turned
+
+
+def _viser() -> Any:
+    try:
+        import viser
+    except ImportError as error:
+        raise MyomorphError(f"the web page needs the package 'viser' ({error}): pip install viser") from None
+    return viser

@@ -1,0 +1,302 @@
+"""What the report on a cohort of swinging limbs is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.estimate import Estimate
+from myomorph.model.spatial import Array
+from myomorph.report.page.section import Figure
+from myomorph.report.trial.given import Note, SourceFile, Step
+from myomorph.viscosity.cohort import Row, specimen_row
+from myomorph.viscosity.swings import SwingRecording
+from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+
+MOST_FRAMES = 1200
+"""Frames of a trial that charts are drawn from."""
+
+
+@dataclass(frozen=True, eq=False)
+class SwingCurves:
+    """One trial as charts show it, thinned.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    swing : (frames,) number of the swing, -1 where frames are not used
+    angles, rates : (frames, axes) [rad], [rad/s]
+    torque, passive : (frames, axes) by inverse dynamics, and -viscosity times rates [N m]
+    wrench, predicted : (frames, 6) on the base, measured and by the inertial parameters, NaN where a frame is
+        not used [N m], [N]
+    """
+
+    trial: str
+    axes: tuple[str, ...]
+    time: Array
+    swing: np.ndarray
+    angles: Array
+    rates: Array
+    torque: Array
+    passive: Array
+    wrench: Array
+    predicted: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ShownCondition:
+    """A specimen with its muscles, or without them.
+
+    Attributes
+    ----------
+    viscosity, axis_viscosity : one value over all axes, and one an axis [N m s/rad]
+    excited : whether the swings moved an axis enough
+    residual : (6,) root mean square of measured less predicted wrench
+    trials, swings, seconds : that were used
+    curves : of the trial with the most swings
+    plate_viscosity : the one value from the moment that the plate measures, a check [N m s/rad]
+    by_trial : which intervals are by trial, because trials differ more than their swings explain
+    """
+
+    axes: tuple[str, ...]
+    mass: Estimate
+    com: Estimate
+    viscosity: Estimate
+    axis_viscosity: tuple[Estimate, ...]
+    excited: tuple[bool, ...]
+    residual: Array
+    trials: int
+    swings: int
+    seconds: float
+    curves: SwingCurves
+    plate_viscosity: Estimate | None = None
+    by_trial: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PassiveModel:
+    """One model of the passive torque, fitted to the swings without or with muscles.
+
+    Attributes
+    ----------
+    condition : "without" or "with"
+    terms : what it is made of, as "viscosity + stiffness"
+    values : of its terms, printed with their units
+    viscosity : what it says of the viscosity [N m s/rad]
+    aic, bic : above that of the best model; smaller is better
+    angle_error, wrench_error : of held-out swings it predicts, root mean square [rad], [N m]; NaN where not told
+    chosen : whether it is the simplest of those that the data cannot tell from the best
+    """
+
+    condition: str
+    terms: str
+    values: str
+    viscosity: float
+    aic: float
+    bic: float
+    angle_error: float = float("nan")
+    wrench_error: float = float("nan")
+    chosen: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutSwing:
+    """A swing that the models did not see, predicted by integrating forward from its first frame.
+
+    Attributes
+    ----------
+    measured : (frames, axes) angles [rad]
+    predicted : the same by each model
+    """
+
+    condition: str
+    time: Array
+    axes: tuple[str, ...]
+    measured: Array
+    predicted: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class CutoffScan:
+    """What the choice of the low-pass filter changes.
+
+    Attributes
+    ----------
+    cutoffs : (choices,) [Hz]
+    chosen : the one that was used [Hz]
+    values : (choices,) of each quantity, by its name in `cohort.QUANTITIES`
+    reason : why it was chosen
+    """
+
+    cutoffs: Array
+    chosen: float
+    values: Mapping[str, Array]
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class ArmError:
+    """One kind of error of the moment arms.
+
+    Attributes
+    ----------
+    kind, size : in words
+    sd, bias : of the common muscle viscosity, relative
+    low, median, high : 2.5, 50 and 97.5 percent of the draws [N s/m]
+    """
+
+    kind: str
+    size: str
+    sd: float
+    bias: float
+    low: float
+    median: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class ArmSpread:
+    """What an error of the moment arms does to the muscles' viscosity.
+
+    Attributes
+    ----------
+    errors : (levels,) relative standard deviation of the moment arms
+    low, median, high : (levels,) of the common value, 2.5, 50 and 97.5 percent of the draws [N s/m]
+    draws : of each level
+    kinds : the same for other kinds of error
+    """
+
+    errors: Array
+    low: Array
+    median: Array
+    high: Array
+    draws: int
+    kinds: tuple[ArmError, ...] = ()
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How well a calibration fits: a line of the table, e.g. "plate position", "0.4", "mm"."""
+
+    what: str
+    value: float
+    unit: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenReport:
+    """All that is shown of one specimen; what was not made is None or empty.
+
+    Attributes
+    ----------
+    row : its values in the tables
+    truth : of a virtual specimen, by quantity
+    paper : the printed values of the same specimen, by quantity
+    scans : residual maps of scanned bones
+    failure : why it could not be done, "" where it could
+    """
+
+    name: str
+    row: Row = field(default_factory=lambda: MappingProxyType({}))
+    without: ShownCondition | None = None
+    intact: ShownCondition | None = None
+    muscles: MuscleViscosity | None = None
+    models: tuple[PassiveModel, ...] = ()
+    held_out: tuple[HeldOutSwing, ...] = ()
+    cutoff: CutoffScan | None = None
+    arms: ArmSpread | None = None
+    calibration: tuple[Residual, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    scans: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ViscosityInput:
+    """Everything the report on a cohort shows.
+
+    Attributes
+    ----------
+    notes : what is real, simulated and assumed, shown first
+    sources : input files with their hashes
+    steps : how it was made
+    """
+
+    title: str
+    specimens: tuple[SpecimenReport, ...]
+    notes: tuple[Note, ...] = ()
+    sources: tuple[SourceFile, ...] = ()
+    steps: tuple[Step, ...] = ()
+    date: str = ""
+    version: str = ""
+
+    @property
+    def done(self) -> tuple[SpecimenReport, ...]:
+        """The specimens of which something is known."""
+        return tuple(one for one in self.specimens if one.row)
+
+
+def specimen_report(found: SpecimenViscosity) -> SpecimenReport:
+    """What is shown of an identified specimen, without what trust in it adds."""
+    return SpecimenReport(
+        found.name,
+        specimen_row(found),
+        None if found.without is None else shown_condition(found.without),
+        None if found.intact is None else shown_condition(found.intact),
+        found.muscles,
+        notes=found.notes,
+    )
+
+
+def shown_condition(found: Condition) -> ShownCondition:
+    """A condition with the curves of its longest trial."""
+    swings = [len(np.unique(one.swing[one.used])) for one in found.recordings]
+    seconds = [float(one.used.sum()) * float(np.median(np.diff(one.time))) for one in found.recordings]
+    longest = found.recordings[int(np.argmax(swings))]
+    return ShownCondition(
+        longest.axes,
+        found.mass,
+        found.com,
+        found.viscosity,
+        found.axis_viscosity,
+        found.excited,
+        found.residual,
+        len(found.recordings),
+        sum(swings),
+        sum(seconds),
+        swing_curves(longest, found.parameters, found.viscosity.value),
+        found.plate_viscosity,
+        found.by_trial,
+    )
+
+
+def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float) -> SwingCurves:
+    """A trial's curves, at most `MOST_FRAMES` of them.
+
+    Parameters
+    ----------
+    parameters : (10,) of the limb
+    viscosity : of the line through torque against velocity [N m s/rad]
+    """
+    keep = slice(None, None, -(-len(recording) // MOST_FRAMES))
+    rates = recording.rates[keep]
+    unused = ~recording.used[keep][:, None]
+    predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
+    return SwingCurves(
+        recording.name,
+        recording.axes,
+        recording.time[keep],
+        recording.swing[keep],
+        recording.angles[keep],
+        rates,
+        recording.torque_rows[keep] @ parameters,
+        -viscosity * rates,
+        np.where(unused, np.nan, recording.wrench[keep]),
+        predicted,
+    )

@@ -1,0 +1,77 @@
+"""The page on a cohort of swinging limbs: tables I and II of [S], figures, and what to trust."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from myomorph.report.charts.interval_bars import Level
+from myomorph.report.page.references import viscosity_references
+from myomorph.report.page.section import Section
+from myomorph.report.trial.given import Note, ReportInput
+from myomorph.report.trial.trial_page import Tile, rendered
+from myomorph.viscosity.cohort import CohortLine, cohort
+from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY
+from myomorph.viscosity.report.given import ViscosityInput
+from myomorph.viscosity.report.sections import cohort_section, specimen_sections
+from myomorph.viscosity.report.tables import scientific, table_section, truth_grid
+
+
+def viscosity_page(given: ViscosityInput) -> str:
+    """One self-contained HTML page on all specimens, as HTML text."""
+    failed = [
+        Note("warning", f"Specimen {one.name} could not be done: {one.failure}")
+        for one in given.specimens
+        if one.failure
+    ]
+    page = ReportInput(
+        title=given.title,
+        date=given.date,
+        version=given.version,
+        notes=(*failed, *given.notes),
+        sources=given.sources,
+        steps=given.steps,
+        warnings=tuple(f"specimen {one.name}: {note}" for one in given.specimens for note in one.notes),
+    )
+    lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
+    return rendered(page, _sections(given, lines), viscosity_references(), facts=_facts(given), tiles=_tiles(lines))
+
+
+def _facts(given: ViscosityInput) -> list[tuple[str, str]]:
+    both = sum(1 for one in given.done if one.without is not None and one.intact is not None)
+    told = f"{len(given.specimens)}, {both} of them with and without muscles"
+    rows = [("Specimens", told)]
+    parts = [part for one in given.done for part in (one.without, one.intact) if part is not None]
+    if parts:
+        swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
+        rows.append(("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s"))
+    return rows
+
+
+def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
+    wanted = (
+        ("joint_viscosity", "joint viscosity, without muscles"),
+        ("total_viscosity", "total viscosity, with muscles"),
+        ("muscle_viscosity", "muscle viscosity"),
+    )
+    return [
+        Tile(
+            f"{scientific(lines[name].mean)} ± {scientific(lines[name].sd)}",
+            f"{told} [{lines[name].quantity.unit}]",
+            "ok",
+        )
+        for name, told in wanted
+        if name in lines
+    ]
+
+
+def _sections(given: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:
+    tables = table_section(given)
+    beside = truth_grid(given.done)
+    if beside is not None:
+        tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
+    levels = {name: [Level("", line.mean, line.sd, "mean")] for name, line in lines.items() if line.count > 1}
+    levels.setdefault("total_viscosity", []).append(Level("Stroeve 1999", STROEVE_TOTAL_VISCOSITY, style="limit"))
+    found = [tables, cohort_section(given.done, levels)]
+    for order, one in enumerate(given.done, 1):
+        found += specimen_sections(one, order)
+    return found

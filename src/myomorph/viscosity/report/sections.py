@@ -1,0 +1,381 @@
+"""The parts of the page on one specimen: its swings, the fits, and how far to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.model.estimate import Estimate
+from myomorph.model.series import Event
+from myomorph.report.charts.chart import Line, Panel, number, time_plot
+from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
+from myomorph.report.charts.interval_rows import interval_rows
+from myomorph.report.charts.scatter import Cloud, xy_plot
+from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.trial.identified import COMPONENTS, UNITS
+from myomorph.viscosity.report.given import (
+    ArmSpread,
+    CutoffScan,
+    HeldOutSwing,
+    ShownCondition,
+    SpecimenReport,
+    SwingCurves,
+)
+from myomorph.viscosity.report.tables import BY_NAME, LACKING, where, with_interval
+
+AXES = ("first", "second", "third")
+MODELS = ("first", "second", "third", "fourth", "left", "middle")
+TITLES = {"without": "without muscles", "with": "with muscles"}
+SCANNED = {
+    "without muscles": ("joint_viscosity", "com_without", "mass_without"),
+    "with muscles": ("total_viscosity", "com_with", "mass_with"),
+}
+LONGEST = 12.0
+"""Charts over time show so much of a trial [s]."""
+
+MOST_MODELS = 4
+"""Alternatives printed of each condition."""
+
+FORCE_FIRST = (3, 4, 5, 0, 1, 2)
+
+
+def specimen_sections(one: SpecimenReport, order: int) -> list[Section]:
+    """Swings and fits of a specimen, its muscles, and what its values depend on."""
+    found = [_swings(one, order), _muscles(one, order), _trust(one, order), _scans(one, order)]
+    return [section for section in found if section is not None]
+
+
+def _conditions(one: SpecimenReport) -> list[tuple[str, ShownCondition]]:
+    given = (("without", one.without), ("with", one.intact))
+    return [(name, found) for name, found in given if found is not None]
+
+
+def _swings(one: SpecimenReport, order: int) -> Section | None:
+    conditions = _conditions(one)
+    if not conditions:
+        return None
+    figures: list[Figure] = []
+    for name, found in conditions:
+        figures.append(Figure(swing_plot(found.curves, f"Angles {TITLES[name]}, trial {found.curves.trial}"), "full"))
+    for name, found in conditions:
+        figures += [
+            Figure(torque_plot(found, k, TITLES[name]), "small" if len(found.axes) > 1 else "medium")
+            for k in range(len(found.axes))
+        ]
+    for name, found in conditions:
+        figures += [Figure(wrench_plot(found.curves, k, TITLES[name])) for k in FORCE_FIRST]
+    lead = " ".join(
+        f"{TITLES[name].capitalize()}: {found.swings} swings in {found.trials} trials, {number(found.seconds)} s."
+        for name, found in conditions
+    )
+    lead += (
+        " Vertical lines separate swings; frames outside them are not used. A passive torque opposes its velocity, so "
+        "the fitted line falls with slope −d; the paper prints the opposite sign."
+    )
+    for name, found in conditions:
+        if found.by_trial:
+            lead += f" Trials {TITLES[name]} differ by more than their swings explain: intervals of "
+            lead += f"{', '.join(found.by_trial)} are drawn by trial."
+    axes = conditions[0][1].axes
+    legend = (
+        *((style, f"axis {axis}") for style, axis in zip(AXES, axes, strict=False)),
+        ("measured", "wrench, measured"),
+        ("left", "fit, or predicted by the inertial parameters"),
+    )
+    return Section(
+        f"specimen-{order}", f"Specimen {one.name}", lead, legend, tuple(figures), (_axis_grid(one), _wrench_grid(one))
+    )
+
+
+def swing_plot(curves: SwingCurves, title: str) -> str:
+    """Angles of the free axes over time [degrees], a line where a swing begins."""
+    span = _span(curves.time)
+    begins = np.flatnonzero((np.diff(curves.swing, prepend=-1) != 0) & (curves.swing >= 0))
+    events = [Event(float(curves.time[i]), str(int(curves.swing[i]) + 1)) for i in begins]
+    lines = [
+        Line(curves.time, np.rad2deg(curves.angles[:, k]), AXES[k % 3], f"about {axis}")
+        for k, axis in enumerate(curves.axes)
+    ]
+    return time_plot(Panel(title, "°", lines, span, events, width=1040, height=190, name_events=True))
+
+
+def _span(time: np.ndarray) -> tuple[float, float]:
+    return float(time[0]), float(min(time[-1], time[0] + LONGEST))
+
+
+def torque_plot(found: ShownCondition, axis: int, title: str) -> str:
+    """Torque by inverse dynamics against velocity about one axis, the one value and the axis' own."""
+    curves = found.curves
+    used = curves.swing >= 0
+    rates, torque = curves.rates[used, axis], curves.torque[used, axis]
+    ends = np.array([rates.min(), rates.max()]) if len(rates) else np.zeros(2)
+    own = found.axis_viscosity[axis]
+    clouds = [
+        Cloud(rates, torque, AXES[axis % 3], "torque by inverse dynamics"),
+        Cloud(ends, -found.viscosity.value * ends, "left", f"all axes: {number(found.viscosity.value)} Nms/rad", True),
+    ]
+    if found.excited[axis]:
+        clouds.append(Cloud(ends, -own.value * ends, "middle", f"this axis: {number(own.value)} Nms/rad", True))
+    width = 330 if len(found.axes) > 1 else 505
+    return xy_plot(f"Torque, axis {found.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
+
+
+def wrench_plot(curves: SwingCurves, k: int, title: str) -> str:
+    """One component of the wrench on the base, measured and predicted."""
+    lines = [
+        Line(curves.time, curves.wrench[:, k], "measured", "measured"),
+        Line(curves.time, curves.predicted[:, k], "left", "predicted"),
+    ]
+    return time_plot(Panel(f"{COMPONENTS[k]} {title}", UNITS[k], lines, _span(curves.time), height=170))
+
+
+def _axis_grid(one: SpecimenReport) -> Grid:
+    rows = []
+    for name, found in _conditions(one):
+        rows.append((TITLES[name], "all", with_interval(found.viscosity), ""))
+        if found.plate_viscosity is not None:
+            told = "from the moment on the plate alone, a check"
+            rows.append((TITLES[name], "all", with_interval(found.plate_viscosity), told))
+        for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True):
+            told = with_interval(value) if excited else LACKING
+            rows.append((TITLES[name], axis, told, "" if excited else "the swings hardly move this axis"))
+    return Grid(
+        ("Condition", "Axis", "Viscosity [Nms/rad] (95 % interval)", ""), tuple(rows), "Viscosity about each axis"
+    )
+
+
+def _wrench_grid(one: SpecimenReport) -> Grid:
+    rows = tuple(
+        (TITLES[name], *(f"{number(float(found.residual[k]))} {UNITS[k]}" for k in FORCE_FIRST))
+        for name, found in _conditions(one)
+    )
+    head = ("Condition", *(COMPONENTS[k] for k in FORCE_FIRST))
+    return Grid(head, rows, "Wrench, measured less predicted, root mean square")
+
+
+def _muscles(one: SpecimenReport, order: int) -> Section | None:
+    found = one.muscles
+    if found is None or not found.muscles:
+        return None
+    truth = one.truth.get("muscle_viscosity")
+    levels = [Level("common value", found.common.value, style="left")]
+    if truth is not None:
+        levels.append(Level("truth", truth, style="truth"))
+    by_pcsa = found.by_pcsa.value * found.pcsa
+    rows = interval_rows(
+        "Viscosity of each muscle, regularised",
+        "Ns/m",
+        found.muscles,
+        found.by_muscle,
+        (Beside("scaled by PCSA", "third", by_pcsa),),
+        levels,
+    )
+    size = found.singular_values / max(float(found.singular_values[0]), 1e-300)
+    rank = xy_plot(
+        "Singular values",
+        "log₁₀ of the share of the largest",
+        "combination of muscles, the best known first",
+        [
+            Cloud(
+                np.arange(1.0, len(size) + 1.0),
+                np.log10(np.maximum(size, 1e-16)),
+                "first",
+                "singular values",
+                dotted=True,
+            )
+        ],
+        zero=False,
+    )
+    lead = (
+        f"One value for all muscles: {with_interval(found.common)} Ns/m; in proportion to their cross-sections, mean "
+        f"{with_interval(found.by_pcsa)} Ns/m. The swings show {found.rank} of {len(found.muscles)} independent "
+        "combinations"
+        + (f", {found.resolved} of them to better than their size" if found.resolved is not None else "")
+        + ": the values of single muscles also come from the regularisation that draws them to the common value."
+    )
+    cells = tuple(
+        (muscle, with_interval(value), number(float(share)), number(float(scaled)))
+        for muscle, value, share, scaled in zip(found.muscles, found.by_muscle, found.pcsa, by_pcsa, strict=True)
+    )
+    head = ("Muscle", "Viscosity [Ns/m] (95 % interval)", "PCSA, mean 1", "In proportion to PCSA [Ns/m]")
+    grid = Grid(head, cells, "Values of each muscle", folded=True)
+    legend = [("first", "regularised, with interval"), ("third", "in proportion to PCSA"), ("left", "common value")]
+    legend += [] if truth is None else [("truth", "truth")]
+    figures = (Figure(rows, "wide"), Figure(rank))
+    return Section(f"muscles-{order}", f"Muscles of specimen {one.name}", lead, tuple(legend), figures, (grid,), False)
+
+
+def _trust(one: SpecimenReport, order: int) -> Section | None:
+    figures: list[Figure] = []
+    for held in one.held_out:
+        figures += [Figure(text) for text in held_out_plots(held)]
+    if one.cutoff is not None:
+        figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
+    if one.arms is not None:
+        figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
+    grids = [*_model_grids(one), *(grid for grid in (_arm_grid(one), _calibration_grid(one)) if grid is not None)]
+    if not figures and not grids:
+        return None
+    lead = []
+    if one.models:
+        lead.append(
+            "Omitted stiffness or dry friction would bias the viscosity, so models with them are fitted too; an "
+            "information criterion less by 10 or more is strong evidence."
+        )
+    if one.cutoff is not None and one.cutoff.reason:
+        lead.append(one.cutoff.reason)
+    if one.arms is not None:
+        lead.append(
+            f"Moment arms were perturbed {one.arms.draws} times at each level of error; the outer lines hold 95 % "
+            "of the values."
+        )
+    names = list(dict.fromkeys(name for held in one.held_out for name in held.predicted))
+    legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
+    if one.cutoff is not None:
+        legend += [(style, f"cut-off: {told}") for style, told in zip(AXES, ("viscosity", "COM", "mass"), strict=True)]
+    return Section(
+        f"trust-{order}",
+        f"Trust in specimen {one.name}",
+        " ".join(lead),
+        tuple(legend),
+        tuple(figures),
+        tuple(grids),
+        False,
+    )
+
+
+def _scans(one: SpecimenReport, order: int) -> Section | None:
+    if not one.scans:
+        return None
+    lead = (
+        "Each scanned bone where it lies on the bone of the model, seen from two sides: red places lie outside it, "
+        "blue ones inside. The scale of each holds 95 % of its places."
+    )
+    return Section(f"scans-{order}", f"CT of specimen {one.name}", lead, (), one.scans, (), False)
+
+
+def held_out_plots(held: HeldOutSwing) -> list[str]:
+    """Angles of a swing that was not used, measured and integrated forward by each model [degrees]."""
+    span = (float(held.time[0]), float(held.time[-1]))
+    found = []
+    for k, axis in enumerate(held.axes):
+        lines = [Line(held.time, np.rad2deg(held.measured[:, k]), "measured", "measured")]
+        lines += [
+            Line(held.time, np.rad2deg(values[:, k]), MODELS[i % len(MODELS)], name)
+            for i, (name, values) in enumerate(held.predicted.items())
+        ]
+        title = f"Held-out swing {TITLES[held.condition]}, axis {axis}"
+        found.append(time_plot(Panel(title, "°", lines, span)))
+    return found
+
+
+def cutoff_plots(scan: CutoffScan) -> list[str]:
+    """Change of each condition's quantities over the cut-off of the filter, against the chosen one [%]."""
+    found = []
+    for told, kinds in SCANNED.items():
+        clouds = []
+        for name, style in zip(kinds, AXES, strict=True):
+            if name in scan.values:
+                known = np.isfinite(scan.values[name])
+                at = np.interp(scan.chosen, scan.cutoffs[known], scan.values[name][known])
+                change = 100.0 * (scan.values[name] / at - 1.0)
+                clouds.append(Cloud(scan.cutoffs, change, style, BY_NAME[name].label, dotted=True))
+        if clouds:
+            heights = np.concatenate([one.up[np.isfinite(one.up)] for one in clouds])
+            ends = np.array([heights.min(), heights.max()])
+            clouds.append(
+                Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True)
+            )
+            found.append(xy_plot(f"Change with the cut-off, {told}", "%", "cut-off [Hz]", clouds))
+    return found
+
+
+def arm_plot(arms: ArmSpread, truth: float | None) -> str:
+    """The common muscle viscosity against the error of the moment arms."""
+    across = 100.0 * arms.errors
+    clouds = [
+        Cloud(across, arms.high, "second", "97.5 % of the draws", True),
+        Cloud(across, arms.median, "first", "half of the draws", dotted=True),
+        Cloud(across, arms.low, "second", "2.5 % of the draws", True),
+    ]
+    if truth is not None:
+        clouds.append(Cloud(across[[0, -1]], np.full(2, truth), "truth", "truth", True))
+    return xy_plot("Muscle viscosity, moment arms in error", "Ns/m", "standard deviation of their error [%]", clouds)
+
+
+def _model_grids(one: SpecimenReport) -> list[Grid]:
+    """Of each condition the models that come nearest, plain viscosity always among them."""
+    grids = []
+    head = ("Model", "Values", "AIC over best", "BIC over best", "Held-out angle", "Held-out moment")
+    for condition, told in TITLES.items():
+        models = sorted((model for model in one.models if model.condition == condition), key=lambda model: model.bic)
+        near = [
+            model for i, model in enumerate(models) if i < MOST_MODELS or model.chosen or model.terms == "viscosity"
+        ]
+        rows = tuple(
+            (
+                model.terms + (" (chosen)" if model.chosen else ""),
+                model.values,
+                _signed(model.aic),
+                _signed(model.bic),
+                f"{number(float(np.rad2deg(model.angle_error)))} °" if np.isfinite(model.angle_error) else LACKING,
+                f"{number(model.wrench_error)} N·m" if np.isfinite(model.wrench_error) else LACKING,
+            )
+            for model in near
+        )
+        if rows:
+            left = f"; {len(models) - len(near)} more are in models.csv" if len(near) < len(models) else ""
+            grids.append(Grid(head, rows, f"Models of the passive torque {told}, the best first{left}"))
+    return grids
+
+
+def _arm_grid(one: SpecimenReport) -> Grid | None:
+    if one.arms is None or not one.arms.kinds:
+        return None
+    rows = tuple(
+        (
+            kind.kind,
+            kind.size,
+            f"{100.0 * kind.sd:.1f} %",
+            f"{100.0 * kind.bias:+.1f} %".replace("-", "−"),
+            with_interval(Estimate(kind.median, kind.low, kind.high)),
+        )
+        for kind in one.arms.kinds
+    )
+    head = ("Error of the moment arms", "Its SD", "SD of the viscosity", "Bias", "Viscosity [Ns/m] (95 % of draws)")
+    return Grid(head, rows, "Muscle viscosity with moment arms in error")
+
+
+def _signed(value: float) -> str:
+    return "best" if value == 0.0 else f"+{number(value)}" if np.isfinite(value) else LACKING
+
+
+def _calibration_grid(one: SpecimenReport) -> Grid | None:
+    if not one.calibration:
+        return None
+    rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
+    return Grid(("What", "Residual", ""), rows, "Calibration")
+
+
+def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[Level]]) -> Section:
+    """Specimen by specimen: every quantity as bars with intervals, the paper's and the true values on them."""
+    names = [one.name for one in specimens]
+    figures = []
+    for name, quantity in BY_NAME.items():
+        values = [one.row.get(name) for one in specimens]
+        if not any(value is not None for value in values):
+            continue
+        beside = [
+            Beside(label, style, np.array([getattr(one, kind).get(name, np.nan) for one in specimens]))
+            for label, kind, style in (("truth", "truth", "truth"), ("paper", "paper", "paper"))
+            if any(getattr(one, kind) for one in specimens)
+        ]
+        figures.append(
+            Figure(interval_bars(where(quantity), quantity.unit, names, values, beside, levels.get(name, [])))
+        )
+    legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]
+    legend += [("truth", "truth")] if any(one.truth for one in specimens) else []
+    legend += [("paper", "paper, the same specimen")] if any(one.paper for one in specimens) else []
+    legend += [("limit", "literature")] if any(one.style == "limit" for each in levels.values() for one in each) else []
+    return Section("cohort", "Specimen by specimen", "", tuple(legend), tuple(figures))

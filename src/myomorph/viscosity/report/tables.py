@@ -1,0 +1,192 @@
+"""Tables I and II of the swing experiment as [S] prints them, and the cohort beside the paper and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from myomorph.model.estimate import Estimate
+from myomorph.report.charts.chart import number
+from myomorph.report.page.section import Grid, Section
+from myomorph.viscosity import murai_tables
+from myomorph.viscosity.cohort import QUANTITIES, CohortLine, Quantity, cohort
+from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY, PublishedSpecimen
+from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
+
+TITLES = {
+    1: "Table I: joint parameters of specimens without muscles",
+    2: "Table II: joint parameters of specimens with muscles",
+}
+COLUMNS = {
+    1: ("mass_without", "com_without", "joint_viscosity"),
+    2: (
+        "mass_with",
+        "estimated_muscle_mass",
+        "measured_muscle_mass",
+        "com_with",
+        "total_viscosity",
+        "muscle_viscosity",
+    ),
+}
+"""In the order of [S]."""
+
+BY_NAME = {one.name: one for one in QUANTITIES}
+LACKING = "–"
+
+
+def scientific(value: float) -> str:
+    """A value with three digits and its power of ten, as [S] prints them: 5.33E-02."""
+    return f"{value:.2E}" if np.isfinite(value) else LACKING
+
+
+def with_interval(one: Estimate | None) -> str:
+    """A value and its interval, to the digits that the interval's width leaves."""
+    if one is None:
+        return LACKING
+    if not one.high > one.low:
+        return number(one.value)
+    return f"{_to(one.value, one.high - one.low)} ({span(one.low, one.high)})"
+
+
+def span(low: float, high: float) -> str:
+    """An interval, to two digits of its width."""
+    return f"{_to(low, high - low)} to {_to(high, high - low)}"
+
+
+def _to(value: float, width: float) -> str:
+    """A value to the second digit of a width."""
+    if not (np.isfinite(value) and width > 0.0):
+        return number(value)
+    return number(value, 10.0 ** (np.floor(np.log10(width)) - 1))
+
+
+def table_section(given: ViscosityInput) -> Section:
+    """Tables I and II, and their means beside those of the paper, the literature and the truth."""
+    lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
+    grids = [_table(given.done, lines, table, _printed) for table in (1, 2)]
+    grids.append(_means(given.done, lines))
+    grids += [_table(given.done, lines, table, with_interval) for table in (1, 2)]
+    lead = (
+        "COM is the distance of the mass center from the glenohumeral center. The joint viscosity is that without "
+        "muscles, the total viscosity that with them, each one value over all axes; the muscle viscosity is one value "
+        "for all muscles. The estimated muscles are the mass with less the mass without. The SD is that of the "
+        "population, divided by the number of specimens, as the paper's is."
+    )
+    return Section("tables", "Tables I and II", lead, (), (), tuple(grids))
+
+
+def _printed(one: Estimate | None) -> str:
+    return LACKING if one is None else scientific(one.value)
+
+
+def _table(
+    specimens: Sequence[SpecimenReport],
+    lines: dict[str, CohortLine],
+    table: int,
+    told: Callable[[Estimate | None], str],
+) -> Grid:
+    columns = [BY_NAME[name] for name in COLUMNS[table]]
+    rows = [(one.name, *(told(one.row.get(column.name)) for column in columns)) for one in specimens]
+    plain = told is _printed
+    if plain:
+        known = [lines.get(column.name) for column in columns]
+        rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
+        rows.append(("± SD", *(LACKING if one is None else scientific(one.sd) for one in known)))
+        for name, printed in (("paper: mean", murai_tables.MEAN), ("paper: ± SD", murai_tables.SD)):
+            rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
+        if table == 2:
+            stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
+            rows.append(("literature: Stroeve 1999", *(stroeve.get(column.name, "") for column in columns)))
+    head = ("specimen #", *(f"{column.label} [{column.unit}]" for column in columns))
+    title = TITLES[table] + ("" if plain else ", with 95 % intervals")
+    return Grid(head, tuple(rows), title, folded=not plain)
+
+
+def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) -> Grid:
+    """Mean and SD of every quantity: truth where it is known, the paper, the estimate."""
+    known = bool(specimens) and any(one.truth for one in specimens)
+    rows = []
+    for quantity in QUANTITIES:
+        line = lines.get(quantity.name)
+        truths = [one.truth[quantity.name] for one in specimens if quantity.name in one.truth]
+        row = [f"{where(quantity)} [{quantity.unit}]"]
+        if known:
+            row.append(_spread(truths))
+        row.append(_spread([getattr(one, quantity.name) for one in murai_tables.SPECIMENS]))
+        row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
+        row.append(
+            LACKING if line is None or not np.isfinite(line.low) or line.high == line.low else span(line.low, line.high)
+        )
+        if known:
+            complete = line is not None and len(truths) == line.count and line.high > line.low
+            row.append(_verdict(line, float(np.mean(truths))) if complete and line is not None else "")
+        row.append(LACKING if line is None else str(line.count))
+        rows.append(tuple(row))
+    head = ["Quantity", "Paper's six", "Estimate", "95 % interval of the mean", "Specimens"]
+    if known:
+        head.insert(1, "Truth")
+        head.insert(5, "Truth in the interval")
+    return Grid(
+        tuple(head),
+        tuple(rows),
+        "Means ± population SD" + (": truth, paper and estimate" if known else " beside the paper's"),
+    )
+
+
+def _spread(values: Sequence[float]) -> str:
+    return _plus_minus(float(np.mean(values)), float(np.std(values))) if len(values) else LACKING
+
+
+def _plus_minus(mean: float, sd: float) -> str:
+    """To three digits of the SD, as the paper prints it."""
+    return f"{_to(mean, 0.1 * sd)} ± {_to(sd, 0.1 * sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
+
+
+def _verdict(line: CohortLine, truth: float) -> str:
+    share = 100.0 * (line.mean / truth - 1.0) if truth else float("nan")
+    inside = "yes" if line.low <= truth <= line.high else "no"
+    return f"{inside}, off by {share:+.1f} %".replace("-", "−")
+
+
+def where(quantity: Quantity) -> str:
+    """A quantity's label that tells the two masses apart."""
+    told = quantity.label
+    if quantity.name in ("mass_without", "com_without", "mass_with", "com_with"):
+        told += ", without muscles" if quantity.table == 1 else ", with muscles"
+    return told[:1].upper() + told[1:] if not told.startswith("COM") else told
+
+
+def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
+    """Truth, paper and estimate of every specimen; None where no truth is known."""
+    rows = []
+    for one in specimens:
+        for quantity in QUANTITIES:
+            if quantity.name not in one.truth and quantity.name not in one.paper:
+                continue
+            truth, paper = one.truth.get(quantity.name), one.paper.get(quantity.name)
+            estimate = one.row.get(quantity.name)
+            off = ""
+            if estimate is not None and truth:
+                off = f"{100.0 * (estimate.value / truth - 1.0):+.1f} %".replace("-", "−")
+            told = (LACKING if value is None else number(value) for value in (truth, paper))
+            held = (
+                ""
+                if estimate is None or truth is None or estimate.high <= estimate.low
+                else _yes(estimate.holds(truth))
+            )
+            rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *told, with_interval(estimate), off, held))
+    if not rows:
+        return None
+    head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")
+    return Grid(head, tuple(rows), "Truth, paper and estimate, one by one", folded=True)
+
+
+def _yes(one: bool) -> str:
+    return "yes" if one else "no"
+
+
+def published(specimen: PublishedSpecimen) -> dict[str, float]:
+    """A printed row by quantity."""
+    return {one.name: float(getattr(specimen, one.name)) for one in fields(specimen) if one.name != "name"}

@@ -1,0 +1,1 @@
+"""From a study file of specimens to its results: files, steps, tables."""

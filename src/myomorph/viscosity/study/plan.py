@@ -1,0 +1,357 @@
+"""A study file of swinging limbs: specimens with and without muscles, checked as a whole before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+from pydantic import Field, create_model
+
+from myomorph.contact.plate_placements import MarkedWeight
+from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.store.settings import Setting, settings_of
+from myomorph.store.study_file import (
+    Strict,
+    StudyTable,
+    check_time,
+    checked,
+    existing,
+    matching,
+    options_table,
+    read_toml,
+    refuse,
+)
+from myomorph.study.trial.companions import companion, plain_stem
+from myomorph.viscosity.cohort import QUANTITIES
+from myomorph.viscosity.study.ct import ScanFiles, ScanTable, scan_files
+from myomorph.viscosity.study.plate_files import PlateFiles
+
+CONDITIONS = ("without", "with")
+
+
+def viscosity_settings() -> Mapping[str, tuple[Setting, ...]]:
+    """Settings of every step, by its name in the table `[options]`."""
+    from myomorph.viscosity.study.specimen import StudyOptions
+
+    plain = StudyOptions()
+    return MappingProxyType({name: settings_of(type(one)) for name, one in vars(plain).items()})
+
+
+class _Recording(Strict):
+    """A trial given by a table, where its files do not follow the rule of names."""
+
+    markers: str
+    loads: str | None = None
+    name: str = ""
+    time: tuple[float, float] | None = None
+
+
+class _Study(StudyTable):
+    """Sentences on where the recordings come from stand first in the report."""
+
+    real: list[str] = Field(default_factory=list)
+    simulated: list[str] = Field(default_factory=list)
+    assumed: list[str] = Field(default_factory=list)
+
+
+class _Plate(Strict):
+    """C3D recordings of a marked weight on the plate, from which its place is calibrated."""
+
+    placements: list[str] = Field(min_length=1)
+    markers: list[str] = Field(min_length=1)
+    shares: list[float] | None = None
+    mass: float | None = Field(default=None, gt=0.0)
+    axis: tuple[str, str] | None = None
+    tip: float | None = None
+    name: str = ""
+
+
+class _Specimen(Strict):
+    name: str
+    model: str
+    without: list[str | _Recording] = Field(default_factory=list)
+    intact: list[str | _Recording] = Field(default_factory=list, alias="with")
+    measured_muscle_mass: float | None = Field(default=None, gt=0.0)
+    base: str | None = None
+    first: str | None = None
+    bones: list[str] = Field(default_factory=list)
+    joint: Literal["ball", "hinge"] = "ball"
+    up: Literal["x", "y", "z"] | None = None
+    muscles: dict[str, list[str]] = Field(default_factory=dict)
+    pcsa: dict[str, float] = Field(default_factory=dict)
+    tare: str | None = None
+    plate: _Plate | None = None
+    ct: list[ScanTable] = Field(default_factory=list)
+    time: tuple[float, float] | None = None
+    truth: dict[str, float] = Field(default_factory=dict)
+    paper: dict[str, float] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SwingFiles:
+    """One recording of a swing; `loads` is `markers` where one C3D file holds both."""
+
+    name: str
+    markers: Path
+    loads: Path
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SpecimenFiles:
+    """What is known of one specimen before anything is read.
+
+    Attributes
+    ----------
+    without, intact : recordings without and with muscles; either may be empty
+    measured_muscle_mass : of the removed muscles on a scale [kg]
+    base, first : bodies of the model, None for those called scapula and humerus
+    bones : bodies that carry markers, () for those of the limb whose markers were recorded
+    muscles : strands of the model by the muscle's name, empty for the 11 of [S] figure 1
+    pcsa : cross-section of each muscle, empty for shares of isometric force
+    tare : forces of the plate with the fixture but without limb, None where it was set to zero so
+    plate : how its place among the markers is known, None where the C3D files know it
+    ct : scanned bones and clusters, where the model's own markers are not to be used
+    truth, paper : values of `QUANTITIES` that are known from elsewhere
+    up : axis of the laboratory that points up, None for the model's
+    """
+
+    name: str
+    model: Path
+    without: tuple[SwingFiles, ...] = ()
+    intact: tuple[SwingFiles, ...] = ()
+    measured_muscle_mass: float | None = None
+    base: str | None = None
+    first: str | None = None
+    bones: tuple[str, ...] = ()
+    joint: Literal["ball", "hinge"] = "ball"
+    muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    pcsa: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    tare: Path | None = None
+    plate: PlateFiles | None = None
+    ct: tuple[ScanFiles, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    up: Literal["x", "y", "z"] | None = None
+
+
+@dataclass(frozen=True)
+class ViscosityPlan:
+    """What a study of swinging limbs does.
+
+    Attributes
+    ----------
+    path : of the study file, None where there is none
+    settings : by step, only what was given
+    real, simulated, assumed : sentences of the report's head
+    remarks : which files were found by the rule of names, and what is lacking
+    """
+
+    name: str
+    path: Path | None
+    specimens: tuple[SpecimenFiles, ...]
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
+    real: tuple[str, ...] = ()
+    simulated: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
+    """Read a study file of swinging limbs; paths in it are relative to its folder.
+
+    Raises
+    ------
+    BadFile
+        where it is no TOML, or with one list of all that is wrong: unknown keys and quantities, values of the
+        wrong kind, files that do not exist, a specimen without any recording
+    """
+    path = Path(path)
+    raw = read_toml(path)
+    if "subject" in raw and "specimen" not in raw:
+        raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
+    options = options_table(viscosity_settings())
+    file = create_model(
+        "ViscosityFile",
+        __base__=Strict,
+        study=(_Study, ...),
+        specimen=(list[_Specimen], Field(min_length=1)),
+        options=(options, Field(default_factory=options)),
+    )
+    found, problems = checked(file, raw)
+    specimens: list[SpecimenFiles] = []
+    remarks: list[str] = []
+    if found is not None:
+        for one in found.specimen:
+            specimens.append(_specimen(one, path.parent, problems, remarks))
+            if any(other.name == one.name for other in specimens[:-1]):
+                problems.append(f"two specimens are named '{one.name}': give one another name")
+    refuse(path, problems)
+    assert found is not None
+    settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
+    return ViscosityPlan(
+        found.study.name,
+        path,
+        tuple(specimens),
+        MappingProxyType(settings),
+        tuple(found.study.real),
+        tuple(found.study.simulated),
+        tuple(found.study.assumed),
+        tuple(remarks),
+    )
+
+
+def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:
+    where = f"specimen '{given.name}'"
+    if not given.without and not given.intact:
+        problems.append(f"{where}: has no recordings: give 'without', 'with' or both")
+    elif not given.without or not given.intact:
+        lacking = "without" if not given.without else "with"
+        remarks.append(
+            f"{where}: no recordings {lacking} muscles: their viscosity cannot be told apart from the joint's"
+        )
+    for table in ("truth", "paper"):
+        for name in getattr(given, table):
+            names = [one.name for one in QUANTITIES]
+            if name not in names:
+                problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names, 9)}")
+    without, intact = (
+        tuple(_recordings(entries, given.time, folder, f"{where}: {key}", problems, remarks))
+        for key, entries in zip(CONDITIONS, (given.without, given.intact), strict=True)
+    )
+    model = existing(folder, given.model, f"{where}: model", problems)
+    return SpecimenFiles(
+        given.name,
+        model or folder,
+        without,
+        intact,
+        given.measured_muscle_mass,
+        given.base,
+        given.first,
+        tuple(given.bones),
+        given.joint,
+        MappingProxyType({name: tuple(strands) for name, strands in given.muscles.items()}),
+        MappingProxyType(dict(given.pcsa)),
+        existing(folder, given.tare, f"{where}: tare", problems),
+        None if given.plate is None else _plate(given.plate, folder, f"{where}: plate", problems),
+        tuple(_scans(given.ct, folder, f"{where}: ct", problems)),
+        MappingProxyType(dict(given.truth)),
+        MappingProxyType(dict(given.paper)),
+        given.up,
+    )
+
+
+def _plate(given: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:
+    placements = [path for name in given.placements for path in matching(folder, name, where, problems)]
+    problems += [f"{where}: '{path.name}' is no C3D recording" for path in placements if path.suffix.lower() != ".c3d"]
+    shares = None if given.shares is None else tuple(given.shares)
+    try:
+        weight = MarkedWeight("weight", tuple(given.markers), shares, given.mass, given.axis, given.tip)
+    except BadData as error:
+        problems.append(f"{where}: {error}")
+        return None
+    return PlateFiles(tuple(placements), weight, given.name)
+
+
+def _scans(given: Sequence[ScanTable], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
+    for table in given:
+        for name in (table.surface, table.cluster, table.picked, table.mesh):
+            existing(folder, name, f"{where} of '{table.bone}'", problems)
+        try:
+            yield scan_files(table, folder)
+        except BadData as error:
+            problems.append(f"{where}: {error}")
+
+
+def _recordings(
+    entries: list[str | _Recording],
+    time: tuple[float, float] | None,
+    folder: Path,
+    where: str,
+    problems: list[str],
+    remarks: list[str],
+) -> Iterator[SwingFiles]:
+    seen: set[str] = set()
+    for entry in entries:
+        given = _Recording(markers=entry) if isinstance(entry, str) else entry
+        check_time(given.time or time, f"{where}: time", problems)
+        for markers in matching(folder, given.markers, where, problems):
+            if given.loads is not None:
+                loads = existing(folder, given.loads, f"{where}: loads", problems)
+            else:
+                loads = swing_loads(markers)
+                if loads is None:
+                    problems.append(f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D file")
+                elif loads != markers:
+                    remarks.append(f"{markers.name}: loads from {loads.name}")
+            name = given.name or plain_stem(markers)
+            if name in seen:
+                problems.append(f"{where}: two recordings are named '{name}': give one a 'name'")
+            seen.add(name)
+            if loads is not None:
+                yield SwingFiles(name, markers, loads, given.time or time)
+
+
+def fixed_plan(
+    model: Path | None,
+    files: Mapping[str, tuple[Sequence[Path], Sequence[Path]]],
+    base: str | None = None,
+    first: str | None = None,
+    muscle_mass: float | None = None,
+    time: tuple[float, float] | None = None,
+    settings: Mapping[str, Any] = MappingProxyType({}),
+) -> ViscosityPlan:
+    """The plan of one specimen whose files are given by hand.
+
+    Parameters
+    ----------
+    files : of each of `CONDITIONS`, recordings and their forces, which may be empty
+    settings : of all steps, by option
+
+    Raises
+    ------
+    BadData
+        where something is missing, or there are not as many forces as recordings
+    BadFile
+        where a file does not exist
+    """
+    if model is None:
+        raise BadData("give a study file, or --model with --with and --without")
+    if not model.is_file():
+        raise BadFile(model, "does not exist", "give a model (.osim or .xml)")
+    conditions = {name: tuple(_given(name, *files.get(name, ((), ())), time)) for name in CONDITIONS}
+    if not any(conditions.values()):
+        raise BadData("no recordings: give --with and --without")
+    remarks = tuple(
+        f"no recordings {name} muscles, so that their viscosity cannot be told"
+        for name, entries in conditions.items()
+        if not entries
+    )
+    specimen = SpecimenFiles(
+        model.stem, model, conditions["without"], conditions["with"], muscle_mass, base=base, first=first
+    )
+    tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
+    return ViscosityPlan(model.stem, None, (specimen,), MappingProxyType(tables), remarks=remarks)
+
+
+def _given(
+    name: str, recordings: Sequence[Path], loads: Sequence[Path], time: tuple[float, float] | None
+) -> Iterator[SwingFiles]:
+    if loads and len(loads) != len(recordings):
+        raise BadData(f"{len(recordings)} recordings but {len(loads)} files of forces for --{name}: give one of each")
+    for i, markers in enumerate(recordings):
+        own = loads[i] if loads else swing_loads(markers)
+        for path in (markers, own):
+            if path is not None and not path.is_file():
+                raise BadFile(path, "does not exist")
+        if own is None:
+            raise BadFile(markers, "has no forces beside it", f"give --{name}-loads")
+        yield SwingFiles(plain_stem(markers), markers, own, time)
+
+
+def swing_loads(markers: Path) -> Path | None:
+    """The forces that belong to a recording: in it where it is a C3D file, else beside it by its stem, or None."""
+    return markers if markers.suffix.lower() == ".c3d" else companion(markers, "loads")

@@ -1,0 +1,294 @@
+"""One specimen from its files to its row of [S] tables I and II."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.model import Model
+from myomorph.model.provenance import Source
+from myomorph.model.series import Trial
+from myomorph.store.progress import Advance
+from myomorph.store.results import file_source
+from myomorph.store.settings import plain_settings, with_settings
+from myomorph.viscosity.arm_sensitivity import ArmOptions
+from myomorph.viscosity.cutoff import choose_cutoff
+from myomorph.viscosity.passive_models import PassiveOptions
+from myomorph.viscosity.report.given import Residual, SpecimenReport, specimen_report
+from myomorph.viscosity.specimen import Specimen, SwingTrial
+from myomorph.viscosity.study.model import identified_model
+from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, SwingFiles
+from myomorph.viscosity.study.plate_files import calibrate, placed, plate_residuals
+from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
+from myomorph.viscosity.study.trust import trusted, with_cutoffs
+from myomorph.viscosity.swing_checks import Finding, condition_findings, recording_findings, tracking_findings
+from myomorph.viscosity.swing_rows import swing_recordings
+from myomorph.viscosity.swings import SwingRecording
+from myomorph.viscosity.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.viscosity.viscosity import Condition, SpecimenViscosity, ViscosityOptions, identify_specimen
+
+TRACKING, IDENTIFYING = 0.5, 0.25
+"""Shares of a specimen's time, for the bar."""
+
+MASSES = {"without": ("mass_without", "com_without"), "with": ("mass_with", "com_with")}
+VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
+"""What a condition gives to the tables."""
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """The low-pass of motion and wrench.
+
+    Attributes
+    ----------
+    cutoff : of motion and wrench [Hz]; by default the one that residual analysis of the recordings asks for
+    """
+
+    cutoff: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not self.cutoff > 0.0:
+            raise BadData(f"cutoff of motion and wrench is {self.cutoff:g} Hz: expected above 0")
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """All that a study of swinging limbs may be told, each part in its own table."""
+
+    filter: FilterOptions = field(default_factory=FilterOptions)
+    tracking: TrackingOptions = field(default_factory=TrackingOptions)
+    identification: ViscosityOptions = field(default_factory=ViscosityOptions)
+    laws: PassiveOptions = field(default_factory=PassiveOptions)
+    arms: ArmOptions = field(default_factory=ArmOptions)
+
+    @staticmethod
+    def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
+        """Options from the tables of a study file, or from a command line."""
+        plain = StudyOptions()
+        return replace(plain, **{name: with_settings(getattr(plain, name), own) for name, own in settings.items()})
+
+    @property
+    def plain(self) -> dict[str, dict[str, object]]:
+        """The settings as plain values, by table."""
+        return {name: plain_settings(getattr(self, name)) for name in self.__dataclass_fields__}
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One condition on its way: its trials tracked, as equations at one cut-off, and what is wrong with them."""
+
+    tracked: TrackedSpecimen
+    notes: tuple[str, ...]
+    recordings: tuple[SwingRecording, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def hides_mass(self) -> bool:
+        """Whether the plate was set to zero with the limb on it."""
+        return any(one.hides_mass for one in self.findings)
+
+
+@dataclass(frozen=True, eq=False)
+class Studied:
+    """A specimen that could be done: what was found, what the report shows of it, and its model with it."""
+
+    found: SpecimenViscosity
+    report: SpecimenReport
+    model: Model | None = None
+
+
+def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
+    """Identify one specimen.
+
+    A condition that cannot be used is named in the notes, and what the other one shows is still found.
+
+    Parameters
+    ----------
+    advance : called with the share of the specimen's work just done
+
+    Raises
+    ------
+    BadData, BadFile, BadModel, UnknownName
+        where neither condition can be used
+    """
+    given = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
+    opened = open_specimen(files, recorded_markers(next(one for entries in given.values() for one in entries)))
+    specimen = opened.specimen
+    calibration = None if files.plate is None else calibrate(files.plate)
+    plate = files.plate
+    place = None if plate is None or calibration is None else partial(placed, files=plate, calibration=calibration)
+    notes = [*specimen.notes, *opened.notes, *(() if calibration is None else calibration.notes)]
+    conditions: dict[str, Prepared] = {}
+    lost = []
+    share = TRACKING / sum(1 for entries in given.values() if entries)
+    for name, entries in given.items():
+        if not entries:
+            continue
+        try:
+            conditions[name] = _tracked(specimen, files, name, place, options, lambda part: advance(share * part))
+        except MyomorphError as error:
+            lost.append(f"{name} muscles: {error}")
+    if not conditions:
+        raise BadData("; ".join(lost))
+    cutoff, reason = _cutoff(options, conditions)
+    conditions = _equations(conditions, cutoff, options.identification.tare == "known", lost)
+    if not conditions:
+        raise BadData("; ".join(lost))
+    notes += lost
+    found = _identified(specimen, files, conditions, options.identification)
+    advance(IDENTIFYING)
+    report, found = _judged(found, conditions, notes)
+    report = trusted(report, found, options.laws, options.arms)
+    tracked = {name: one.tracked for name, one in conditions.items()}
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)
+    residuals = () if calibration is None else plate_residuals(calibration)
+    report, model = _with_model(report, found, tracked, cutoff)
+    residuals = (*opened.residuals, *residuals, *_marker_residuals(conditions))
+    known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
+    return Studied(found, known, model)
+
+
+def _tracked(
+    specimen: Specimen,
+    files: SpecimenFiles,
+    name: str,
+    place: Callable[[Trial], Trial] | None,
+    options: StudyOptions,
+    advance: Advance,
+) -> Prepared:
+    entries: tuple[SwingFiles, ...] = files.without if name == "without" else files.intact
+    notes: list[str] = []
+    trials: list[SwingTrial] = []
+    for entry in entries:
+        trial, told = open_swing(entry, specimen.model, files, place)
+        trials.append(trial)
+        notes += told
+    frames = 2 * sum(len(trial.markers) for trial in trials)
+    tracked = track(specimen, trials, options.tracking, lambda done: advance(done / frames))
+    notes += [*tracked.notes, *(note for trial in tracked.trials for note in trial.notes)]
+    return Prepared(tracked, tuple(notes))
+
+
+def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
+    """The cut-off of all conditions [Hz], and why it was chosen."""
+    if options.filter.cutoff is not None:
+        return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
+    chosen = choose_cutoff([one.tracked for one in conditions.values()])
+    return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
+
+
+def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]) -> dict[str, Prepared]:
+    """The conditions with their equations and faults; those that have none are added to what is lost."""
+    found = {}
+    for name, one in conditions.items():
+        try:
+            recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
+            findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
+        except MyomorphError as error:
+            lost.append(f"{name} muscles: {error}")
+            continue
+        if not tared:
+            hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
+            findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
+        found[name] = replace(one, recordings=recordings, findings=findings)
+    return found
+
+
+def _identified(
+    specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: ViscosityOptions
+) -> SpecimenViscosity:
+    """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
+    forces = specimen.isometric_forces
+    own = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
+    pcsa = files.pcsa or own
+    recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
+
+    def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
+        bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
+        return identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
+
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    if not hidden:
+        return solved(CONDITIONS, options)
+    found = solved(CONDITIONS, replace(options, tare="unknown"))
+    for name in set(conditions) - set(hidden):
+        key = "without" if name == "without" else "intact"
+        known, alone = getattr(found, key), getattr(solved((name,), options), key)
+        if known is not None and alone is not None:
+            found = replace(found, **{key: replace(known, mass=alone.mass, com=alone.com)})
+    return replace(found, muscle_mass=None)
+
+
+def _judged(
+    found: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
+) -> tuple[SpecimenReport, SpecimenViscosity]:
+    """The specimen without what its recordings cannot tell, and every fault as a note."""
+    lacking: set[str] = set()
+    parts: dict[str, Condition | None] = {"without": found.without, "with": found.intact}
+    for name, condition in parts.items():
+        findings = list(conditions[name].findings) if name in conditions else []
+        findings += [] if condition is None else condition_findings(condition)
+        notes += [f"{name} muscles: {one.line}" for one in findings if one.line not in notes]
+        if any(one.hides_mass for one in findings):
+            lacking |= {*MASSES[name], "estimated_muscle_mass"}
+        if any(one.fatal for one in findings):
+            lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
+    muscles = None if "muscle_viscosity" in lacking else found.muscles
+    notes += [note for one in conditions.values() for note in one.notes if not any(note in line for line in notes)]
+    found = replace(found, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *found.notes))))
+    report = specimen_report(found)
+    return replace(report, row={name: one for name, one in report.row.items() if name not in lacking}), found
+
+
+def _with_model(
+    report: SpecimenReport, found: SpecimenViscosity, tracked: Mapping[str, TrackedSpecimen], cutoff: float
+) -> tuple[SpecimenReport, Model | None]:
+    """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim` cannot hold."""
+    known = "joint_viscosity" in report.row
+    one = tracked.get("with", tracked.get("without"))
+    if one is None or not known or not one.specimen.model.source.lower().endswith(".osim"):
+        return report, None
+    try:
+        made = identified_model(one, found, cutoff)
+    except MyomorphError as error:
+        return replace(report, notes=(*report.notes, f"no identified.osim: {error}")), None
+    return (report, None) if made is None else (replace(report, notes=(*report.notes, *made[1])), made[0])
+
+
+def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...]:
+    lines = []
+    for name, one in conditions.items():
+        rms = np.concatenate([trial.rms for trial in one.tracked.trials])
+        if np.isfinite(rms).any():
+            worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
+            value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
+            lines.append(Residual(f"markers to bones, {name} muscles", value, "mm", worst))
+        for trial in one.tracked.trials:
+            clock = trial.clock
+            if clock.length > 0.0:
+                millionths = round(1e6 * clock.drift, 1)
+                drift = f"drift {millionths:g} parts per million" if millionths else "no drift"
+                lines.append(Residual(f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift))
+    return tuple(lines)
+
+
+def input_sources(files: SpecimenFiles) -> tuple[Source, ...]:
+    """The files that a specimen is made from, by their hashes."""
+    sources = [file_source("model", files.model)]
+    for name, entries in zip(CONDITIONS, (files.without, files.intact), strict=True):
+        for entry in entries:
+            sources.append(file_source(f"markers {name} muscles", entry.markers))
+            if entry.loads != entry.markers:
+                sources.append(file_source(f"loads {name} muscles", entry.loads))
+    further: list[tuple[str, Path]] = [] if files.tare is None else [("tare", files.tare)]
+    further += [("CT", path) for scan in files.ct for path in (scan.surface, scan.cluster)]
+    if files.plate is not None:
+        further += [("plate calibration", path) for path in files.plate.placements]
+    return (*sources, *(file_source(role, path) for role, path in further))

@@ -1,0 +1,253 @@
+"""The files of a specimen as values: its model as base, joint and limb, and its swings as markers and wrench."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.contact.plates import plate_axes, plate_wrench
+from myomorph.io.loads import read_external_loads
+from myomorph.io.mesh import read_mesh
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
+from myomorph.model.model import Model
+from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
+from myomorph.morph.place_clusters import PlacedBone
+from myomorph.report.charts.chart import number
+from myomorph.report.charts.residual_map import residual_map
+from myomorph.report.page.section import Figure
+from myomorph.study.trial.inputs import about, fitted_to, open_model, open_trial
+from myomorph.study.trial.upright import carrying, turn_to, turned
+from myomorph.viscosity.report.given import Residual
+from myomorph.viscosity.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.study.ct import ScannedModel, model_from_scans
+from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
+
+NAMED = {"base": ("scapula",), "first": ("humerus", "humer", "upper_arm", "upperarm")}
+"""What the bodies of a shoulder are called where a study file does not name them."""
+
+WHOLE = 9
+"""Columns of a table of one force: force, point and torque."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedSpecimen:
+    """A specimen out of its files, what was said of them, and how well a CT fits the model's bones."""
+
+    specimen: Specimen
+    notes: tuple[str, ...] = ()
+    residuals: tuple[Residual, ...] = ()
+    scans: tuple[Figure, ...] = ()
+
+
+def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
+    """The specimen that a model holds, its bones those that carry at least three of the recorded markers.
+
+    With a CT, markers come from the scanned clusters.
+
+    Parameters
+    ----------
+    recorded : a trial of it
+
+    Raises
+    ------
+    BadFile, BadModel, UnknownName
+        where the model cannot be read, or has no such base, limb or muscles
+    """
+    with about(files.model):
+        model = _model(files.model, recorded.names)
+        scanned = model_from_scans(model, files.ct, recorded) if files.ct else None
+        model = model if scanned is None else scanned.model
+        first = _body(model, files.first, "first")
+        base = _body(model, files.base, "base", first)
+        bones = files.bones or _marked(model, base, first, recorded.names)
+        names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)
+        specimen = build_specimen(model, names)
+    if scanned is None:
+        return OpenedSpecimen(specimen)
+    maps = [
+        residual_map(bone.body, f"mm, root mean square {number(1e3 * bone.fit.rms)}", surface, bone.fit.distances)
+        for bone, surface in zip(scanned.bones, (read_mesh(scan.surface) for scan in files.ct), strict=True)
+    ]
+    return OpenedSpecimen(specimen, scanned.notes, _fits(scanned), tuple(Figure(one) for one in maps))
+
+
+def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
+    bones = tuple(
+        Residual(f"CT of {one.body} on the model's bone", 1e3 * one.fit.rms, "mm", _fit_told(one))
+        for one in scanned.bones
+    )
+    clusters = tuple(
+        Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * one.misfit, "mm")
+        for bone, one in zip(scanned.bones, scanned.clusters, strict=True)
+        if np.isfinite(one.misfit)
+    )
+    return (*bones, *clusters)
+
+
+def _model(path: Path, markers: Sequence[str]) -> Model:
+    """The model of a file; of MJCF, whose sites may be anything, those that are called as recorded markers are."""
+    if path.suffix.lower() == ".osim":
+        return open_model(path)
+    from myomorph.io.mjcf.read import read_mjcf
+
+    return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
+
+
+def _fit_told(one: PlacedBone) -> str:
+    return f"95 % of its places within {1e3 * one.fit.percentile(95.0):.2f} mm; scale {one.scale:.3f}"
+
+
+def _body(model: Model, given: str | None, role: str, other: str = "") -> str:
+    """The body that a study file names, or the one whose name tells; of two sides the one of `other`."""
+    if given is not None:
+        if given not in model.body_names:
+            raise UnknownName("body", given, model.body_names, f"model '{model.name}'")
+        return given
+    for word in NAMED[role]:
+        found = [name for name in model.body_names if word in name.lower() and "phantom" not in name.lower()]
+        sided = [name for name in found if other and name.lower().endswith(other.lower()[-2:])]
+        found = found if len(found) == 1 else sided or found
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise BadModel(f"which body is the '{role}'? The model has {listing('', found)}: name it in the study file")
+    raise BadModel(
+        f"no body is called '{NAMED[role][0]}': give '{role}' in the study file; the model has "
+        f"{listing(NAMED[role][0], model.body_names)}"
+    )
+
+
+def _marked(model: Model, base: str, first: str, markers: Sequence[str]) -> tuple[str, ...]:
+    parents = {joint.child: joint.parent for joint in model.joints}
+
+    def beyond(body: str) -> bool:
+        while body in parents and body != first:
+            body = parents[body]
+        return body == first
+
+    known = set(markers)
+    counts: dict[str, int] = {}
+    for marker in model.markers:
+        if marker.name in known:
+            counts[marker.body] = counts.get(marker.body, 0) + 1
+    return tuple(body for body, count in counts.items() if count >= 3 and body not in (base, first) and beyond(body))
+
+
+def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
+    """Those of [S] figure 1 where the model has them; else all between base and limb."""
+    try:
+        return dict(fig1_muscles(model))
+    except BadModel:
+        return {}
+
+
+def open_swing(
+    swing: SwingFiles, model: Model, files: SpecimenFiles, place: Callable[[Trial], Trial] | None = None
+) -> tuple[SwingTrial, tuple[str, ...]]:
+    """A recording of a swing, in the model's ground axes, and what its files had to say.
+
+    Parameters
+    ----------
+    files : of its specimen: forces without the limb, which axis points up
+    place : puts the plates of a C3D file where they are
+
+    Raises
+    ------
+    BadFile, BadData
+        where a file is not what it should be, has none of the model's markers, or hangs aslant
+    """
+    recorded = open_trial(swing.markers)
+    if files.up is not None:
+        recorded = recorded.rotated(turn_to(files.up, model.gravity))
+    trial = fitted_to(model, recorded)
+    turn = np.eye(3) if files.up is None else turn_to(files.up, model.gravity)
+    turn = turn if trial is recorded else Z_UP_TO_Y_UP @ turn
+    raw = turned(open_wrench(swing.loads, place), turn)
+    wrenches, told = carrying(raw, model.gravity, swing.name)
+    empty = None
+    if files.tare is not None:
+        empty = turned(open_wrench(files.tare, place), turn)
+        empty = replace(empty, forces=-empty.forces, torques=-empty.torques) if told else empty
+    assert trial.markers is not None
+    notes = (f"{swing.name}: {text}" for text in trial.warnings if "plate" not in text)
+    return SwingTrial(swing.name, trial.markers, wrenches, swing.time, empty), (*told, *notes)
+
+
+def recorded_markers(files: SwingFiles) -> Markers:
+    """The markers of a recording; raises `BadFile` where it has none."""
+    markers = open_trial(files.markers).markers
+    if markers is None or not markers.names:
+        raise BadFile(files.markers, "holds no markers")
+    return markers
+
+
+def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wrenches:
+    """Forces on the base: a table of force, point and torque in ground, an external loads file, or plates of a C3D."""
+    ending = path.suffix.lower()
+    with about(path):
+        if ending == ".c3d":
+            return plate_wrenches(open_trial(path) if place is None else place(open_trial(path)))
+        if place is not None:
+            raise BadFile(path, "is a table in ground, where no plate can be moved", "'plate' goes with C3D forces")
+        if ending == ".xml":
+            return read_external_loads(path)
+        if ending not in (".mot", ".sto"):
+            raise BadFile(path, f"holds no forces: its name ends in '{ending}'", "expected .mot, .sto, .xml or .c3d")
+        return wrench_of_table(path)
+
+
+def wrench_of_table(path: Path) -> Wrenches:
+    """A table of one force: its nine columns are force, point and torque, as OpenSim writes them.
+
+    Columns are known by their endings (vx, px, and x of a torque); else their order tells.
+
+    Raises
+    ------
+    BadFile
+        where there are not nine columns
+    """
+    table = read_sto(path)
+    if len(table.names) != WHOLE:
+        raise BadFile(
+            path,
+            f"has {len(table.names)} columns beside the time: {listing('', table.names)}",
+            "give one force on the base: force, point and torque (9 columns)",
+        )
+    places = [_triple(table.names, ends) for ends in ("v", "p")]
+    if all(one is not None for one in places):
+        taken = [i for one in places if one is not None for i in one]
+        places.append([i for i in range(WHOLE) if i not in taken])
+    columns = places if len(places) == 3 else [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
+    force, point, torque = (table.values[:, one][:, None, :] for one in columns)
+    return Wrenches(table.time, ("base",), ("",), force, point, torque)
+
+
+def _triple(names: Sequence[str], kind: str) -> list[int] | None:
+    found = [[i for i, name in enumerate(names) if name.lower().endswith(f"{kind}{axis}")] for axis in "xyz"]
+    return [one[0] for one in found] if all(len(one) == 1 for one in found) else None
+
+
+def plate_wrenches(trial: Trial) -> Wrenches:
+    """Force and moment of all plates of a C3D file, as measured: not set to zero, about the plates' centers.
+
+    Raises
+    ------
+    BadFile
+        where the file has no plates
+    """
+    if not trial.plate_recordings:
+        raise BadFile(trial.source, "holds no force plates", "give 'loads': a table of force, point and torque")
+    parts = []
+    for plate in trial.plate_recordings:
+        axes = plate_axes(plate)
+        force, moment = plate_wrench(plate)
+        parts.append((force @ axes.T, np.broadcast_to(plate.corners.mean(axis=0), force.shape), moment @ axes.T))
+    force, point, torque = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
+    names = tuple(plate.name for plate in trial.plate_recordings)
+    return Wrenches(trial.plate_time, names, ("",) * len(names), force, point, torque)
