@@ -23,8 +23,8 @@ from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.muscles.path import compile_paths, muscle_kinematics
 from myomorph.rigid.bushings import angular_velocities
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
+from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import couple_frames
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.actuators import default_reserves

@@ -20,7 +20,8 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.rigid.kinematics import couple_frames, forward_kinematics
+from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 SIZES = (50, 500, 2000)

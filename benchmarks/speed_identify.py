@@ -24,7 +24,7 @@ from myomorph.model.functions import linear
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Axis, Coordinate, Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.kinematics import couple_rates_frames
+from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import compile_tree
 

@@ -16,7 +16,8 @@ from pathlib import Path
 from benchmarks.cases import data_folder
 from myomorph.model.model import Model
 from myomorph.study.run.expected_time import COLUMNS, RATES
-from myomorph.study.subject.subjects import SubjectFiles, prepare_subject
+from myomorph.study.subject.subject_files import SubjectFiles
+from myomorph.study.subject.subjects import prepare_subject
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.run_take import run_take
 from myomorph.study.trial.takes import FileTake, open_take

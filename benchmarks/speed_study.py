@@ -20,8 +20,8 @@ import psutil
 
 from benchmarks.cases import data_folder
 from myomorph.io.trc import write_trc
+from myomorph.store.outcome import Outcome
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.inputs import open_trial

@@ -86,7 +86,7 @@ def _equation(found: re.Match[str]) -> str:
 
 
 def modules(room: str) -> list[Path]:
-    """Modules of a room and of the rooms in it, in the order of their names, without those that a program alone uses."""
+    """Modules of a room and of the rooms in it by name, without those that a program alone uses."""
     return sorted(path for path in (PACKAGE / room).rglob("*.py") if not path.stem.startswith("_"))
 
 

@@ -24,7 +24,8 @@ from myomorph.motion.lengths import lengths_of
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.shared_fit import FrameSet, Prior, SharedProblem, reduce, settle
 from myomorph.motion.stretch import stretch_of
-from myomorph.rigid.kinematics import couple_frames, forward_kinematics
+from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
 from myomorph.rigid.tree import compile_tree
 

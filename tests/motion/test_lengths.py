@@ -8,7 +8,8 @@ from myomorph.model.scale import scale
 from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths, segments_that_stretch
 from myomorph.motion.stretch import skeleton, slopes_of_frame, stretch_of, with_travel
-from myomorph.rigid.kinematics import couple_frames, forward_kinematics
+from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure
 

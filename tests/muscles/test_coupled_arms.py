@@ -16,7 +16,7 @@ from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.muscles.path import compile_paths, muscle_kinematics
-from myomorph.rigid.kinematics import couple_frames
+from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.muscle_files import arms_as_reported, crossings

@@ -9,6 +9,7 @@ from walker import GRAVITY, Tension, everything, model, motion, steps
 
 from myomorph.analysis.centroid import centroid
 from myomorph.analysis.limb_muscles import MUSCLES, named_muscles
+from myomorph.analysis.phase import Phase
 from myomorph.analysis.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
 from myomorph.analysis.subjects import centroids, subjects
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
@@ -27,7 +28,7 @@ from myomorph.report.trial.estimated_forces import (
     groups_of,
     situation_of,
 )
-from myomorph.report.trial.given import Phase, ReportInput, Uncarried
+from myomorph.report.trial.given import ReportInput, Uncarried
 from myomorph.report.trial.motion_analysis import analyse
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from myomorph.analysis.motion_phases import MOST_STAGES, Cuttable, cut, measure, together
+from myomorph.analysis.phase import Phase
 from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Series
-from myomorph.report.trial.given import Phase
 
 TIME = np.arange(1001) / 100.0
 SPAN = (0.0, 10.0)

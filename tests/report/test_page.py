@@ -8,7 +8,8 @@ from lxml import etree, html
 from walker import everything
 
 from myomorph.model.series import Emg, Event, Series, Wrenches
-from myomorph.report.trial.given import Note, ReportInput, Truth
+from myomorph.report.page.head import Note
+from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.trial_page import report_page
 
 

@@ -10,7 +10,8 @@ from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.trial.given import Note, ReportInput, SourceFile, Step
+from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.trial.given import ReportInput
 
 RATE = 100.0
 GRAVITY = 9.80665

@@ -12,8 +12,9 @@ from myomorph.model.functions import SineProduct, constant, polynomial, simm_spl
 from myomorph.model.model import Axis, Coupler
 from myomorph.model.series import Wrenches
 from myomorph.rigid.coordinates import compile_functions, evaluate
+from myomorph.rigid.couplers import couple_frames, gather_dependents
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.kinematics import center_of_mass, couple_frames, forward_kinematics, gather_dependents
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from trees import functional_tree, random_tree, swinging
 

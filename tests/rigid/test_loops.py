@@ -12,7 +12,7 @@ from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.rigid.kinematics import couple_frames, couple_rates_frames
+from myomorph.rigid.couplers import couple_frames, couple_rates_frames
 from myomorph.rigid.loops import (
     close_loops,
     closure,

@@ -10,8 +10,9 @@ from test_laws import mechanical_energy
 
 from myomorph.io.models import read_model
 from myomorph.model.series import Motion
+from myomorph.rigid.couplers import couple_frames, gather_dependents
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.kinematics import couple_frames, forward_kinematics, gather_dependents
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from opensim_inverse import opensim_torques
 from real_models import MODELS

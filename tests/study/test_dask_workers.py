@@ -19,11 +19,12 @@ from benchmarks.interrupted_checks import differences, left_over
 
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
+from myomorph.store.outcome import Outcome
 from myomorph.study.run import dask_workers
 from myomorph.study.run.dask_cluster import scheduler_address, unfit
 from myomorph.study.run.dask_job import do_job, fitness
 from myomorph.study.run.dask_workers import DaskWorkers
-from myomorph.study.run.jobs import Ended, Job, Outcome
+from myomorph.study.run.jobs import Ended, Job
 
 HERE = {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path(__file__).parents[2])))}
 

@@ -12,7 +12,8 @@ from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.series import Markers, Table
-from myomorph.study.info.inspect import Inspection, inspect
+from myomorph.study.info.inspect import inspect
+from myomorph.study.info.inspection import Inspection
 
 KINDS = (".trc", ".mot", ".sto", ".c3d")
 

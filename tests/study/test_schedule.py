@@ -8,7 +8,8 @@ import pytest
 import worker_jobs as made
 
 from myomorph.model.errors import BadFile
-from myomorph.study.run.jobs import Ended, Outcome
+from myomorph.store.outcome import Outcome
+from myomorph.study.run.jobs import Ended
 from myomorph.study.run.local_workers import InProcess
 from myomorph.study.run.schedule import run_jobs
 

@@ -12,8 +12,8 @@ from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData
+from myomorph.store.outcome import Outcome
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.tidy import (
     CURVES,

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.study.run.jobs import Job, Outcome
+from myomorph.store.outcome import Outcome
+from myomorph.study.run.jobs import Job
 
 
 def outcome(name, *done):

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.analysis.phase import Phase
 from myomorph.analysis.presets import Cut
 from myomorph.model.series import Event, Series
 from myomorph.model.spatial import Array
-from myomorph.report.trial.given import Phase
 
 MOST_STAGES = 16
 SHORTEST = 0.03

@@ -33,10 +33,11 @@ def calibrate_command(
     """Link lengths and marker positions of the body that the recordings show."""
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import calibrating
+    from myomorph.study.subject.calibrated import CalibrationFiles
     from myomorph.study.subject.made_model import check_out_model
 
     use_threads(threads)
-    files = calibrating.CalibrationFiles(model, markers, static, marker_set, tasks, time)
+    files = CalibrationFiles(model, markers, static, marker_set, tasks, time)
     check_out_model(out, read=(model,))
     calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), given(options)))
     lost = calibrating.write_calibrated(calibrated, out)

@@ -33,8 +33,14 @@ def report_command(
     ] = (),
 ) -> int:
     """Make report.html of a folder of results."""
+    from myomorph.demo.jump import demo_model
     from myomorph.study.trial.reporting import report_folder
+    from myomorph.viscosity.study.store import STORE, remake_report
 
-    for path in report_folder(folder, preset=preset, times=times):
+    if (folder / STORE).is_file():
+        paths = [remake_report(folder)]
+    else:
+        paths = report_folder(folder, preset=preset, times=times, demo_model=demo_model)
+    for path in paths:
         said(f"wrote {path}")
     return 0

@@ -54,6 +54,7 @@ def identify_command(
     threads: Threads = None,
 ) -> int:
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
+    from myomorph.live.motions import live_motions
     from myomorph.study.subject import identifying
     from myomorph.study.subject.body_shape import BodyShape
     from myomorph.study.subject.made_model import check_out_model
@@ -65,7 +66,7 @@ def identify_command(
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
     if live:
-        motions = identifying.live_motions(scaled, motion, loads, mass, time, settings)
+        motions = live_motions(scaled, motion, loads, mass, time, settings)
     else:
         motions = identifying.open_motions(scaled, motion, loads, time)
     motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True)

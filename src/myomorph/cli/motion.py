@@ -39,7 +39,8 @@ def ik_command(
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
-    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.steps import run_step
+    from myomorph.study.trial.take import Found
     from myomorph.study.trial.takes import FileTake, open_take
 
     use_threads(threads)
@@ -65,7 +66,8 @@ def id_command(
     threads: Threads = None,
 ) -> int:
     """Inverse dynamics: the generalized force of every coordinate."""
-    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.steps import run_step
+    from myomorph.study.trial.take import Found
     from myomorph.study.trial.takes import FileTake, open_motion_take
 
     use_threads(threads)

@@ -43,7 +43,8 @@ def muscles_command(
     threads: Threads = None,
 ) -> int:
     """Muscle lengths, lengthening velocities and moment arms."""
-    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.steps import run_step
+    from myomorph.study.trial.take import Found
     from myomorph.study.trial.takes import FileTake, open_motion_take
 
     use_threads(threads)
@@ -89,7 +90,8 @@ def tension_command(
     threads: Threads = None,
 ) -> int:
     """Muscle tensions that make the joint torques with the least effort, and contact forces with them."""
-    from myomorph.study.trial.steps import Found, run_step
+    from myomorph.study.trial.steps import run_step
+    from myomorph.study.trial.take import Found
     from myomorph.study.trial.takes import FileTake, open_motion_take
 
     if measured is not None and not contacts:

@@ -14,8 +14,9 @@ from myomorph.cli.options import OutFolder, Threads, use_threads
 from myomorph.cli.output import said
 
 if TYPE_CHECKING:
+    from myomorph.store.outcome import Outcome
     from myomorph.study.plan.plan import Plan
-    from myomorph.study.run.jobs import Outcome, Workers
+    from myomorph.study.run.jobs import Workers
 
 BAD_INPUT, OUR_FAULT = 2, 1
 MOST_REMARKS = 12

@@ -22,6 +22,7 @@ def view_command(
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
 ) -> int:
     """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
+    from myomorph.demo.jump import demo_model
     from myomorph.study.trial.viewing import open_replay
 
     def served(opened: int) -> None:
@@ -31,7 +32,7 @@ def view_command(
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     try:
-        replay = open_replay(folders, port, served)
+        replay = open_replay(folders, port, served, demo_model)
         try:
             replay.wait()
         finally:

@@ -13,8 +13,8 @@ from myomorph.cli.options import OutFolder, Threads, Time, given, options_class,
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
 from myomorph.viscosity.study.files import NOTES
+from myomorph.viscosity.study.options import FilterOptions
 from myomorph.viscosity.study.run import SpecimenOutcome
-from myomorph.viscosity.study.specimen import FilterOptions
 from myomorph.viscosity.tracking import TrackingOptions
 from myomorph.viscosity.viscosity import ViscosityOptions
 

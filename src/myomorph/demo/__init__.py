@@ -1,4 +1,4 @@
-"""The demonstrations of the command line: each writes its recording and its study, and runs the same steps as a user would.
+"""The demonstrations of the command line: recordings that come with the installation, run through a user's own steps.
 
 What is simulated comes from `simulate`; no step of a study lives here.
 """

@@ -16,12 +16,12 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.pair import CHANNELS, PairOptions, PairTruth, VirtualPair, pair_model, pair_sites, virtual_pair
 from myomorph.store.contact_store import get_contact_forces
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.run_take import run_take
-from myomorph.study.trial.steps import CHAIN, Take
+from myomorph.study.trial.take import CHAIN, Take
 from myomorph.tension.emg_targets import EmgOptions
 
 CUTOFF = 6.0

@@ -11,12 +11,12 @@ import numpy as np
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Model
 from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.trial.ahead import compile_ahead, compile_motion
 from myomorph.study.trial.run_take import run_take
-from myomorph.study.trial.steps import CHAIN, Take
+from myomorph.study.trial.take import CHAIN, Take
 
 DemoName = Literal["jump", "simulated", "judo"]
 STEPS = (*CHAIN, "report")

@@ -12,7 +12,8 @@ from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
-from myomorph.rigid.kinematics import Poses, couple_frames, couple_rates_frames, forward_kinematics
+from myomorph.rigid.couplers import couple_frames, couple_rates_frames
+from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.regressor import base_regressor
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 

@@ -17,8 +17,8 @@ from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import scout_poses
 from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kinematics import couple_frames
 from myomorph.rigid.loops import closure
 from myomorph.rigid.tree import Tree, compile_tree
 

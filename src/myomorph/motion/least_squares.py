@@ -13,7 +13,8 @@ from myomorph.motion.marker_cost import (
     normal_equations,
     seen_weight,
 )
-from myomorph.rigid.kinematics import body_poses, couple
+from myomorph.rigid.couplers import couple
+from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.vectors import in_place
 
 SCOUT = 16

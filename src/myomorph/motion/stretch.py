@@ -26,7 +26,8 @@ from myomorph.motion.lengths import Length
 from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight
 from myomorph.motion.ties import Ties
 from myomorph.rigid.coordinates import Ints, evaluate
-from myomorph.rigid.kinematics import body_poses, gather_dependents
+from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, compile_tree
 from myomorph.rigid.vectors import about, along, cross, in_place, matrix, minus, product, turned, vector
 

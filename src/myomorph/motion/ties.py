@@ -15,7 +15,8 @@ from numba import njit
 from myomorph.model.spatial import Array
 from myomorph.motion.marker_cost import fold_couplers
 from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.kinematics import body_poses, couple, gather_dependents
+from myomorph.rigid.couplers import couple, gather_dependents
+from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, in_place, matrix, minus, plus, turned, vector
 

@@ -24,7 +24,7 @@ import numpy as np
 from myomorph.model.spatial import Array
 from myomorph.rigid.bushings import angular_velocities
 from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.kinematics import gather_dependents
+from myomorph.rigid.couplers import gather_dependents
 from myomorph.rigid.loops import RANK, closure_jacobian
 from myomorph.rigid.tree import Tree
 

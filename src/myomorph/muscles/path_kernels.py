@@ -47,7 +47,8 @@ from myomorph.muscles.path_chain import (
     wrapped_nodes,
 )
 from myomorph.rigid.coordinates import Ints, evaluate
-from myomorph.rigid.kinematics import body_poses, couple
+from myomorph.rigid.couplers import couple
+from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.vectors import in_place, inner
 
 COINCIDENT = 1e-14

@@ -19,10 +19,10 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table
 from myomorph.opensim_tools.bodies import body_kinematics, kinematics, point_kinematics
 from myomorph.opensim_tools.forces import actuation, force_columns, net_torques, reported_forces, reported_states
+from myomorph.opensim_tools.inputs import needed
 from myomorph.opensim_tools.muscles import Tables, muscle_analysis
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.opensim_tools.reactions import joint_reaction
-from myomorph.opensim_tools.run import needed
 from myomorph.opensim_tools.states import Analyzed, analyzed
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs

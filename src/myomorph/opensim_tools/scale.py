@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.io.osim.marker_set import read_marker_set, write_marker_set, write_scale_set
+from myomorph.io.osim.marker_set import write_marker_set, write_scale_set
 from myomorph.io.osim.scale_setup import PlacerSetup, ScalerSetup, ScaleSetup
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
@@ -25,6 +25,7 @@ from myomorph.motion.place import Placement, place_on_pose
 from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.trial import inputs
+from myomorph.study.trial.inputs import with_marker_set
 from myomorph.study.trial.takes import task_values, with_tasks
 
 
@@ -84,16 +85,6 @@ def _one_model(setup: ScaleSetup) -> bool:
     """Whether scaling and placing want to write one file."""
     paths = [part.output_model for part in (setup.scaler, setup.placer) if part is not None and part.output_model]
     return len(paths) == 2 and paths[0].resolve() == paths[1].resolve()
-
-
-def with_marker_set(model: Model, path: Path | None) -> Model:
-    """The model with the markers of a file; they replace those of the same names, and come last."""
-    if path is None:
-        return model
-    with inputs.about(path):
-        new = read_marker_set(path, model)
-    names = {one.name for one in new}
-    return replace(model, markers=(*(one for one in model.markers if one.name not in names), *new))
 
 
 def scaled(

@@ -19,7 +19,7 @@ from myomorph.motion.filters import differentiate, natural_spline
 from myomorph.muscles.coupled_arms import TURNING
 from myomorph.muscles.fiber_states import FiberStates, fiber_states, state_names, without_fibers
 from myomorph.muscles.path import MuscleKinematics, muscle_kinematics
-from myomorph.opensim_tools.run import indexed_frames, loads_at, needed, picked
+from myomorph.opensim_tools.inputs import indexed_frames, loads_at, needed, picked
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.study.trial import inputs
 

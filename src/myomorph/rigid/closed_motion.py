@@ -10,8 +10,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Array
+from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
 from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.kinematics import couple_rates_frames, gather_dependents
 from myomorph.rigid.loops import LoopBasis, close_loops, closure, loop_basis, project_rates
 from myomorph.rigid.tree import Tree, compile_tree
 

@@ -12,8 +12,9 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kinematics import body_poses, body_rates, carried, couple_rates_frames
+from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.rigid.vectors import (
     along,

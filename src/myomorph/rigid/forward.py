@@ -7,8 +7,9 @@ from numba import njit
 
 from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
 from myomorph.rigid.joint_wrenches import joint_wrenches
-from myomorph.rigid.kinematics import couple_rates_frames, forward_kinematics, gather_dependents
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates
 from myomorph.rigid.tree import Tree
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from myomorph.rigid.kinematics import body_poses, body_rates, carried, gather_dependents
+from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION
 from myomorph.rigid.vectors import (
     along,

@@ -148,7 +148,7 @@ class Tree:
 
         What the motion does not have stands at its default; dependent coordinates follow couplers.
         """
-        from myomorph.rigid.kinematics import couple_frames
+        from myomorph.rigid.couplers import couple_frames
 
         columns = {name: i for i, name in enumerate(motion.names)}
         values = np.tile(self.defaults, (len(motion), 1))

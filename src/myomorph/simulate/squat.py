@@ -28,7 +28,7 @@ from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
 from myomorph.store.silence import silent_mujoco
-from myomorph.study.trial.steps import Take
+from myomorph.study.trial.take import Take
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (

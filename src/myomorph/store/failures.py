@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from myomorph.model.errors import MyomorphError
-from myomorph.study.run.jobs import Outcome
+from myomorph.store.outcome import Outcome
 
 FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
 WINDOWS_FULL = (39, 112)

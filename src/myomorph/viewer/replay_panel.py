@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from myomorph.model.errors import MyomorphError
 from myomorph.report.scene.image import ACTIVATION, png
+from myomorph.viewer.replay_body import PlayedBody
 from myomorph.viewer.replay_muscles import MuscleIndex
 from myomorph.viewer.replay_plots import Curves
-from myomorph.viewer.replay_scene import COLORS, LAYERS, MOST_LABELS
-
-if TYPE_CHECKING:
-    from myomorph.viewer.replay import Replay
+from myomorph.viewer.replay_scene import COLORS, LAYERS, MOST_LABELS, ShownBody
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
 VIEWS = {"Front": (1.0, 0.0, 0.05), "Right": (0.0, 1.0, 0.05), "Back": (-1.0, 0.0, 0.05), "Left": (0.0, -1.0, 0.05)}
@@ -24,6 +23,53 @@ ALL = "all"
 WIDTH = 330
 SMALL = "display:flex;gap:0.7em;align-items:center;font-size:0.78em;opacity:0.85;padding:0.2em 0.6em 0.5em"
 MOST_ROWS = 10
+
+
+class Played(Protocol):
+    """What the controls read and move of the page that plays."""
+
+    lock: threading.RLock
+    choices: Sequence[Mapping[str, Callable[[], Any]]]
+    chosen: list[str]
+    bodies: list[PlayedBody]
+    shown: list[ShownBody]
+    playing: bool
+    speed: float
+    loop: bool
+    follows: bool
+    apart: float
+    now: float
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of the page's clock [s]."""
+
+    def own_time(self, number: int) -> float:
+        """The present by a body's own clock [s]."""
+
+    def choose(self, number: int, name: str) -> None:
+        """Show another recording of a body."""
+
+    def seek(self, now: float) -> None:
+        """Go to a time of the page's clock [s]."""
+
+    def play(self, playing: bool) -> None:
+        """Play on, or pause."""
+
+    def redraw(self) -> None:
+        """Draw everything as it is now."""
+
+    def toggle(self, layer: str, visible: bool) -> None:
+        """Show a layer of all bodies, or hide it."""
+
+    def follow(self, follows: bool) -> None:
+        """Let the view go with the first body, or stay."""
+
+    def look_from(self, ahead: float, right: float, up: float) -> None:
+        """Turn every browser's camera to the bodies."""
+
+    def part(self, distance: float) -> None:
+        """Move every body to the right of the one before it [m]."""
 
 
 class Panel:
@@ -35,7 +81,7 @@ class Panel:
     server : `viser`'s
     """
 
-    def __init__(self, replay: Replay, server: Any):
+    def __init__(self, replay: Played, server: Any):
         self._replay, self._server, self._gui = replay, server, server.gui
         self._indices = [MuscleIndex(one.muscles, [who.prefix for who in one.subjects]) for one in replay.bodies]
         self._found: list[tuple[int, ...]] = [()] * len(replay.bodies)

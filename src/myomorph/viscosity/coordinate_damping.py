@@ -25,8 +25,9 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Array
 from myomorph.rigid.bushings import jacobian_frames
+from myomorph.rigid.couplers import gather_dependents
 from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.kinematics import forward_kinematics, gather_dependents
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
 STILL = 1e-6

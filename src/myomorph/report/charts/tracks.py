@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from myomorph.analysis.phase import Phase
 from myomorph.model.series import Event
 from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import (
@@ -22,7 +23,6 @@ from myomorph.report.charts.chart import (
     ticks,
     value_range,
 )
-from myomorph.report.trial.given import Phase
 
 WIDTH, LEFT, RIGHT = 1040, 190, 12
 AXIS = 24

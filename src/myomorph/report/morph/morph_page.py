@@ -13,10 +13,10 @@ from myomorph.morph.checks import MorphChecks
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.chart import number
 from myomorph.report.morph.sections import morphing_sections
+from myomorph.report.page.head import Note, PageHead, SourceFile, Step
+from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.references import MORPHING
 from myomorph.report.page.section import Section
-from myomorph.report.trial.given import Note, ReportInput, SourceFile, Step
-from myomorph.report.trial.trial_page import Tile, rendered
 
 __all__ = ["morph_page"]
 
@@ -42,7 +42,7 @@ def morph_page(
     further : sections that come after the warnings, as of errors against a known truth
     """
     title = title or f"{morph.model.name}: muscles of {morph.source.name}"
-    page = ReportInput(
+    page = PageHead(
         title=title,
         date=made.date,
         version=made.version,

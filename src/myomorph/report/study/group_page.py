@@ -9,24 +9,24 @@ import numpy as np
 from myomorph.analysis.groups import Comparison, CurveDifference
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.group_charts import STYLES, cycle_chart, effect_chart, effect_rows
+from myomorph.report.page.head import Note, PageHead
+from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.references import group_references
 from myomorph.report.page.section import Figure, Grid, Section
-from myomorph.report.trial.given import Note, ReportInput
-from myomorph.report.trial.trial_page import Tile, rendered
 
 MOST_OPEN = 24
 """Curves of a family that are shown at once; the rest is folded away."""
 
 
-def group_page(found: Comparison, given: ReportInput) -> str:
+def group_page(found: Comparison, given: PageHead) -> str:
     """One self-contained HTML page, as text.
 
     Parameters
     ----------
-    given : title, notes, sources, date and version; everything else is ignored
+    given : title, notes, sources, date and version
     """
     notes = tuple(Note("warning", one) for one in found.notes)
-    page = ReportInput(
+    page = PageHead(
         title=given.title,
         date=given.date,
         version=given.version,

@@ -15,12 +15,12 @@ from myomorph.report.charts.chart import number
 from myomorph.report.charts.condition_charts import condition_chart, styled
 from myomorph.report.charts.dots import rank_plot
 from myomorph.report.charts.group_charts import cycle_chart, effect_rows
+from myomorph.report.page.head import Note, PageHead
+from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.references import study_references
 from myomorph.report.page.section import Figure, Grid, Link, Section
 from myomorph.report.study.group_page import curve_grid, scalar_grid
 from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
-from myomorph.report.trial.given import Note, ReportInput
-from myomorph.report.trial.trial_page import Tile, rendered
 
 MOST_OPEN, MOST_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
@@ -42,7 +42,7 @@ UNSOLVED = ("Frames whose inverse kinematics did not converge", "Frames without 
 def study_page(given: StudyInput) -> str:
     """One self-contained HTML page, as text; it links to the report of every trial."""
     notes = tuple(Note("warning", one) for one in given.notes)
-    page = ReportInput(title=given.name, date=given.date, version=given.version, notes=notes)
+    page = PageHead(title=given.name, date=given.date, version=given.version, notes=notes)
     parts = [
         *_gone(given),
         *_changes(given),

@@ -15,8 +15,9 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.model.spatial import Array
 from myomorph.report.charts.contact_graph import limb_of, row_label
+from myomorph.report.page.verdict import Verdict
 from myomorph.report.trial.given import ReportInput, Situation
-from myomorph.report.trial.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT, Verdict
+from myomorph.report.trial.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT
 
 SITUATIONS: Mapping[Situation, str] = MappingProxyType(
     {

@@ -9,59 +9,17 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from myomorph.analysis.phase import Phase
 from myomorph.model.contacts import ContactForces, Contacts
-from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
+from myomorph.report.page.head import Note, PageHead, SourceFile, Step
 from myomorph.report.trial.identified import IdentificationInput
 
-NoteKind = Literal["real", "assumed", "simulated", "warning"]
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
-
-
-@dataclass(frozen=True)
-class Note:
-    """A sentence about where something in the report comes from: measured, assumed or simulated."""
-
-    kind: NoteKind
-    text: str
-
-
-@dataclass(frozen=True)
-class SourceFile:
-    """A file the results were made from.
-
-    Attributes
-    ----------
-    role : "model", "markers", "forces", "EMG", ...
-    name : without folders
-    sha256 : of its content, in hexadecimal
-    """
-
-    role: str
-    name: str
-    sha256: str = ""
-
-
-@dataclass(frozen=True)
-class Step:
-    """A step of the chain as it was run.
-
-    Attributes
-    ----------
-    name : as users know it, e.g. "inverse kinematics"
-    options : name to value as text
-    seconds : it took, None if unknown [s]
-    frames : it worked on
-    """
-
-    name: str
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    seconds: float | None = None
-    frames: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,19 +29,6 @@ class Truth:
     motion: Series | None = None
     torques: Series | None = None
     activations: Series | None = None
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A part of a motion: its name, its start and its end [s]."""
-
-    name: str
-    start: float
-    stop: float
-
-    def __post_init__(self) -> None:
-        if not self.start < self.stop:
-            raise BadData(f"phase '{self.name}' lasts from {self.start:g} to {self.stop:g} s: expected a later end")
 
 
 @dataclass(frozen=True)
@@ -229,6 +174,11 @@ class ReportInput:
     situation: Situation = ""
     identification: IdentificationInput | None = None
     warnings: tuple[str, ...] = ()
+
+    @property
+    def head(self) -> PageHead:
+        """What the page says of itself."""
+        return PageHead(self.title, self.date, self.version, self.notes, self.sources, self.steps, self.warnings)
 
     @property
     def kinematics(self) -> Motion | None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -13,8 +11,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
-
-State = Literal["ok", "over", "note"]
+from myomorph.report.page.verdict import State, Verdict
 
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
@@ -22,33 +19,6 @@ RESERVE = 0.10
 LOOPS_CLOSED = 1e-9
 SATURATED = 0.99
 HICKS, CHECKLIST = "hicks2015", "opensim"
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """One quantity against its limit.
-
-    Attributes
-    ----------
-    quantity : what was looked at
-    value, unit : what was found
-    limit : what it should stay under, None where there is no agreed limit
-    state : "ok", "over" the limit, or "note" where it is only told
-    worst : name of what was worst
-    time : when it was worst [s], None where it has no time
-    source : key of the reference the limit comes from
-    detail : a clause that explains the value
-    """
-
-    quantity: str
-    value: float
-    unit: str
-    limit: float | None
-    state: State
-    worst: str = ""
-    time: float | None = None
-    source: str = ""
-    detail: str = ""
 
 
 def _judged(value: float, limit: float) -> State:

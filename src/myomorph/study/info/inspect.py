@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
+from myomorph.study.info.inspection import Inspection
 
 MODELS = (".osim", ".xml", ".mjcf")
 TABLES = (".mot", ".sto")
@@ -23,28 +23,6 @@ RECORDINGS = {
     ".hdf5": "keypoints",
 }
 EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
-
-
-@dataclass(frozen=True)
-class Inspection:
-    """What was found in a file.
-
-    Attributes
-    ----------
-    kind : what it is, in words
-    facts : (label, text) in the order to show them
-    warnings : what looks wrong, one line each
-    """
-
-    kind: str
-    facts: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...] = ()
-
-    def lines(self) -> list[str]:
-        """The inspection as text, a fact or a warning a line."""
-        width = max((len(label) for label, _ in self.facts), default=0)
-        shown = [self.kind, *(f"  {label:<{width}}  {text}" for label, text in self.facts)]
-        return shown + [f"  warning: {line}" for line in self.warnings]
 
 
 def inspect(path: str | os.PathLike[str]) -> Inspection:

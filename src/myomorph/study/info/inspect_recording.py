@@ -12,7 +12,7 @@ from myomorph.io.c3d.read import emg_channels
 from myomorph.model.series import Markers, Series, Table, Trial
 from myomorph.model.spatial import Array
 from myomorph.motion.crossings import crossings
-from myomorph.study.info.inspect import Inspection
+from myomorph.study.info.inspection import Inspection
 
 SHOWN = 12
 SELDOM = 0.2

@@ -7,9 +7,9 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from myomorph.model.errors import listing
+from myomorph.store.outcome import Conditions, Excluded
 from myomorph.study.plan.subject_names import as_list
 from myomorph.study.plan.subject_tables import ExcludeTable, Patterns
-from myomorph.study.run.jobs import Conditions, Excluded
 from myomorph.study.trial.takes import FileTake
 
 

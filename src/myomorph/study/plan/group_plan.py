@@ -4,30 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from pydantic import Field, FiniteFloat
 
 from myomorph.model.errors import listing
 from myomorph.store.study_file import Strict
-
-
-@dataclass(frozen=True)
-class StridePlan:
-    """How strides are found in the coordinates of a trial.
-
-    Attributes
-    ----------
-    trunk : body that feet are seen from, "" for the last one that carries all feet
-    limbs : by name, the body that tells strikes and, where given, the one that tells lifts; () for the model's feet
-    direction : of travel in ground, None to find it
-    belt : speed of a treadmill [m/s], None to find it
-    """
-
-    trunk: str = ""
-    limbs: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    direction: tuple[float, float, float] | None = None
-    belt: float | None = None
+from myomorph.study.trial.trial_strides import StridePlan
 
 
 class StridesTable(Strict):

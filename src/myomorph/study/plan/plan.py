@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from myomorph.model.errors import BadFile, listing
+from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.study_file import checked, existing, read_toml, refuse
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.group_plan import GroupPlan, groups_of
@@ -21,8 +22,7 @@ from myomorph.study.plan.study_groups import group_members, measured_groups
 from myomorph.study.plan.subject_names import Named, named_subjects
 from myomorph.study.plan.subject_tables import given_options, lacking, study_tables
 from myomorph.study.plan.subject_takes import Notes, contacts_file, measured, subject_files, subject_takes
-from myomorph.study.run.jobs import Conditions, Excluded, Key
-from myomorph.study.subject.subjects import SUBJECT_STEPS, SubjectFiles
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.trial.takes import FileTake, Settings
 from myomorph.study.trial.together import Together, together_of
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from myomorph.model.errors import listing
 from myomorph.store.results import file_name
-from myomorph.study.subject.subjects import MODELS, SUBJECT_STEPS, TABLES, SubjectFiles
+from myomorph.study.subject.subject_files import MODELS, SUBJECT_STEPS, TABLES, SubjectFiles
 from myomorph.study.trial.takes import FileTake
 
 RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))

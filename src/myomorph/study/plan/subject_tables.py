@@ -13,7 +13,7 @@ from myomorph.store.study_file import Strict, StudyTable, options_table
 from myomorph.study.plan.group_plan import StridesTable
 from myomorph.study.plan.step_settings import STEPS, step_settings
 from myomorph.study.subject.morph_files import BonesTable
-from myomorph.study.subject.subjects import SUBJECT_STEPS
+from myomorph.study.subject.subject_files import SUBJECT_STEPS
 from myomorph.study.trial.together import TogetherTable
 
 Patterns = str | list[str]

@@ -16,7 +16,7 @@ from myomorph.study.plan.subject_names import Named
 from myomorph.study.plan.subject_tables import SubjectTable, TrialTable, given_options
 from myomorph.study.subject.body_shape import BodyShape
 from myomorph.study.subject.morph_files import bones_of
-from myomorph.study.subject.subjects import SUBJECT_STEPS, SubjectFiles
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.trial.companions import companion, plain_stem
 from myomorph.study.trial.contact_file import AUTO
 from myomorph.study.trial.takes import FileTake

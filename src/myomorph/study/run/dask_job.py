@@ -16,8 +16,8 @@ from typing import Any
 
 from myomorph import __version__
 from myomorph.model.model import Model
+from myomorph.store.outcome import Outcome
 from myomorph.store.progress import silence
-from myomorph.study.run.jobs import Outcome
 
 KEPT = 8
 """Models that a process keeps, as many as the compiled forms of it that are kept."""

@@ -15,9 +15,10 @@ from typing import Any
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
+from myomorph.store.outcome import Outcome
 from myomorph.study.run.dask_cluster import connected, leave_mark, scheduler_address, unfit
 from myomorph.study.run.dask_job import KEPT, do_job, fitness
-from myomorph.study.run.jobs import Ended, Job, Outcome
+from myomorph.study.run.jobs import Ended, Job
 from myomorph.study.run.worker_messages import pack
 
 PATIENCE = 12.0

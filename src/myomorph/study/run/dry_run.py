@@ -10,14 +10,15 @@ from myomorph.io.frame_count import FrameCount, count_frames
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
 from myomorph.store.locks import check_age, read_mark
+from myomorph.store.outcome import Excluded, Key
 from myomorph.store.progress import progress
 from myomorph.store.results import STORED, file_name
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, together
 from myomorph.study.run.job_plan import jobs_of
-from myomorph.study.run.jobs import Excluded, Key
 from myomorph.study.run.study_log import TIMINGS
-from myomorph.study.subject.subjects import SUBJECT_STEPS, MadeModel, kept_subject_steps
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
+from myomorph.study.subject.subjects import kept_subject_steps
 from myomorph.study.trial.changes import NEVER
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.run_take import PARTS, kept_steps

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from myomorph.store.locks import RunMark
+from myomorph.store.outcome import Key
 from myomorph.store.results import file_name
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_work import do_subject, do_together, do_trial
-from myomorph.study.run.jobs import Job, Key
+from myomorph.study.run.jobs import Job
 from myomorph.study.run.kept_work import kept_subject, kept_trial
-from myomorph.study.subject.subjects import SUBJECT_STEPS, MadeModel, made_model
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel, made_model
 from myomorph.study.trial.takes import FileTake
 from myomorph.study.trial.together import Together
 

@@ -12,18 +12,17 @@ from myomorph.model.model import Model
 from myomorph.motion.sync import cut
 from myomorph.store.failures import failed
 from myomorph.store.locks import RunMark, folder_lock
+from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.results import STORED, file_name, file_source, read_result
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.jobs import Key, Outcome
-from myomorph.study.subject.subjects import MadeModel, SubjectFiles, prepare_subject
+from myomorph.study.subject.subject_files import MadeModel, SubjectFiles
+from myomorph.study.subject.subjects import prepare_subject
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.run_take import LEFT_OUT, run_take
-from myomorph.study.trial.steps import Found, read_step
+from myomorph.study.trial.steps import read_step
+from myomorph.study.trial.take import Found
 from myomorph.study.trial.takes import FileTake, Settings, open_take
 from myomorph.study.trial.together import TOGETHER_STEPS, Part, Together, join_takes, object_part
-
-GATHERED = ("", "")
-"""Key of the job that makes the tables of a study."""
 
 
 def _alone(outcome: Outcome, mark: RunMark | None, work: Callable[[Outcome], Outcome]) -> Outcome:

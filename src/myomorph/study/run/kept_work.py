@@ -11,12 +11,16 @@ from myomorph.model.model import Model
 from myomorph.store import stored as store
 from myomorph.store.locks import RunMark, folder_lock
 from myomorph.store.netcdf import open_netcdf
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, file_source, made_from, stored_values
-from myomorph.study.run.jobs import Outcome
-from myomorph.study.subject.subjects import SubjectFiles, kept_subject_steps
+from myomorph.study.plan.plan import Plan
+from myomorph.study.subject.subject_files import SubjectFiles
+from myomorph.study.subject.subjects import kept_subject_steps
+from myomorph.study.summary.page_key import groups_key, made_of
 from myomorph.study.trial.kept_report import KEY, PAGE, report_key
 from myomorph.study.trial.run_take import PARTS, VALUES, clear_leftovers, with_numbers
-from myomorph.study.trial.steps import CHAIN, Found, Take, step_provenance
+from myomorph.study.trial.steps import step_provenance
+from myomorph.study.trial.take import CHAIN, Found, Take
 from myomorph.study.trial.takes import FileTake, Settings, open_take
 
 OF_FIT = (
@@ -103,3 +107,24 @@ def unchanged(take: Take, steps: Sequence[str], folder: Path) -> Outcome | None:
     done = (*wanted, "report") if "report" in steps else wanted
     outcome = Outcome(take.subject, take.name, folder, done, done)
     return with_numbers(outcome, Found(fit=fit, recorded=None if fit is None else fit.motion))
+
+
+def kept_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome | None:
+    """The outcome of the tables of a study where they would come out the same, else None."""
+    from myomorph.store.outcome import GATHERED
+    from myomorph.study.summary.study_tables import PAGE, made_here
+
+    if not (out / PAGE).is_file() or not made_of(out / PAGE, made_here(plan, outcomes, out)):
+        return None
+    return Outcome(*GATHERED, out, ("tables",), ("tables",))
+
+
+def kept_groups(model: Model | None, plan: Plan, out: Path) -> Outcome | None:
+    """The outcome of the comparison of groups where it would come out the same, else None."""
+    from myomorph.study.summary.grouping import PAGE, TABLES
+
+    assert plan.groups is not None
+    made = [out / name for name in TABLES]
+    if not (out / PAGE).is_file() or not made_of(out / PAGE, groups_key(plan.groups, plan.name, out, made)):
+        return None
+    return Outcome(f"{plan.groups.first[0]} and {plan.groups.second[0]}", "", out, ("groups",), ("groups",))

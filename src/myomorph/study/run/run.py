@@ -10,15 +10,16 @@ from typing import Any
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.store.locks import study_lock
+from myomorph.store.outcome import GATHERED, Outcome
 from myomorph.store.results import file_source
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_plan import StudyJobs, jobs_of
-from myomorph.study.run.job_work import GATHERED, do_groups, do_tables
-from myomorph.study.run.jobs import Job, Outcome, Workers
+from myomorph.study.run.job_work import do_groups, do_tables
+from myomorph.study.run.jobs import Job, Workers
+from myomorph.study.run.kept_work import kept_groups, kept_tables
 from myomorph.study.run.local_workers import InProcess
 from myomorph.study.run.schedule import run_jobs
 from myomorph.study.run.watching import StudyWatcher
-from myomorph.study.summary.page_key import kept_groups, kept_tables
 from myomorph.study.trial.inputs import open_model
 
 

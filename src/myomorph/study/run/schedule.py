@@ -12,8 +12,9 @@ from typing import Any, Protocol, cast
 
 from myomorph.model.model import Model
 from myomorph.store.failures import failed, no_space
+from myomorph.store.outcome import Key, Outcome
 from myomorph.study.run.job_work import not_run
-from myomorph.study.run.jobs import Ended, Job, Key, Outcome, Workers
+from myomorph.study.run.jobs import Ended, Job, Workers
 
 PATIENCE = 0.5
 """How often the loop looks round although nothing has ended [s]."""

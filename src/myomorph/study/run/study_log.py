@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TextIO
 
-from myomorph.study.run.jobs import Outcome
+from myomorph.store.outcome import Outcome
 
 LOG, TIMINGS = "study.log", "timings.csv"
 HEADING = "subject,trial,step,frames,seconds"

@@ -6,9 +6,9 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from myomorph.store.outcome import Outcome
 from myomorph.store.progress import PATIENCE, silence
 from myomorph.study.run.expected_time import in_words
-from myomorph.study.run.jobs import Outcome
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from myomorph import __version__
 from myomorph.model.errors import BadFile
+from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.results import fixed_date
 from myomorph.study.run.job_plan import StudyJobs
-from myomorph.study.run.job_work import GATHERED
-from myomorph.study.run.jobs import Job, Key, Outcome, Workers
+from myomorph.study.run.jobs import Job, Workers
 from myomorph.study.run.study_log import StudyLog
 from myomorph.study.run.study_progress import StudyProgress
 

@@ -8,7 +8,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from myomorph.study.run.jobs import Outcome
+from myomorph.store.outcome import Outcome
 
 LENGTH = struct.Struct("<Q")
 BLOCK = 1 << 20

@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any
 
 from myomorph.model.model import Model
-from myomorph.study.run.jobs import Outcome
+from myomorph.store.outcome import Outcome
 from myomorph.study.run.worker_messages import Begin, Do, Done, Stop, receive, send
 
 

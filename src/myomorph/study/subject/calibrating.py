@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,65 +12,22 @@ import numpy as np
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.provenance import Provenance, Source
+from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.progress import progress
-from myomorph.store.results import file_source, provenance_of
+from myomorph.store.results import provenance_of
 from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.subject.calibrated import Calibrated, CalibrationFiles
 from myomorph.study.subject.made_model import write_made_model
 from myomorph.study.trial import inputs
 
 if TYPE_CHECKING:
-    from myomorph.study.subject.subjects import SubjectFiles
-    from myomorph.study.trial.steps import Take
+    from myomorph.study.subject.subject_files import SubjectFiles
+    from myomorph.study.trial.take import Take
     from myomorph.study.trial.takes import Settings
-
-
-@dataclass(frozen=True)
-class CalibrationFiles:
-    """The files of a calibration.
-
-    Attributes
-    ----------
-    markers : TRC or C3D files
-    static : recording of standing still, where there is one
-    marker_set : OpenSim marker set that replaces the model's markers of the same names
-    tasks : OpenSim task set or setup file whose weights of markers count
-    time : start and end of every recording but the static one [s]
-    """
-
-    model: Path
-    markers: tuple[Path, ...]
-    static: Path | None = None
-    marker_set: Path | None = None
-    tasks: Path | None = None
-    time: tuple[float, float] | None = None
-
-    def sources(self) -> tuple[Source, ...]:
-        """The files by their hashes."""
-        named = (("static", self.static), ("marker set", self.marker_set), ("tasks", self.tasks))
-        given = [("model", self.model), *(("markers", path) for path in self.markers)]
-        given += [(role, path) for role, path in named if path is not None]
-        return tuple(file_source(role, path) for role, path in given)
-
-
-@dataclass(frozen=True, eq=False)
-class Calibrated:
-    """A calibration and what it was made from.
-
-    Attributes
-    ----------
-    recordings : names of the recordings, in the calibration's order
-    warnings : of the files, one line each
-    """
-
-    found: Calibration
-    recordings: tuple[str, ...]
-    provenance: Provenance
-    warnings: tuple[str, ...]
 
 
 def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
@@ -90,7 +47,7 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     model = inputs.open_model(files.model) if model is None else model
     warnings = list(model.warnings)
     if files.marker_set is not None:
-        from myomorph.opensim_tools.scale import with_marker_set
+        from myomorph.study.trial.inputs import with_marker_set
 
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
@@ -131,7 +88,7 @@ def calibrate_subject(
     tables: Path,
 ) -> Calibrated:
     """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
-    from myomorph.study.trial.steps import used_markers
+    from myomorph.study.trial.motion_steps import used_markers
 
     options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
     warnings = [text for take in takes for text in take.warnings]

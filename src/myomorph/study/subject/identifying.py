@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -113,46 +112,6 @@ def open_motions(
         wrenches = inputs.open_loads(loads_path, model, motion)
         found.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
     return found
-
-
-def live_motions(
-    model: Model,
-    motions: Sequence[Path],
-    loads: Sequence[Path],
-    mass: float | None,
-    time: tuple[float, float] | None,
-    settings: Mapping[str, Any],
-) -> list[SubjectMotion]:
-    """Motions as they arrive, shown while they do, from recordings one after the other or from streams.
-
-    Raises
-    ------
-    BadData : neither recordings nor streams, or nothing usable came
-    """
-    from myomorph.identify.online import OnlineOptions
-    from myomorph.live.identification import LiveOptions, open_recording, run_live
-
-    live = with_settings(LiveOptions(), settings)
-    online = with_settings(OnlineOptions(), settings)
-    surfaces = _surfaces(model)
-    if live.lsl_markers or live.lsl_forces:
-        result = run_live(model, mass=mass, live=live, online=online, surfaces=surfaces)
-        sys.stderr.write(result.summary() + "\n")
-        return [SubjectMotion("live", result.motion, result.wrenches)]
-    opened = open_motions(model, motions, loads, time)
-    if not opened:
-        raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
-    for motion_path, loads_path in zip(motions, loads, strict=True):
-        result = run_live(
-            model,
-            open_recording(model, motion_path, loads_path, time),
-            mass=mass,
-            live=live,
-            online=online,
-            surfaces=surfaces,
-        )
-        sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
-    return opened
 
 
 def check_mass(model: Model, mass: float | None) -> float:
@@ -268,7 +227,8 @@ def write_identified(
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
-    from myomorph.report.trial.given import Note, ReportInput, SourceFile
+    from myomorph.report.page.head import Note, SourceFile
+    from myomorph.report.trial.given import ReportInput
     from myomorph.report.trial.identification_given import identification_input
     from myomorph.report.trial.identification_tables import identification_tables
     from myomorph.report.trial.trial_page import report_page

@@ -38,7 +38,7 @@ from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, 
 from myomorph.study.trial import inputs
 
 if TYPE_CHECKING:
-    from myomorph.study.subject.subjects import SubjectFiles
+    from myomorph.study.subject.subject_files import SubjectFiles
     from myomorph.study.trial.takes import Settings
 
 

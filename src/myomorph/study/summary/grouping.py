@@ -15,8 +15,8 @@ import numpy as np
 from myomorph import __version__
 from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.report.page.head import Note, PageHead
 from myomorph.report.study.group_page import group_page
-from myomorph.report.trial.given import Note, ReportInput
 from myomorph.store.results import STORED, file_name, read_result
 from myomorph.study.plan.group_plan import GroupPlan
 from myomorph.study.summary.page_key import groups_key, with_key
@@ -46,7 +46,7 @@ def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
     count = len(groups[0].animals)
     first, second = replace(groups[0], animals=animals[:count]), replace(groups[1], animals=animals[count:])
     found = compare_groups(first, second)
-    given = ReportInput(
+    given = PageHead(
         title=f"{name}: {plan.first[0]} and {plan.second[0]}" if name else f"{plan.first[0]} and {plan.second[0]}",
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         version=__version__,

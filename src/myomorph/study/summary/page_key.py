@@ -8,12 +8,11 @@ from dataclasses import astuple
 from pathlib import Path
 
 from myomorph import __version__
-from myomorph.model.model import Model
 from myomorph.store.netcdf import open_netcdf
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, value_source
 from myomorph.study.plan.group_plan import GroupPlan
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.trial.kept_report import KEY
 
 END = "</body>"
@@ -86,24 +85,3 @@ def _result_key(path: Path) -> tuple[object, ...]:
 def _hashes(paths: Iterable[Path]) -> tuple[str, ...]:
     """Hash of each file, "" for one that is not there."""
     return tuple(file_source("", path).sha256 if path.is_file() else "" for path in paths)
-
-
-def kept_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome | None:
-    """The outcome of the tables of a study where they would come out the same, else None."""
-    from myomorph.study.run.job_work import GATHERED
-    from myomorph.study.summary.study_tables import PAGE, made_here
-
-    if not (out / PAGE).is_file() or not made_of(out / PAGE, made_here(plan, outcomes, out)):
-        return None
-    return Outcome(*GATHERED, out, ("tables",), ("tables",))
-
-
-def kept_groups(model: Model | None, plan: Plan, out: Path) -> Outcome | None:
-    """The outcome of the comparison of groups where it would come out the same, else None."""
-    from myomorph.study.summary.grouping import PAGE, TABLES
-
-    assert plan.groups is not None
-    made = [out / name for name in TABLES]
-    if not (out / PAGE).is_file() or not made_of(out / PAGE, groups_key(plan.groups, plan.name, out, made)):
-        return None
-    return Outcome(f"{plan.groups.first[0]} and {plan.groups.second[0]}", "", out, ("groups",), ("groups",))

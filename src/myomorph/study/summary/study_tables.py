@@ -16,9 +16,9 @@ from myomorph.analysis.groups import GroupOptions
 from myomorph.io.parsing.text import written
 from myomorph.report.study.study_given import Judged, StudyInput, TrialLine
 from myomorph.report.study.study_page import study_page
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import made_at
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.summary.condition_tables import curve_rows, described, described_rows, pair_rows
 from myomorph.study.summary.condition_values import GrowingCondition, of_subjects, shown_quantities
 from myomorph.study.summary.grouping import PAGE as GROUPS_PAGE

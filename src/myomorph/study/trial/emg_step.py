@@ -12,7 +12,7 @@ from myomorph.model.model import Actuator
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.motion.emg_gain import EmgCalibration
-from myomorph.study.trial.steps import Take
+from myomorph.study.trial.take import Take
 from myomorph.tension.contacts import ContactTask
 from myomorph.tension.emg import EmgTarget
 from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
 from myomorph.model.spatial import Array
+from myomorph.study.trial import inputs
 
 MARKER_FILES = (".trc", ".c3d", ".mat", ".h5", ".hdf5")
 TABLE_FILES = (".mot", ".sto")
@@ -376,3 +378,13 @@ def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
     return assign_bodies(wrenches, places).wrenches
+
+
+def with_marker_set(model: Model, path: Path | None) -> Model:
+    """The model with the markers of a file; they replace those of the same names, and come last."""
+    if path is None:
+        return model
+    with inputs.about(path):
+        new = read_marker_set(path, model)
+    names = {one.name for one in new}
+    return replace(model, markers=(*(one for one in model.markers if one.name not in names), *new))

@@ -9,7 +9,8 @@ from myomorph import __version__
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.results import DAMAGED, STORED, ResultWriter, file_name, value_source
 from myomorph.store.settings import plain_settings
-from myomorph.study.trial.steps import Take, step_provenance, take_facts
+from myomorph.study.trial.steps import step_provenance, take_facts
+from myomorph.study.trial.take import Take
 
 KEY = "report_key"
 PAGE = "report.html"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.length_analysis import curves_table, ranges_table
+from myomorph.analysis.phase import Phase
 from myomorph.analysis.presets import preset_of
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData, BadFile
@@ -23,7 +25,8 @@ from myomorph.model.series import Series
 from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
-from myomorph.report.trial.given import Note, Phase, ReportInput, SourceFile, Step, Truth
+from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.length_section import analysed_lengths
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
@@ -32,12 +35,17 @@ from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_name, file_source, read_result
 from myomorph.study.trial.contact_doubts import get_intervals, get_uncarried
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.steps import CHAIN, Take
+from myomorph.study.trial.take import CHAIN, Take
 from myomorph.study.trial.together import object_model
 from myomorph.tension.solve import Tension, TensionOptions
-from myomorph.viscosity.study.store import STORE, remake_report
 
 REPORT = "report.html"
+DEMO = "demo:"
+"""Begins the name of a model that a demo makes."""
+
+ModelMaker = Callable[[str], Model]
+"""Makes a model by a name."""
+
 LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
 STEP_NAMES = MappingProxyType(
     {
@@ -63,7 +71,11 @@ class ShownTension:
 
 
 def report_folder(
-    folder: str | Path, take: Take | None = None, preset: str = "", times: Sequence[float] = ()
+    folder: str | Path,
+    take: Take | None = None,
+    preset: str = "",
+    times: Sequence[float] = (),
+    demo_model: ModelMaker | None = None,
 ) -> list[Path]:
     """Make `report.html` of every folder of results in a folder, or of the folder itself.
 
@@ -72,6 +84,7 @@ def report_folder(
     take : the recording, where it is at hand; else the model is read again from where it was
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
+    demo_model : makes the model of a demo by its name; without it results of demos are refused
 
     Returns
     -------
@@ -88,20 +101,21 @@ def report_folder(
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
     if take is not None:
-        return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], preset, times, take.model)]
-    if (folder / STORE).is_file():
-        return [remake_report(folder)]
+        return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], preset, times, lambda found: take.model)]
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
     if not homes:
         raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
-    return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times) for home in homes]
+    model = partial(model_of, demo_model=demo_model)
+    return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times, model) for home in homes]
 
 
-def _write(home: Path, paths: Sequence[Path], preset: str, times: Sequence[float], model: Model | None = None) -> Path:
+def _write(
+    home: Path, paths: Sequence[Path], preset: str, times: Sequence[float], model: Callable[[Stored], Model]
+) -> Path:
     """The report of the results in one folder, whole or not at all."""
     found = joined([read_result(path, leave_out=("moment_arm",)) for path in paths])
-    given = report_input(found, model or model_of(found))
+    given = report_input(found, model(found))
     text = report_page(replace(given, preset=preset or given.preset, times=tuple(times)))
     temporary = home / f".{REPORT}.part"
     temporary.write_text(text, encoding="utf-8")
@@ -143,8 +157,12 @@ def joined(parts: Sequence[Stored]) -> Stored:
     return Stored(first.path, values, names, made, facts)
 
 
-def model_of(found: Stored) -> Model:
+def model_of(found: Stored, demo_model: ModelMaker | None = None) -> Model:
     """The model that results were made with, read again.
+
+    Parameters
+    ----------
+    demo_model : makes the model of a demo by its name
 
     Raises
     ------
@@ -158,20 +176,18 @@ def model_of(found: Stored) -> Model:
         raise BadFile(found.path, "does not tell which model it was made with", "run the steps again")
     parts = json.loads(found.facts.get("parts", "{}"))
     if not parts:
-        return _source_model(sources[0], found)
+        return _source_model(sources[0], found, demo_model)
     by_name = {one.name: one for one in sources}
     models = {
-        name: object_model(told) if isinstance(told, dict) else _source_model(by_name[told], found)
+        name: object_model(told) if isinstance(told, dict) else _source_model(by_name[told], found, demo_model)
         for name, told in parts.items()
     }
     return join_models(models, found.facts["trial"])
 
 
-def _source_model(source: Source, found: Stored) -> Model:
-    if source.name.startswith("demo:"):
-        from myomorph.demo.jump import demo_model
-
-        return demo_model(source.name.removeprefix("demo:"))
+def _source_model(source: Source, found: Stored, demo_model: ModelMaker | None) -> Model:
+    if source.name.startswith(DEMO) and demo_model is not None:
+        return demo_model(source.name.removeprefix(DEMO))
     # A name that was given relative to a folder is looked for from the results upwards too.
     places = dict.fromkeys([Path(source.name), *(one / source.name for one in found.path.resolve().parents)])
     there = [one for one in places if one.is_file()]

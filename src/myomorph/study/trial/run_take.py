@@ -17,6 +17,7 @@ import numpy as np
 from myomorph.model.provenance import Provenance
 from myomorph.store.failures import failed
 from myomorph.store.netcdf_memory import HeldFile
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import (
     STORED,
     WHOSE,
@@ -29,11 +30,11 @@ from myomorph.store.results import (
     stored_values,
     whole_folder,
 )
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.trial.ahead import compile_ahead
 from myomorph.study.trial.changes import NEVER, changes
 from myomorph.study.trial.kept_report import PAGE, keep_facts, report_is_made, told_the_same
-from myomorph.study.trial.steps import CHAIN, Found, Take, read_step, run_step, step_provenance
+from myomorph.study.trial.steps import read_step, run_step, step_provenance
+from myomorph.study.trial.take import CHAIN, Found, Take
 from myomorph.study.trial.tidy import write_trial_values
 
 PARTS = ".steps"

@@ -3,208 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.model.errors import BadData
-from myomorph.model.model import Actuator, Model
-from myomorph.model.provenance import Provenance, Source
-from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array
-from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
-from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.model.provenance import Provenance
 from myomorph.store import stored as store
-from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, provenance_of
-from myomorph.store.settings import Differentiation, EmgUse, ReportOptions, TensionTables, TorqueTable, plain_settings
-from myomorph.study.trial.inputs import about, has_mass
+from myomorph.store.settings import plain_settings
+from myomorph.study.trial.inputs import about
+from myomorph.study.trial.motion_steps import solve_dynamics, solve_kinematics, told_torques, with_derivatives
+from myomorph.study.trial.step_tables import error_table, torque_table
+from myomorph.study.trial.take import CHAIN, Found, Take
 
 if TYPE_CHECKING:
-    from myomorph.model.contacts import Contacts
-    from myomorph.study.trial.contact_file import ContactPlan
-    from myomorph.tension.contacts import ContactOptions
-    from myomorph.tension.emg_targets import EmgOptions
-    from myomorph.tension.solve import Tension, TensionOptions
-
-CHAIN = ("ik", "id", "muscles", "tension")
-"""Steps in the order in which they run."""
-
-
-@dataclass(frozen=True, eq=False)
-class Take:
-    """One recording of one subject with all that the steps need, whatever files or programs it came from.
-
-    Attributes
-    ----------
-    loads : external forces of a motion, or None where there are none
-    mass : of the subject [kg], None where only the model tells
-    time : start and end of what is used [s], None for all
-    kinematics, crossings, derivatives, torque_table, tension, contact_options, emg_options, emg_use, tables : what the
-        steps are told
-    contacts : what is known of contacts whose forces are to be estimated, None to estimate none
-    actuators : beside the model's own; None adds a weak reserve for every coordinate
-    plates : force plates, for pictures and for feet that share one
-    plate_time : clock of their forces (samples,) [s]
-    emg_muscles : EMG channel to the muscles it was measured on
-    root_note : what the forces at the root are where they are not residuals, see `ReportInput`
-    real, assumed, simulated : sentences for the first lines of the report
-    truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
-    sources : inputs by their hashes
-    report : how the report looks at the motion
-    phases : parts of the motion that the report tells apart, name to start and end [s]
-    parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
-        model or what makes the model of an object
-    """
-
-    name: str
-    subject: str
-    model: Model
-    markers: Markers | None = None
-    loads: Callable[[Motion], Wrenches] | None = None
-    emg: Emg | None = None
-    events: tuple[Event, ...] = ()
-    mass: float | None = None
-    time: tuple[float, float] | None = None
-    kinematics: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
-    crossings: CrossingOptions = field(default_factory=CrossingOptions)
-    derivatives: Differentiation = field(default_factory=Differentiation)
-    torque_table: TorqueTable = field(default_factory=TorqueTable)
-    tension: TensionOptions | None = None
-    contacts: ContactPlan | None = None
-    contact_options: ContactOptions | None = None
-    emg_options: EmgOptions | None = None
-    emg_use: EmgUse = field(default_factory=EmgUse)
-    tables: TensionTables = field(default_factory=TensionTables)
-    actuators: tuple[Actuator, ...] | None = None
-    plates: tuple[ForcePlate, ...] = ()
-    plate_time: Array = field(default_factory=lambda: np.zeros(0))
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    root_note: str = ""
-    real: tuple[str, ...] = ()
-    assumed: tuple[str, ...] = ()
-    simulated: tuple[str, ...] = ()
-    truth: Mapping[str, Series] = field(default_factory=lambda: MappingProxyType({}))
-    sources: tuple[Source, ...] = ()
-    warnings: tuple[str, ...] = ()
-    report: ReportOptions = field(default_factory=ReportOptions)
-    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
-    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: MappingProxyType({}))
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What the steps have found so far.
-
-    Attributes
-    ----------
-    fit : of inverse kinematics
-    recorded : coordinates as inverse kinematics or a file gave them
-    motion : coordinates that forces belong to (filtered where asked for), with derivatives
-    wrenches : external forces at the motion's times, as measured
-    loads : every external force, those of estimated contacts included
-    carried : generalized forces of the motion under all of them
-    contacts : which site touches what
-    notes : what was done about doubtful input, one line each
-    """
-
-    fit: KinematicsFit | None = None
-    recorded: Motion | None = None
-    motion: Motion | None = None
-    wrenches: Wrenches | None = None
-    torques: Series | None = None
-    tension: Tension | None = None
-    loads: Wrenches | None = None
-    carried: Series | None = None
-    contacts: Contacts | None = None
-    notes: tuple[str, ...] = ()
-
-
-def solve_kinematics(take: Take) -> KinematicsFit:
-    """Inverse kinematics of the part of a recording that is asked for."""
-    if take.markers is None:
-        raise BadData(f"{take.name}: holds no markers")
-    markers = used_markers(take, take.markers)
-    with progress(f"{take.name}: inverse kinematics", len(markers)) as advance:
-        return inverse_kinematics(take.model, markers, take.kinematics, advance)
-
-
-def used_markers(take: Take, markers: Markers) -> Markers:
-    """The part of a recording that is asked for; with crossings only, markers are hidden elsewhere.
-
-    Raises
-    ------
-    BadData
-        where crossings are asked for, but there is none
-    """
-    markers = markers if take.time is None else cut(markers, *take.time)
-    if not take.crossings.only:
-        return markers
-    spans = crossings(markers, take.model, take.crossings)
-    if not spans:
-        raise BadData(
-            f"{take.name}: no part of {take.crossings.shortest:g} s shows {100 * take.crossings.shown:g} % of what its "
-            "markers could tell: ask for less (crossings_shown, crossings_shortest)"
-        )
-    return within_crossings(markers, spans)
-
-
-def with_derivatives(take: Take, found: Found) -> Found:
-    """The motion with velocities and accelerations, cut to the time that is asked for, with closed loops closed.
-
-    Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
-    """
-    from myomorph.rigid.closed_motion import closed_motion
-
-    motion = differentiate(_recorded(take, found), take.derivatives.cutoff)
-    motion, notes = closed_motion(take.model, motion if take.time is None else cut(motion, *take.time))
-    return replace(found, motion=motion, notes=(*found.notes, *notes))
-
-
-def loads_at(take: Take, recorded: Motion, motion: Motion) -> Wrenches | None:
-    """External forces at the motion's times, filtered as the motion."""
-    if take.loads is None:
-        return None
-    return resample_wrenches(take.loads(recorded), motion.time, take.derivatives.cutoff)
-
-
-def solve_dynamics(take: Take, found: Found) -> Found:
-    """Inverse dynamics of the coordinates found so far."""
-    from myomorph.rigid.dynamics import inverse_dynamics
-
-    has_mass(take.model, "inverse dynamics")
-    found = with_derivatives(take, found)
-    assert found.motion is not None
-    wrenches = loads_at(take, _recorded(take, found), found.motion)
-    notes = found.notes if wrenches is None else (*found.notes, *wrenches.notes)
-    torques = inverse_dynamics(take.model, found.motion, wrenches)
-    return replace(found, wrenches=wrenches, torques=torques, notes=notes)
-
-
-def told_torques(take: Take, motion: Motion, torques: Series) -> Series:
-    """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
-    if take.torque_table.net:
-        from myomorph.muscles.passive import passive_generalized_forces
-
-        torques = replace(torques, values=torques.values - passive_generalized_forces(take.model, motion).values)
-    if take.torque_table.folded:
-        from myomorph.rigid.closed_motion import loop_torques
-
-        torques = loop_torques(take.model, motion, torques).torques
-    return torques
-
-
-def _recorded(take: Take, found: Found) -> Motion:
-    if found.recorded is None:
-        raise BadData(f"{take.name}: has no motion yet: run 'ik' first")
-    return found.recorded
+    pass
 
 
 def run_step(step: str, take: Take, found: Found, writer: ResultWriter, folder: Path) -> Found:
@@ -328,17 +145,3 @@ def read_step(step: str, take: Take, found: Found, stored: Stored) -> Found:
         motion, wrenches = store.get_derivatives(stored), store.get_wrenches(stored)
         return replace(found, motion=motion, wrenches=wrenches, torques=store.get_torques(stored))
     return found
-
-
-def error_table(fit: KinematicsFit) -> Table:
-    """Marker errors as a table: root mean square, largest, and each marker's [m]."""
-    values = np.column_stack([fit.rms, fit.largest, fit.errors])
-    return Table(fit.motion.time, ("rms", "largest", *fit.marker_names), values)
-
-
-def torque_table(torques: Series, model: Model) -> Table:
-    """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`, `pelvis_tx_force`."""
-    endings = {"rotational": "moment", "translational": "force", "coupled": "force"}
-    names = tuple(f"{name}_{endings[model.coordinate(name).motion]}" for name in torques.names)
-    facts = MappingProxyType({"name": "Inverse Dynamics Generalized Forces"})
-    return Table(torques.time, names, torques.values, facts=facts)

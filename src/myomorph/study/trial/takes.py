@@ -32,7 +32,7 @@ from myomorph.store.settings import (
 )
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.steps import Take
+from myomorph.study.trial.take import Take
 
 if TYPE_CHECKING:
     from myomorph.io.osim.tasks import IkTasks

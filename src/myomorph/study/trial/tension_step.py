@@ -19,7 +19,9 @@ from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter
 from myomorph.study.trial.emg_step import EMG_TABLE, ToldByEmg, emg_takes_part, told_by_emg, write_calibration
-from myomorph.study.trial.steps import Found, Take, solve_dynamics, torque_table
+from myomorph.study.trial.motion_steps import solve_dynamics
+from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.take import Found, Take
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.problem import TensionProblem, tension_problem

@@ -16,13 +16,14 @@ from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
+from myomorph.report.page.verdict import Verdict
 from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.tables import Verdict, residuals
+from myomorph.report.trial.tables import residuals
 from myomorph.store import stored as store
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, Stored, file_name, read_result
-from myomorph.study.run.jobs import Outcome
 from myomorph.study.trial.reporting import report_input
-from myomorph.study.trial.steps import Take
+from myomorph.study.trial.take import Take
 from myomorph.study.trial.trial_signals import LOADED, Signals, signals_of, statistics_of
 from myomorph.study.trial.trial_strides import PARAMETERS, TrialStrides, by_side
 

@@ -22,7 +22,7 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
 from myomorph.study.trial import inputs
-from myomorph.study.trial.steps import Found, Take
+from myomorph.study.trial.take import Found, Take
 from myomorph.study.trial.takes import FileTake, Settings, contact_parts, contact_sources
 
 TOGETHER_STEPS = ("id", "tension", "report")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
-from myomorph.study.plan.group_plan import StridePlan
 
 ANGLES, TORQUES, LENGTHS, TENSIONS = "joint angle [°]", "joint torque [N·m]", "muscle length [mm]", "muscle tension [N]"
 PHASE = "phase, "
@@ -275,3 +275,21 @@ def _joined(parts: Sequence[Cycles]) -> Cycles:
     names = tuple(name for name in parts[0].names if all(name in part.names for part in parts))
     rows = [part.values[:, :, [part.names.index(name) for name in names]] for part in parts]
     return Cycles(names, np.concatenate(rows))
+
+
+@dataclass(frozen=True)
+class StridePlan:
+    """How strides are found in the coordinates of a trial.
+
+    Attributes
+    ----------
+    trunk : body that feet are seen from, "" for the last one that carries all feet
+    limbs : by name, the body that tells strikes and, where given, the one that tells lifts; () for the model's feet
+    direction : of travel in ground, None to find it
+    belt : speed of a treadmill [m/s], None to find it
+    """
+
+    trunk: str = ""
+    limbs: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    direction: tuple[float, float, float] | None = None
+    belt: float | None = None

@@ -13,6 +13,7 @@ from myomorph.store.results import DAMAGED, STORED, read_result
 
 if TYPE_CHECKING:
     from myomorph.report.trial.given import ReportInput
+    from myomorph.study.trial.reporting import ModelMaker
     from myomorph.viewer.replay import Replay
 
 MOTIONS = ("coordinate_value", "coordinate_filtered")
@@ -23,7 +24,10 @@ LARGE = ("moment_arm",)
 
 
 def open_replay(
-    folders: Sequence[str | Path], port: int | None = None, served: Callable[[int], None] | None = None
+    folders: Sequence[str | Path],
+    port: int | None = None,
+    served: Callable[[int], None] | None = None,
+    demo_model: ModelMaker | None = None,
 ) -> Replay:
     """A page that shows the results of one folder, or of several in one scene.
 
@@ -32,6 +36,7 @@ def open_replay(
     folders : folders of results, or single result files
     port : of the page; any free one where not given
     served : called with the port once the page can be opened, before the results are read
+    demo_model : makes the model of a demo by its name
 
     Raises
     ------
@@ -40,13 +45,13 @@ def open_replay(
     BadData
         where the port is taken
     """
-    choices = [recordings(one) for one in folders]
+    choices = [recordings(one, demo_model) for one in folders]
     from myomorph.viewer.replay import Replay
 
     return Replay(choices, port, served)
 
 
-def recordings(folder: str | Path) -> Mapping[str, Callable[[], ReportInput]]:
+def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Mapping[str, Callable[[], ReportInput]]:
     """The recordings of a folder of results by name, each opened when it is called; those with a motion.
 
     Files in one folder belong together where they tell of the same trial at the same times.
@@ -76,16 +81,16 @@ def recordings(folder: str | Path) -> Mapping[str, Callable[[], ReportInput]]:
         name = str(place) if len(place.parts) and place.name == trial else str(place / str(trial or files[0].stem))
         while name in found:
             name += "'"
-        found[name] = partial(_open, tuple(files))
+        found[name] = partial(_open, tuple(files), demo_model)
     return found
 
 
-def _open(files: Sequence[Path]) -> ReportInput:
+def _open(files: Sequence[Path], demo_model: ModelMaker | None) -> ReportInput:
     # The page is served already: what takes longest to import comes last.
     from myomorph.study.trial.reporting import joined, model_of, report_input
 
     stored = joined([read_result(path, leave_out=LARGE) for path in files])
-    return report_input(stored, model_of(stored))
+    return report_input(stored, model_of(stored, demo_model))
 
 
 def _told(path: Path) -> tuple[tuple[object, ...] | None, bool]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from myomorph.model.estimate import Estimate
 from myomorph.model.spatial import Array
+from myomorph.report.page.head import Note, SourceFile, Step
 from myomorph.report.page.section import Figure
-from myomorph.report.trial.given import Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
 from myomorph.viscosity.swings import SwingRecording
 from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity

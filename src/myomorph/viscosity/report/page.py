@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from myomorph.report.charts.interval_bars import Level
+from myomorph.report.page.head import Note, PageHead
+from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.references import viscosity_references
 from myomorph.report.page.section import Section
-from myomorph.report.trial.given import Note, ReportInput
-from myomorph.report.trial.trial_page import Tile, rendered
 from myomorph.viscosity.cohort import CohortLine, cohort
 from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY
 from myomorph.viscosity.report.given import ViscosityInput
@@ -23,7 +23,7 @@ def viscosity_page(given: ViscosityInput) -> str:
         for one in given.specimens
         if one.failure
     ]
-    page = ReportInput(
+    page = PageHead(
         title=given.title,
         date=given.date,
         version=given.version,

@@ -34,7 +34,7 @@ CONDITIONS = ("without", "with")
 
 def viscosity_settings() -> Mapping[str, tuple[Setting, ...]]:
     """Settings of every step, by its name in the table `[options]`."""
-    from myomorph.viscosity.study.specimen import StudyOptions
+    from myomorph.viscosity.study.options import StudyOptions
 
     plain = StudyOptions()
     return MappingProxyType({name: settings_of(type(one)) for name, one in vars(plain).items()})

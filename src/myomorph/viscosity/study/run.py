@@ -12,13 +12,14 @@ from myomorph import __version__
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Provenance, Source
-from myomorph.report.trial.given import Note, SourceFile, Step
+from myomorph.report.page.head import Note, SourceFile, Step
 from myomorph.store.progress import Advance, progress
 from myomorph.store.results import file_name, file_source, provenance_of, whole_folder
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
 from myomorph.viscosity.study.files import write_swings, write_tables, write_whole
+from myomorph.viscosity.study.options import StudyOptions
 from myomorph.viscosity.study.plan import SpecimenFiles, ViscosityPlan
-from myomorph.viscosity.study.specimen import StudyOptions, input_sources, study_specimen
+from myomorph.viscosity.study.specimen import input_sources, study_specimen
 from myomorph.viscosity.study.store import remake_report, write_store
 from myomorph.viscosity.viscosity import SpecimenViscosity
 

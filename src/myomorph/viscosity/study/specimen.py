@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,13 +15,11 @@ from myomorph.model.provenance import Source
 from myomorph.model.series import Trial
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
-from myomorph.store.settings import plain_settings, with_settings
-from myomorph.viscosity.arm_sensitivity import ArmOptions
 from myomorph.viscosity.cutoff import choose_cutoff
-from myomorph.viscosity.passive_models import PassiveOptions
 from myomorph.viscosity.report.given import Residual, SpecimenReport, specimen_report
 from myomorph.viscosity.specimen import Specimen, SwingTrial
 from myomorph.viscosity.study.model import identified_model
+from myomorph.viscosity.study.options import IDENTIFYING, MASSES, TRACKING, VISCOSITIES, StudyOptions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, SwingFiles
 from myomorph.viscosity.study.plate_files import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
@@ -30,53 +27,8 @@ from myomorph.viscosity.study.trust import trusted, with_cutoffs
 from myomorph.viscosity.swing_checks import Finding, condition_findings, recording_findings, tracking_findings
 from myomorph.viscosity.swing_rows import swing_recordings
 from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.viscosity.tracking import TrackedSpecimen, track
 from myomorph.viscosity.viscosity import Condition, SpecimenViscosity, ViscosityOptions, identify_specimen
-
-TRACKING, IDENTIFYING = 0.5, 0.25
-"""Shares of a specimen's time, for the bar."""
-
-MASSES = {"without": ("mass_without", "com_without"), "with": ("mass_with", "com_with")}
-VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
-"""What a condition gives to the tables."""
-
-
-@dataclass(frozen=True)
-class FilterOptions:
-    """The low-pass of motion and wrench.
-
-    Attributes
-    ----------
-    cutoff : of motion and wrench [Hz]; by default the one that residual analysis of the recordings asks for
-    """
-
-    cutoff: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.cutoff is not None and not self.cutoff > 0.0:
-            raise BadData(f"cutoff of motion and wrench is {self.cutoff:g} Hz: expected above 0")
-
-
-@dataclass(frozen=True)
-class StudyOptions:
-    """All that a study of swinging limbs may be told, each part in its own table."""
-
-    filter: FilterOptions = field(default_factory=FilterOptions)
-    tracking: TrackingOptions = field(default_factory=TrackingOptions)
-    identification: ViscosityOptions = field(default_factory=ViscosityOptions)
-    laws: PassiveOptions = field(default_factory=PassiveOptions)
-    arms: ArmOptions = field(default_factory=ArmOptions)
-
-    @staticmethod
-    def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
-        """Options from the tables of a study file, or from a command line."""
-        plain = StudyOptions()
-        return replace(plain, **{name: with_settings(getattr(plain, name), own) for name, own in settings.items()})
-
-    @property
-    def plain(self) -> dict[str, dict[str, object]]:
-        """The settings as plain values, by table."""
-        return {name: plain_settings(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
 @dataclass(frozen=True, eq=False)

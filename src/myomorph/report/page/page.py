@@ -1,0 +1,142 @@
+"""The HTML around sections, tiles and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+
+from jinja2 import Environment, StrictUndefined
+
+from myomorph.report.charts.chart import number
+from myomorph.report.page.head import PageHead
+from myomorph.report.page.references import Reference
+from myomorph.report.page.section import Section
+from myomorph.report.page.verdict import Verdict
+
+_KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A picture of the body at one time: label and PNG addresses from the side and the front."""
+
+    label: str
+    side: str
+    front: str
+    width: int
+    front_width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the summary: value, what it is, whether it is within its limit."""
+
+    value: str
+    name: str
+    state: str
+
+
+def rendered(
+    head: PageHead,
+    sections: Sequence[Section],
+    references: Sequence[Reference],
+    *,
+    facts: Sequence[tuple[str, str]] = (),
+    tiles: Sequence[Tile] = (),
+    verdicts: Sequence[Verdict] = (),
+    missing: Sequence[str] = (),
+    instants: Sequence[Instant] = (),
+    motion: str = "",
+    muscles_colored: bool = False,
+    arrows: str = "",
+) -> str:
+    """The page of given sections, as HTML text.
+
+    Parameters
+    ----------
+    head : title, notes, sources, steps and warnings
+    facts : lines of the heading, name and text
+    tiles : the few numbers to see first
+    verdicts : quantities held against a limit
+    missing : what is absent, a sentence each
+    instants, motion : pictures of the body, and the moving skeleton
+    muscles_colored : whether the pictures show activations
+    arrows : the kind of forces that the pictures show, "" where none
+    """
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_text("report.html.j2")).render(
+        head=head,
+        date=_date(head.date),
+        style=_text("report.css"),
+        script=_text("report.js"),
+        facts=facts,
+        tiles=tiles,
+        kinds=_KINDS,
+        verdicts=[_printed(one) for one in _ordered(verdicts)],
+        over=sum(1 for one in verdicts if one.state == "over"),
+        judged=sum(1 for one in verdicts if one.limit is not None),
+        sections=sections,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+        muscles_colored=muscles_colored,
+        arrows=arrows,
+        references=references,
+    )
+
+
+def _date(text: str) -> str:
+    """A date of a clock (ISO 8601) to the minute; any other text as it is."""
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    if len(text) <= len("2026-01-02"):
+        return text
+    zone = "" if when.tzinfo is None else " UTC"
+    return (when if when.tzinfo is None else when.astimezone(UTC)).strftime("%Y-%m-%d %H:%M") + zone
+
+
+def _text(name: str) -> str:
+    return (files("myomorph.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """What is over its limit first."""
+    rank = {"over": 0, "note": 1, "ok": 2}
+    return sorted(verdicts, key=lambda one: rank[one.state])
+
+
+@dataclass(frozen=True)
+class PrintedVerdict:
+    """A verdict as text."""
+
+    quantity: str
+    value: str
+    limit: str
+    state: str
+    worst: str
+    time: str
+    source: str
+    detail: str
+
+
+def _printed(one: Verdict) -> PrintedVerdict:
+    limit = "none agreed" if one.limit is None else "0" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
+    if "%" in one.unit and one.limit:
+        limit = f"{number(one.limit)} %"
+    whole = one.value == int(one.value) and "%" not in one.unit and "cm" not in one.unit
+    value = number(one.value, 1.0) if whole else number(one.value)
+    return PrintedVerdict(
+        one.quantity,
+        f"{value} {one.unit}".strip(),
+        limit,
+        one.state,
+        one.worst,
+        "" if one.time is None else f"{number(one.time, 0.001)} s",
+        one.source,
+        one.detail,
+    )

@@ -1,0 +1,71 @@
+"""Coordinates that follow others: values and rates of dependent coordinates."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from myomorph.rigid.coordinates import evaluate
+
+
+@njit(cache=True, nogil=True)
+def couple(T, c):
+    """Set the dependent coordinates in c (coordinates,) from those they follow."""
+    for k in range(T.coupler_coordinate.shape[0]):
+        i, j = T.coupler_source[k, 0], T.coupler_source[k, 1]
+        x1 = c[i] if i >= 0 else 0.0
+        x2 = c[j] if j >= 0 else 0.0
+        c[T.coupler_coordinate[k]] = evaluate(T.functions, T.coupler_function[k], x1, x2)[0]
+
+
+@njit(cache=True, nogil=True)
+def couple_rates(T, c, cdot, cddot):
+    """Set the dependent velocities and accelerations by the chain rule; c is consistent already."""
+    for k in range(T.coupler_coordinate.shape[0]):
+        i, j = T.coupler_source[k, 0], T.coupler_source[k, 1]
+        x1 = c[i] if i >= 0 else 0.0
+        x2 = c[j] if j >= 0 else 0.0
+        v1 = cdot[i] if i >= 0 else 0.0
+        v2 = cdot[j] if j >= 0 else 0.0
+        a1 = cddot[i] if i >= 0 else 0.0
+        a2 = cddot[j] if j >= 0 else 0.0
+        _, d1, d2, d11, d12, d22 = evaluate(T.functions, T.coupler_function[k], x1, x2)
+        cdot[T.coupler_coordinate[k]] = d1 * v1 + d2 * v2
+        cddot[T.coupler_coordinate[k]] = d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
+
+
+@njit(cache=True, nogil=True)
+def gather_dependents(T, c, rows):
+    """Turn derivatives in all coordinates into derivatives in the independent ones, in place.
+
+    Each row of `rows` (n, coordinates) holds df/dc; afterwards the entry of an independent
+    coordinate includes what reaches f through the coordinates that follow it, and the entries of
+    dependent coordinates are left as they were.
+    """
+    for k in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
+        i, j = T.coupler_source[k, 0], T.coupler_source[k, 1]
+        x1 = c[i] if i >= 0 else 0.0
+        x2 = c[j] if j >= 0 else 0.0
+        _, d1, d2, _, _, _ = evaluate(T.functions, T.coupler_function[k], x1, x2)
+        for row in range(rows.shape[0]):
+            if i >= 0:
+                rows[row, i] += d1 * rows[row, T.coupler_coordinate[k]]
+            if j >= 0:
+                rows[row, j] += d2 * rows[row, T.coupler_coordinate[k]]
+
+
+@njit(cache=True, nogil=True)
+def couple_frames(T, values):
+    """`couple` for every row of values (frames, coordinates)."""
+    if T.coupler_coordinate.shape[0] == 0:
+        return
+    for frame in range(values.shape[0]):
+        couple(T, values[frame])
+
+
+@njit(cache=True, nogil=True)
+def couple_rates_frames(T, values, velocities, accelerations):
+    """`couple_rates` for every row of three arrays (frames, coordinates)."""
+    if T.coupler_coordinate.shape[0] == 0:
+        return
+    for frame in range(values.shape[0]):
+        couple_rates(T, values[frame], velocities[frame], accelerations[frame])
