@@ -17,7 +17,7 @@ import time
 import urllib.request
 from pathlib import Path
 
-from tests.report.browser import Browser, browser_program
+from tests.browser import Browser, browser_program
 
 from myomorph.study.trial.viewing import open_replay
 from myomorph.viewer.replay import Replay

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from made_walker import recording, walker
 
+from made_walker import recording, walker
 from myomorph.io.osim.write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Series

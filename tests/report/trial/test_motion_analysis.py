@@ -5,7 +5,6 @@ from typing import get_args
 import numpy as np
 import pytest
 from lxml import etree
-from walker import GRAVITY, Tension, everything, model, motion, steps
 
 from myomorph.analysis.centroid import centroid
 from myomorph.analysis.limb_muscles import MUSCLES, named_muscles
@@ -33,6 +32,7 @@ from myomorph.report.trial.motion_analysis import analyse
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import settings
+from walker import GRAVITY, Tension, everything, model, motion, steps
 
 WEIGHT = 60.0 * GRAVITY
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from walker import GRAVITY, everything, model, motion, steps
 
 from myomorph.model.contacts import ContactForces, Site
 from myomorph.model.errors import BadData
@@ -23,6 +22,7 @@ from myomorph.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows
 from myomorph.viewer.replay_muscles import MuscleIndex
 from myomorph.viewer.replay_scene import outline
 from myomorph.viewer.web_page import quaternions
+from walker import GRAVITY, everything, model, motion, steps
 
 WAYS = ("up", "ahead", "right")
 

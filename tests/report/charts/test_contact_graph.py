@@ -3,7 +3,6 @@ import re
 import numpy as np
 import pytest
 from lxml import etree
-from walker import GRAVITY, steps
 
 from myomorph.analysis.subjects import Subject
 from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
@@ -17,6 +16,7 @@ from myomorph.report.charts.contact_graph import (
     solved_contacts,
 )
 from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
+from walker import GRAVITY, steps
 
 UP = np.array([0.0, 1.0, 0.0])
 TAP = Contacts(

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from walker import model, motion
 
 from myomorph.analysis.centroid import centroid
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
+from walker import model, motion
 
 
 def test_in_the_default_pose_it_is_the_weighted_mean_of_the_mass_centers() -> None:

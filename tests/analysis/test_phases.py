@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from walker import steps
 
 from myomorph.analysis.phases import contacts, find_movement, side_of
 from myomorph.model.series import Series, Wrenches
+from walker import steps
 
 UP = np.array([0.0, 1.0, 0.0])
 G = 9.80665

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lxml import etree, html
-from walker import model as walker
 
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
@@ -32,6 +31,7 @@ from myomorph.report.trial.identified import (
     WrenchCheck,
 )
 from myomorph.report.trial.trial_page import report_page
+from walker import model as walker
 
 TABLE_3_1 = {
     "identified, w_d": [2.85, 2.12, 1.80, 1.67, 1.61, 1.54, 1.48, 1.25, 1.16, 1.26, 0.97, 0.90, 0.85, 0.76, 0.73,

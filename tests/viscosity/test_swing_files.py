@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.identify.swung_specimen import arm_specimen, swing
+from swung_specimen import arm_specimen, swing
 
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.io.c3d.write import write_c3d

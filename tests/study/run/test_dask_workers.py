@@ -26,7 +26,7 @@ from myomorph.study.run.dask_job import do_job, fitness
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.jobs import Ended, Job
 
-HERE = {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path(__file__).parents[2])))}
+HERE = {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path(__file__).parents[3])))}
 
 
 def named(name: str) -> Model:

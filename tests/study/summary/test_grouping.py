@@ -6,8 +6,8 @@ import csv
 
 import numpy as np
 import pytest
-from made_walker import PERIOD, recording, walker
 
+from made_walker import PERIOD, recording, walker
 from myomorph.analysis.groups import Animal
 from myomorph.io.osim.write import write_osim
 from myomorph.io.trc import write_trc

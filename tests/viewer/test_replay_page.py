@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser, browser_program, wait
 from PIL import Image
-from walker import everything
 
+from browser import Browser, browser_program, wait
 from myomorph.model.errors import BadData
 from myomorph.model.model import Marker
 from myomorph.model.series import ForcePlate, Markers
 from myomorph.report.trial.given import ReportInput
 from myomorph.viewer.replay import Replay
+from walker import everything
 
 pytest.importorskip("viser")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,6 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import Similarity
 from myomorph.viscosity.study.ct import ScanFiles, ScanTable, model_from_scans, read_picks, scan_files
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "morph"))
 from scans import cluster, made_scan
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"

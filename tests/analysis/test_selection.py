@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from walker import model
 
 from myomorph.analysis.selection import (
     coordinate_pairs,
@@ -10,6 +9,7 @@ from myomorph.analysis.selection import (
     root_coordinates,
     split_side,
 )
+from walker import model
 
 _RAJAGOPAL = """addbrev addlong addmagDist addmagIsch addmagMid addmagProx bflh bfsh edl ehl fdl fhl gaslat gasmed
 glmax1 glmax2 glmax3 glmed1 glmed2 glmed3 glmin1 glmin2 glmin3 grac iliacus perbrev perlong piri psoas recfem sart

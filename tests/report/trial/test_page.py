@@ -5,12 +5,12 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from lxml import etree, html
-from walker import everything
 
 from myomorph.model.series import Emg, Event, Series, Wrenches
 from myomorph.report.page.head import Note
 from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.trial_page import report_page
+from walker import everything
 
 
 def parsed(given: ReportInput) -> html.HtmlElement:

@@ -2,11 +2,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from walker import GRAVITY, Tension, fitted, model, motion
 
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.report.charts.columns import compared
 from myomorph.report.trial import tables
+from walker import GRAVITY, Tension, fitted, model, motion
 
 
 def flat(time: np.ndarray, force: float) -> Wrenches:

@@ -2,9 +2,9 @@ import functools
 
 import numpy as np
 import pytest
-from made_bodies import filled, random_links
 from scipy import sparse
 
+from made_bodies import filled, random_links
 from myomorph.identify.body.points import Links
 from myomorph.identify.body.weights import (
     bone_weights,

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from walker import GRAVITY, Tension, model, motion, steps
 
 from myomorph.model.functions import linear
 from myomorph.model.model import Mesh
@@ -17,6 +16,7 @@ from myomorph.report.scene.player import HIDDEN, MOST_TRIANGLES, frames_to_play,
 from myomorph.report.scene.raster import FAR, Canvas, View
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.scene.shapes import coarser, normals, primitive, stick
+from walker import GRAVITY, Tension, model, motion, steps
 
 IDENTITY = Transform.identity()
 

@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 import pytest
-from tests.identify.swung_specimen import arm_specimen, swing
+from swung_specimen import arm_specimen, swing
 
 from myomorph.cli.program import main
 from myomorph.io.osim.read import read_osim
