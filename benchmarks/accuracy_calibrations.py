@@ -13,8 +13,9 @@ from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
 from myomorph.contact.plates import plate_axes
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.mesh import read_mesh
+from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import Array, axis_rotation, rotation_from_euler_xyz
+from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.clusters import surface_parts
 from myomorph.morph.procrustes import Similarity

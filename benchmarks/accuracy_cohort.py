@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.cohort import QUANTITIES, cohort, published_row
 from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
 

@@ -12,9 +12,9 @@ import numpy as np
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
 from myomorph.motion.envelope import EnvelopeOptions, envelopes

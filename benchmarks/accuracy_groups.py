@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from myomorph.analysis.permutations import holm, p_floor, permutation_test
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 Row = dict[str, object]
 ALPHA = 0.05

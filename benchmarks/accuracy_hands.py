@@ -15,7 +15,7 @@ from benchmarks.hands_seat import chair, leavings, solved
 from benchmarks.hands_seat import task as seat_task
 from benchmarks.hands_spine import carried_moment, of_laboratory, point_of_laboratory, regressed_point, spine
 from benchmarks.hands_wheel import at_each_time, directions, hands_off, of_each_cycle, wheels
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.tension.tension import Tension
 
 Row = dict[str, object]

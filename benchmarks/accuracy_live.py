@@ -11,9 +11,9 @@ from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.run import open_played
 from myomorph.live.session import follow_chain
 from myomorph.live.sources import Replay
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.online import OnlineKinematics

@@ -24,11 +24,11 @@ from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.io.models import read_model
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 
 Row = dict[str, object]
 

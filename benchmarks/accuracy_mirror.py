@@ -13,10 +13,10 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests")]
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model  # noqa: E402
 from mujoco_models import load  # noqa: E402
 from myomorph.io.models import read_model  # noqa: E402
+from myomorph.model.arrays import Array  # noqa: E402
 from myomorph.model.model import Model  # noqa: E402
 from myomorph.model.series import Motion  # noqa: E402
 from myomorph.model.sides import mirror_names  # noqa: E402
-from myomorph.model.spatial import Array  # noqa: E402
 from myomorph.morph.mirror import mirrored, mirrored_motion  # noqa: E402
 from myomorph.morph.other_side import other_side_of  # noqa: E402
 from myomorph.muscles.path import MuscleKinematics, muscle_kinematics  # noqa: E402

@@ -19,8 +19,8 @@ from benchmarks.cases import data_folder
 from benchmarks.leg_shapes import BONES, leg_shapes
 from myomorph.io.mesh import read_mesh
 from myomorph.io.models import read_model
+from myomorph.model.arrays import Array
 from myomorph.model.paths import PathPoint
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.affine import AffineMap
 from myomorph.morph.fields import FeaturePoints, MapOptions, PointMap, fit_map, folded

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.optimize import brentq
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.pendulum import Decay, compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 BICYCLES = ("Browser", "Pista", "Rigid")

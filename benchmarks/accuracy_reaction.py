@@ -19,9 +19,9 @@ from myomorph.io.models import read_model
 from myomorph.io.osim.actuator_files import read_actuators
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto, write_sto
+from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Table, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays

@@ -31,9 +31,9 @@ from myomorph.identify import base
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions, identify
 from myomorph.io.models import read_model
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.motion.calibrate import calibrate
 from myomorph.motion.calibration import CalibrationOptions
 from myomorph.motion.ik import inverse_kinematics

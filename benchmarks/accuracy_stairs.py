@@ -12,10 +12,11 @@ import numpy as np
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from myomorph.contact.paws_on_steps import paws_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array, Transform, rotation_from_euler_xyz
+from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.morph.mirror import with_other_side
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics

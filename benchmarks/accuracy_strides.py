@@ -15,8 +15,8 @@ from myomorph.io.c3d.read import read_c3d
 from myomorph.io.loads import read_external_loads
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.io.trc import read_trc
+from myomorph.model.arrays import Array
 from myomorph.model.series import Markers, Wrenches
-from myomorph.model.spatial import Array
 
 Row = dict[str, object]
 NEAR = 0.15

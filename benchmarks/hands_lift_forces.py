@@ -16,11 +16,11 @@ from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import ContactIntervals, contact_intervals

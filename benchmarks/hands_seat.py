@@ -19,11 +19,11 @@ from myomorph.contact.states import hysteresis
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
 from myomorph.io.trc import read_trc
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import resample_wrenches

@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks.hands_lift import Recorded, lifter, man, recorded
 from benchmarks.hands_lift_forces import Lift, plate_on_feet
 from myomorph.contact.held_objects import needed_wrench
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from myomorph.contact.plates import episodes
 from myomorph.contact.states import hysteresis
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.motion.filters import lowpass, natural_spline
 
 FOLDER = "wheelchair-pushrim"

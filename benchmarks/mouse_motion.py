@@ -32,10 +32,10 @@ from myomorph.analysis.strides import Limb, Strides, find_strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.io.mjcf.read import read_mjcf
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.morph.procrustes import procrustes
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from myomorph.contact.sound import Instrument
+from myomorph.model.arrays import Array
 from myomorph.model.sound import Sound
-from myomorph.model.spatial import Array
 
 SPEED = 343.0
 RATE = 48_000.0

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 
 MARGIN = 4
 """Frames before and after the recording that finite differences of eighth order need."""

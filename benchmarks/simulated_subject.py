@@ -16,12 +16,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from benchmarks.simulated_engines import MARGIN, Engine
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.model.scale import scale
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths
 
 EXTENTS = (1e-3, 0.2)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.simulated_subject import parameters_of
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.motion.lengths import segments_that_stretch
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.cases import data_folder
 from myomorph.io.models import read_model
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map, folded
 from myomorph.morph.procrustes import procrustes

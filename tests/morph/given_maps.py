@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.scale import slides_freely
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, rotation_from_euler_xyz
+from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.morph.affine import AffineMap
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.carrier import nearest_rotation

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, axis_rotation
+from myomorph.model.spatial import axis_rotation
 from myomorph.morph.affine import AffineMap, fit_affine, fit_whole
 from myomorph.morph.fields import (
     FeaturePoints,

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from myomorph.io.osim.read import read_osim
+from myomorph.model.arrays import Array
 from myomorph.model.functions import Function
 from myomorph.model.model import GROUND, Model
 from myomorph.model.paths import MovingPathPoint, Muscle
-from myomorph.model.spatial import Array
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import ARC_PARTS, drawn_paths
 from myomorph.rigid.kinematics import Poses

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
-from myomorph.model.spatial import Array
 from myomorph.simulate.equations import moment_rows
 from myomorph.viscosity.passive_law import PassiveLaw, resistances
 from myomorph.viscosity.swings import SwingRecording

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from myomorph.model.arrays import Array
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertia_matrices, inertial_parameters
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.model.spatial import Array, Transform, axis_rotation
+from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.viscosity.made_clusters import with_clusters

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
 
 from myomorph.io.models import read_model
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.viscosity.made_clusters import with_clusters

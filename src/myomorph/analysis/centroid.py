@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

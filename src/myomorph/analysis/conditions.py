@@ -12,7 +12,7 @@ from scipy.stats import t as student
 from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups
 from myomorph.analysis.paired import compare_paired
 from myomorph.analysis.permutations import FEWEST
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array, frozen_array
 
 SAMPLES = 101
 LONGEST_GAP = 0.1

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from myomorph.analysis.phases import contacts
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
-from myomorph.model.spatial import Array
 
 FEWEST = 8
 """Frames in which trunk and foot must be seen."""

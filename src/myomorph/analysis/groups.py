@@ -24,8 +24,8 @@ from myomorph.analysis.permutations import (
     p_floor,
     permutation_test,
 )
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 
 @dataclass(frozen=True)

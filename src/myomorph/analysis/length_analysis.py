@@ -16,10 +16,10 @@ import numpy as np
 from myomorph.analysis.cycles import Band, Cycles, band, over_cycles
 from myomorph.analysis.strides import Stride, Strides
 from myomorph.analysis.walking import chains, walking_limbs
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array
 from myomorph.muscles.scaling import default_path_lengths
 
 FEWEST = 2

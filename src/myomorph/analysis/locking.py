@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.analysis.lagged import discovered
+from myomorph.model.arrays import Array
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array
 
 FEWEST_CYCLES = 4
 

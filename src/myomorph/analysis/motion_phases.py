@@ -10,8 +10,8 @@ import numpy as np
 
 from myomorph.analysis.phase import Phase
 from myomorph.analysis.presets import Cut
+from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Series
-from myomorph.model.spatial import Array
 
 MOST_STAGES = 16
 SHORTEST = 0.03

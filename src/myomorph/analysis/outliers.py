@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 FAR = 3.5
 """Modified z-score from which a value is called an outlier (Iglewicz and Hoaglin 1993)."""

@@ -29,8 +29,8 @@ from myomorph.analysis.permutations import (
     paired_g_interval,
     paired_test,
 )
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 
 def compare_paired(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.special import ndtr
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 MOST_SAMPLES, LEAST_KNOWN = 4096, 0.5
 

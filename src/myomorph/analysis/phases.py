@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Series, Wrenches
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 
 _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
 

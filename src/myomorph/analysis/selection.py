@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 
 Indices = NDArray[np.int64]
 SIDES = ("right", "left", "")

@@ -24,11 +24,11 @@ from myomorph.analysis.foot_events import (
     ground_speed_of,
     on_plates,
 )
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Series, Wrenches
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array, frozen_array
 
 __all__ = ["Limb", "Stride", "StrideOptions", "Strides", "find_strides"]
 

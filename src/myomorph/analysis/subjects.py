@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.centroid import NAMES, centroid
+from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

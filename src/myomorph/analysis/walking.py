@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.analysis.strides import Limb, StrideOptions, Strides, find_strides
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

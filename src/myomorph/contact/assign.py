@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.plates import episodes
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
-from myomorph.model.spatial import Array
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from myomorph.contact.plate_pose import rotation_vector
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array, axis_rotation, frozen_array
+from myomorph.model.spatial import axis_rotation
 from myomorph.motion.filters import lowpass, natural_spline
 
 STARTS = 3

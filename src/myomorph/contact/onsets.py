@@ -13,9 +13,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import butter, resample_poly, sosfilt
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.sound import Sound
-from myomorph.model.spatial import Array
 
 HOP = 0.001
 """Step of short-time energies [s]."""

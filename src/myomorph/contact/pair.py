@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.join import own_name
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 from myomorph.rigid.tree import compile_tree

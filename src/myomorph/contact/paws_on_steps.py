@@ -11,11 +11,11 @@ import numpy as np
 from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.stairs import StairOptions, Step, StepLoads
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 
 Unmeasured = Literal["unknown", "zero"]
 LEAST_NOISE = 1e-4

@@ -30,8 +30,8 @@ from myomorph.contact.plate_pose import (
     solve_pose,
 )
 from myomorph.contact.plates import plate_axes
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import Array, frozen_array
 
 __all__ = [
     "MarkedWeight",

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import ForcePlate, Markers
-from myomorph.model.spatial import Array
 
 CLEARLY = 0.25
 """Another first corner is better where it brings the center of pressure to this share of its distance, or nearer, and

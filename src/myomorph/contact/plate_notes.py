@@ -9,8 +9,8 @@ import numpy as np
 
 from myomorph.contact.plate_placements import Placement
 from myomorph.contact.plate_pose import PlateFitOptions, PlatePose, best_pose, residuals, sizes
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 FEWEST = 3
 MIRRORED = 0.1

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from myomorph.contact.plates import episodes, plate_axes, plate_wrench
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, PlateRecording
-from myomorph.model.spatial import Array, frozen_array
 
 STANDARD_GRAVITY = 9.80665
 

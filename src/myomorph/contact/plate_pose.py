@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.plate_placements import Placement
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, axis_rotation
+from myomorph.model.spatial import axis_rotation
 
 ARM = 0.2
 """Length by which a rotation counts as a displacement when it is asked what the placements show [m]."""

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.plate_corners import counted_from, first_corner
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate, PlateRecording, Trial, Wrenches
-from myomorph.model.spatial import Array
 
 REFUSED = {
     5: "AMTI or Kistler with eight channels and a calibration matrix",

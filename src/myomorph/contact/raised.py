@@ -9,10 +9,10 @@ import numpy as np
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, strengths
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.rigid.tree import compile_tree
 
 RESTING = 10.0

@@ -11,11 +11,11 @@ from myomorph.contact.assign import Assignment, AssignOptions, assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.contact.site_motion import SiteMotion, site_motion
 from myomorph.contact.states import hysteresis, steady
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import STANDARD_GRAVITY, Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree

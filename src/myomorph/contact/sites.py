@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.optimize import nnls
 
 from myomorph.contact.onsets import Heard, Onset, SoundOptions, energy_after, listen, onsets
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import index_of
 from myomorph.model.sound import Sound
-from myomorph.model.spatial import Array
 
 
 def speed_of_sound(celsius: float) -> float:

@@ -9,11 +9,11 @@ import numpy as np
 
 from myomorph.contact.sound import Strokes
 from myomorph.contact.strokes import site_places
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 
 EITHER_SIDE = 0.015
 """Time before and after a moment over which a tip's change of velocity is taken [s]."""

@@ -18,9 +18,10 @@ import numpy as np
 
 from myomorph.contact.plates import episodes
 from myomorph.contact.states import hysteresis, steady
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 SQUARE = 1e-6

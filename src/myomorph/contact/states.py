@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import Floor, SiteMotion, floor_under, site_motion
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 
 Bools = NDArray[np.bool_]
 

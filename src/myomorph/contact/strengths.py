@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.site_motion import center_of, floor_under, site_motion
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

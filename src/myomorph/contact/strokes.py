@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.contact.sound import Strokes
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.motion.filters import lowpass
 from myomorph.rigid.forward import forward_accelerations, gathered
 from myomorph.rigid.kinematics import forward_kinematics

@@ -19,10 +19,10 @@ from myomorph.identify.base_parameters import (
 from myomorph.identify.factors import Solution, levels, rank_and_condition, solve
 from myomorph.identify.null_space import tree_null_space
 from myomorph.identify.wrench_rows import Recording, Rows, correlation_times, gather, residuals
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 
 __all__ = [
     "BaseFit",

@@ -18,11 +18,11 @@ from myomorph.identify.null_space import (
     random_states,
     tree_null_space,
 )
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import PARAMETERS, inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_regressor
 
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from myomorph.identify.body.points import Links, MassPoints
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
-from myomorph.model.spatial import Array, frozen_array
 
 Inside = Callable[[Array], np.ndarray]
 """Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""

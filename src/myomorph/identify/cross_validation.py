@@ -8,11 +8,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 

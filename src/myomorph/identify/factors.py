@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from myomorph.identify.householder import fold_rows
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 
 def absorb(factor: Array, rows: Array) -> Array:

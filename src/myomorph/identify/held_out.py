@@ -10,9 +10,9 @@ import numpy as np
 from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.factors import absorb
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 KINDS = ("moment", "force")

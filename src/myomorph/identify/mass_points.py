@@ -24,8 +24,8 @@ from scipy import linalg, sparse
 from myomorph.identify.body.point_sums import PointSums
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.body.weights import checked_weights
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
 """Softness of the rows, relative to their stiffness, where no plain iteration settles."""

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import qr
 
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.rigid.couplers import couple_frames, couple_rates_frames
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.regressor import base_regressor

@@ -12,11 +12,11 @@ import numpy as np
 from myomorph.identify.base_parameters import BaseParameters, base_parameters
 from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UNLOADED, UNMEASURED, WINDOW
 from myomorph.identify.sequential import NOISE, Proposal, SequentialFit, SequentialState
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.motion.online import MovingWindow, OnlineFilter
 from myomorph.rigid.regressor import regressor_blocks
 

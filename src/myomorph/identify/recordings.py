@@ -10,11 +10,11 @@ import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from myomorph.identify.base import Recording
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics

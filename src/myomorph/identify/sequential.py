@@ -21,11 +21,11 @@ from myomorph.identify.base_parameters import (
 )
 from myomorph.identify.factors import levels, rank_and_condition, with_prior
 from myomorph.identify.householder import fold
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.rigid.regressor import base_regressor
 from myomorph.rigid.tree import compile_tree
 

@@ -23,10 +23,10 @@ from myomorph.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array, frozen_array
 
 GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5)

@@ -30,13 +30,13 @@ from myomorph.identify.body.mass_map import (
 )
 from myomorph.identify.body.points import Links, links_of
 from myomorph.identify.body.regions import Center, Region, center_places, centers_of, regions_of
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.muscles.scaling import default_path_lengths
 
 FEWEST_CENTERS = 4

@@ -11,10 +11,10 @@ import numpy as np
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.factors import absorb
 from myomorph.identify.householder import fold_frames
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from myomorph.io.parsing.hdf5_guard import check_hdf5
 from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Trial
-from myomorph.model.spatial import Array
 
 UNITS = MappingProxyType({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
 NAME_KEYS = ("names", "KP_NAMES", "node_names", "keypoints")

@@ -20,9 +20,9 @@ import numpy as np
 from myomorph.io.osim.document import Node, read_document
 from myomorph.io.osim.frames import Frames
 from myomorph.io.parsing.text import file_text, number
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadFile, UnknownName
 from myomorph.model.landmarks import LandmarkPairs
-from myomorph.model.spatial import Array, frozen_array
 
 LARGEST = 64 * 1024 * 1024
 LONGEST = 200

@@ -12,10 +12,10 @@ import numpy as np
 from myomorph.io.osim.document import Node, read_document
 from myomorph.io.osim.joints import plain_name
 from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile, BadModel, UnknownName
 from myomorph.model.model import GROUND
 from myomorph.model.series import Table, Wrenches
-from myomorph.model.spatial import Array
 
 UNASSIGNED = ("", "Unassigned", "NULL")
 PosesOf = Callable[[str, Array], tuple[Array, Array]]

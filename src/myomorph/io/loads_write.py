@@ -11,10 +11,10 @@ from lxml import etree
 
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND
 from myomorph.model.series import Table, Wrenches
-from myomorph.model.spatial import Array
 
 PARTS = ("force_v", "force_p", "torque_")
 

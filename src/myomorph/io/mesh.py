@@ -14,9 +14,9 @@ import numpy as np
 from lxml import etree
 
 from myomorph.io.parsing.xml import ENTITIES, read_xml
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 
 LARGEST = 256 * 1024 * 1024

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Trial
-from myomorph.model.spatial import Array
 
 HINT = "export the recording from QTM as MAT, or as C3D"
 HEADER = 128

@@ -20,10 +20,10 @@ from myomorph.io.parsing.text import (
     unique_names,
     written,
 )
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Table
-from myomorph.model.spatial import Array
 
 HINT = "give a table that OpenSim writes (.sto or .mot): a header, a line 'endheader', column names, numbers"
 HEADER_LINES = 300

@@ -21,9 +21,9 @@ from myomorph.io.parsing.text import (
     without_far_away,
     written,
 )
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, Trial
-from myomorph.model.spatial import Array
 
 HINT = "give a TRC file: 'DataRate ... Units' and its values, 'Frame# Time' and marker names, numbers"
 METERS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "mm": 1e-3, "millimeters": 1e-3, "cm": 1e-2, "dm": 1e-1, "in": 0.0254}

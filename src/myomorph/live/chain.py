@@ -9,9 +9,9 @@ import numpy as np
 
 from myomorph.contact.online_feet import OnlineFeet
 from myomorph.live.sources import Source
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
-from myomorph.model.spatial import Array
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
 from myomorph.motion.steady_pose import BLEND, SteadyKinematics

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from myomorph.identify.online import total_wrench
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 _AXIS = re.compile(r"^(.*?)[ _.:-]?([xyz])$", re.IGNORECASE)
 _FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)

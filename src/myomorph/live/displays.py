@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from myomorph.identify.online import OnlineState
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.viewer.live_view import Clock, live_markdown, live_panel

@@ -16,11 +16,11 @@ from myomorph.identify.base_parameters import held_in
 from myomorph.identify.online import OnlineIdentification, OnlineOptions, OnlineState
 from myomorph.live.displays import Display, TerminalDisplay, WebDisplay
 from myomorph.live.sources import Arrived, LabStreams, Replay, Source
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.motion.measurements import default_markers
 from myomorph.motion.online import OnlineKinematics

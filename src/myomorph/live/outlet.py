@@ -8,8 +8,8 @@ import numpy as np
 
 from myomorph.live.chain import ChainFrame, LiveChain
 from myomorph.live.sources import Source, streaming_library
+from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
-from myomorph.model.spatial import Array
 
 
 class LabOutlet:

@@ -12,9 +12,9 @@ import numpy as np
 
 from myomorph.live.chain import SOLVED, STATES, ChainFrame, LiveChain
 from myomorph.live.delays import Delays
+from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.viewer.live_page import ChainViewer, Shown
 

@@ -13,9 +13,9 @@ import numpy as np
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.live.chain import STATES, ChainFrame, LiveChain
 from myomorph.live.session import LiveSession
+from myomorph.model.arrays import Array
 from myomorph.model.provenance import Source
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, new_result, provenance_of
 from myomorph.store.settings import plain_settings

@@ -13,8 +13,8 @@ from typing import Protocol
 from myomorph.live.chain import GAP, STATES, ChainFrame, LiveChain
 from myomorph.live.delays import Delays
 from myomorph.live.sources import Source
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 
 WAIT = 0.02
 """Longest sleep without a look at the source [s]."""

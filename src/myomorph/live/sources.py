@@ -11,10 +11,10 @@ import numpy as np
 
 from myomorph.identify.online import total_wrench
 from myomorph.live.channels import force_channels, marker_channels
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.model import GROUND
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array, frozen_array
 
 CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
-from myomorph.model.spatial import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

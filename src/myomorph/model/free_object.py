@@ -7,10 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Mesh, Model
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 
 EARTH = (0.0, -9.80665, 0.0)
 SLIDES, TURNS = ("tx", "ty", "tz"), ("rx", "ry", "rz")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 
 PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I_zx", "I_xy")
 """Order of a body's parameters, [D] eq. 3.4; the inertia is about the body's origin."""

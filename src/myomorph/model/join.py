@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import GROUND, Actuator, Joint, Kept, Loop, Model
 from myomorph.model.passive_parts import Bushing
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 
 SIDES = ("r", "l", "right", "left")
 ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")

@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.functions import Function
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
-from myomorph.model.spatial import Array, frozen_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
-from myomorph.model.spatial import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,20 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-
-
-def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Read-only float64 copy of `values`, checked against `shape` (-1 matches anything)."""
-    array = np.array(values, dtype=np.float64)
-    if shape is not None and (
-        array.ndim != len(shape) or any(want not in (-1, have) for want, have in zip(shape, array.shape, strict=True))
-    ):
-        raise ValueError(f"expected an array of shape {shape}, but got {array.shape}")
-    array.setflags(write=False)
-    return array
+from myomorph.model.arrays import Array, frozen_array
 
 
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 
 def signed_volume(vertices: Array, faces: np.ndarray) -> float:

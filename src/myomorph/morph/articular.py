@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.corners import Corners
 from myomorph.morph.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere

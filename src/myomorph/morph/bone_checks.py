@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.model.surface_parts import (
     area_of,

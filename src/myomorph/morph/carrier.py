@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.morph.affine import AffineMap, fit_affine
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.surface_points import Shape

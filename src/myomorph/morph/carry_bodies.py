@@ -7,10 +7,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
 from myomorph.model.passive_parts import Bushing
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.morph.carrier import Carrier, Carriers, nearest_rotation
 
 Tie = TypeVar("Tie", Loop, Bushing)

@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.scale import FIBER_LENGTHS
-from myomorph.model.spatial import Array
 from myomorph.morph.carrier import Carriers, few
 from myomorph.morph.morphed import MorphOptions, MuscleChange
 from myomorph.morph.postures import Postures

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, constant
 from myomorph.model.model import Coordinate
 from myomorph.model.paths import MovingPathPoint, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.scale import stretched
-from myomorph.model.spatial import Array
 from myomorph.morph.carrier import Carrier, Carriers, few
 from myomorph.morph.morphed import CarriedPoint
 from myomorph.morph.on_surface import put_on_surface

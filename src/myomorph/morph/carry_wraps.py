@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.paths import WrapObject
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.morph.carrier import Carrier, nearest_rotation
 
 LONGEST = 0.25

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
-from myomorph.model.spatial import Array
 from myomorph.morph.bone_map import BoneMap, muscle_sizes
 from myomorph.morph.checked import CheckOptions
 from myomorph.morph.doubts import arm_warnings

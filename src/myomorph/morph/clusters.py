@@ -11,8 +11,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 
 ROBUST = 1.345

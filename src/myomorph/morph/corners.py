@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.model.surface import Surface
 
 FACING = 0.82

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.morph.checked import CheckOptions, Warned
 from myomorph.morph.moment_arm_table import MomentArms
 from myomorph.morph.morphed import Morph

@@ -14,10 +14,10 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -15,8 +15,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.morph.affine import AffineMap, fit_affine, fit_whole, unknown_directions
 from myomorph.morph.procrustes import procrustes
 from myomorph.morph.radial import fit_radial

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Joint
-from myomorph.model.spatial import Array
 from myomorph.morph.articular import articular_cylinder, articular_sphere, doubt
 from myomorph.morph.carrier import Carrier, Carriers
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.morph.fields import FeaturePoints
 from myomorph.morph.procrustes import Similarity, fit_points, procrustes

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.alignment import align_bones
 from myomorph.morph.articular import SphereFit, articular_sphere, doubt, spherical_patches

@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial import cKDTree
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.bone_checks import check_bone, repaired_bone
 from myomorph.morph.bone_map import Basis, BoneMap

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
 from myomorph.model.sides import other_side
-from myomorph.model.spatial import Array
 from myomorph.morph.mirrored_parts import mirrored_parts
 from myomorph.morph.other_side import other_side_of
 

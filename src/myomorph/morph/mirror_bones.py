@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.fields import FeaturePoints, PointMap

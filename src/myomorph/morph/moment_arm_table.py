@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Coordinate, Model, index_of
-from myomorph.model.spatial import Array
 from myomorph.morph.postures import CoordinateTable
 from myomorph.muscles.path import compile_paths
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.morph.bone_map import BoneMap
 
 

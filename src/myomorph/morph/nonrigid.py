@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.morph.alignment import align_bones, mirrored_share
 from myomorph.morph.fields import FeaturePoints

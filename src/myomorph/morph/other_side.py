@@ -9,11 +9,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import mirror_names, other_side
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.morph.reflection import Reflection, flip
 from myomorph.morph.virtual_links import standing_poses
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, PathPoint, WrapObject
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.muscles.path import Paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Marker, Model
 from myomorph.model.scale import scale
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import PointFit, fit_points
 from myomorph.morph.registration import SurfaceFit, SurfaceOptions, register_surface

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Coordinate, Model
-from myomorph.model.spatial import Array
 
 COUNT = 256
 """Postures: a muscle over three coordinates meets most of their 125 combinations."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 
 WRONG = 4.0
 """A pick this many times further from where the others put it than they are from each other is named."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, frozen_array
 
 TUKEY = 4.685
 """Robust standard deviations at which a point stops to count: 95 % efficient where errors are normal."""

@@ -15,7 +15,7 @@ from scipy.linalg import lu_factor, lu_solve
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.morph.affine import AffineMap, unknown_directions
 
 Kernel = Literal["r", "r3"]

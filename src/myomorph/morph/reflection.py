@@ -8,8 +8,9 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.functions import Function, PiecewisePolynomial
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 
 SNAP = 1e-6
 """A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it."""

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, axis_rotation, frozen_array
+from myomorph.model.spatial import axis_rotation
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import Similarity
 from myomorph.morph.surface_points import Samples, Shape

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.morph.fields import FeaturePoints
 from myomorph.morph.surface_points import Samples, Shape
 from myomorph.morph.warp import MatchOptions, onto, spread_points

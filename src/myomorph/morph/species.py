@@ -14,8 +14,8 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array, frozen_array
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]

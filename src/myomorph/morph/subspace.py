@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.spatial import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.morph.affine import AffineMap
 
 STIFFNESS = 0.5

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 
 SPREAD = 4000

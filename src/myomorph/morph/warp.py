@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 import rustcpd
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.morph.fields import FeaturePoints
 from myomorph.morph.procrustes import Similarity
 from myomorph.morph.surface_points import Samples, Shape

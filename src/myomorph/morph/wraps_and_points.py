@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.paths import Muscle, PathWrap, WrapObject
-from myomorph.model.spatial import Array
 from myomorph.morph.morphed import CarriedPoint
 
 OUTSIDE = 1.001, 1.05

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.motion.lengths import joint_centers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree

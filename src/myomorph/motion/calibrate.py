@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array
 from myomorph.motion.body_size import length_unit
 from myomorph.motion.calibration import (
     Calibration,

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array
 from myomorph.motion.lengths import Length
 from myomorph.rigid.coordinates import Ints
 

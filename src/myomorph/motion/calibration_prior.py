@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.motion.calibration import CalibrationOptions, Distances
 from myomorph.motion.lengths import Length, mirrored_lengths
 from myomorph.motion.shared_fit import Prior

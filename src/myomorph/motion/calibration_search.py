@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.motion.calibration import CalibrationOptions, Distances
 from myomorph.motion.calibration_prior import calibration_prior, usual_shifts
 from myomorph.motion.shared_fit import (

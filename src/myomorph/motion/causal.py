@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 
 HALF_POWER = 2.1139176749042158
 """Frequency times delay at which this filter halves the power, in radians."""

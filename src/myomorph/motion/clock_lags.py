@@ -9,8 +9,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
 from scipy.ndimage import minimum_filter1d
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass, natural_spline
 
 SAMPLES = 4.0

@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series, Wrenches
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.motion.clock_lags import compare, drift_of_pieces, likely_lags, main_frequency
 from myomorph.motion.clock_refine import Refined, refine
 from myomorph.motion.filters import lowpass, natural_spline

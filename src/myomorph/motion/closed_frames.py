@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.motion.least_squares import SCOUT, hold, posture_cost, resume, solve_frame, solve_frames, solve_in_place
 from myomorph.motion.marker_cost import (
     marker_cost,

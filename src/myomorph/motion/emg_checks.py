@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg, Series
-from myomorph.model.spatial import Array
 
 DEAD = 0.05
 """Time without any change after which a raw channel is dead [s]: muscle and amplifier are never that quiet."""

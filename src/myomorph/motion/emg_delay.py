@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg, Series
-from myomorph.model.spatial import Array, frozen_array
 
 USUAL = 0.05
 """Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Emg, Series
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.motion.emg_delay import shifted
 
 ChannelMap = Mapping[str, Sequence[str]]

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
-from myomorph.model.spatial import Array
 
 
 @dataclass(frozen=True)

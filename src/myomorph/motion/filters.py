@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 
 _NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array
 from myomorph.motion.body_size import coordinate_units
 from myomorph.motion.closed_frames import solvers
 from myomorph.motion.least_squares import SCOUT

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
 from myomorph.model.sides import mirror_names, split_side
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.measurement import Measurement
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -8,10 +8,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.join import clock_difference
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.motion.clocks import resample
 
 SeriesKind = TypeVar("SeriesKind", bound=Series)

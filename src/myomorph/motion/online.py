@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array
 from myomorph.motion.closed_frames import solvers
 from myomorph.motion.ik import (
     InverseKinematicsOptions,

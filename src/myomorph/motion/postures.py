@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array
 from myomorph.motion.body_size import length_unit
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.lengths import segments_that_stretch

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
-from myomorph.model.spatial import Array
 from myomorph.motion.closed_frames import settle_closed
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.marker_cost import MarkerArrays

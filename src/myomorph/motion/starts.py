@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.motion.closed_frames import solvers
 from myomorph.motion.least_squares import SCOUT, hold
 from myomorph.motion.marker_cost import MarkerArrays, new_work

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.online import LOST, OnlineKinematics
 from myomorph.rigid.tree import compile_tree

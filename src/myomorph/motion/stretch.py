@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Axis, Model
 from myomorph.model.scale import scale, slides_freely
-from myomorph.model.spatial import Array
 from myomorph.motion.least_squares import hold, solve_frame
 from myomorph.motion.lengths import Length
 from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight

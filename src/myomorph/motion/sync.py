@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass, natural_spline
 
 LOADED = 0.02

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.motion.marker_cost import fold_couplers
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple, gather_dependents

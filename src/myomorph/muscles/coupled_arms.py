@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.bushings import angular_velocities
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import gather_dependents

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.spatial import Array
 from myomorph.muscles.hill_arrays import HillArrays, compile_hill
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, RIGID, inverse_force_velocity
 from myomorph.muscles.hill_curves import Curve, tendon_force_length

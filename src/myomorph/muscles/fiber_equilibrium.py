@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.spatial import Array
 from myomorph.muscles.fiber_equations import (
     EPS,
     clamped_activation,

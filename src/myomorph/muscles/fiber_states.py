@@ -17,10 +17,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.muscles.fiber_equations import Fibers, fibers_of, shortest_fiber
 from myomorph.muscles.fiber_equilibrium import equilibrium
 from myomorph.muscles.hill_arrays import compile_hill

@@ -18,9 +18,9 @@ from typing import Literal
 import numpy as np
 from numba import njit
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.muscles.hill_arrays import HillArrays, compile_hill
 from myomorph.muscles.hill_classes import (
     ACCELERATION,

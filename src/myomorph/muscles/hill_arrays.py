@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.spatial import Array
 from myomorph.muscles.hill_classes import ACCELERATION, KINDS, MILLARD, THELEN, class_parameters
 from myomorph.muscles.hill_curves import Curve, CurveArrays, pack_curves
 

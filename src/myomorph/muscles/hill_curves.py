@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import simm_spline
-from myomorph.model.spatial import Array, frozen_array
 
 # Power basis of the quintic Bernstein polynomials: coefficients = POWER @ control points.
 _POWER = np.array(

@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.muscles.hill import viscosities
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.bushings import bushing_forces

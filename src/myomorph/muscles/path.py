@@ -18,10 +18,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numba import njit
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path_arrays import (
     ARMS,

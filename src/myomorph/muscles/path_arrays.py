@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function
 from myomorph.model.model import Model, index_of
 from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
-from myomorph.model.spatial import Array
 from myomorph.muscles.wrap_ellipsoid import AXIAL, HYBRID, MIDPOINT
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
 from myomorph.rigid.tree import Tree

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.muscles.path import Paths
 from myomorph.muscles.path_arrays import POINTS, WRAPS
 

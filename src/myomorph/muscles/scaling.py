@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.muscles.path import muscle_kinematics
 
 

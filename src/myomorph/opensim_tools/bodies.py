@@ -7,10 +7,10 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.io.osim.tool_setups import Analysis
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Table
-from myomorph.model.spatial import Array
 from myomorph.opensim_tools.muscles import Tables, listed
 from myomorph.opensim_tools.states import Analyzed
 from myomorph.rigid.body_motion import BodyMotion, body_motion

@@ -8,11 +8,11 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.io.osim.tool_setups import Analysis
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Actuator
 from myomorph.model.passive_parts import PassiveTorque
 from myomorph.model.series import Series, Table
-from myomorph.model.spatial import Array
 from myomorph.muscles.fiber_states import state_names
 from myomorph.opensim_tools.muscles import Tables
 from myomorph.opensim_tools.states import Analyzed

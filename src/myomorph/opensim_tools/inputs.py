@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics

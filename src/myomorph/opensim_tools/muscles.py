@@ -8,9 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.io.osim.tool_setups import Analysis
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Table
-from myomorph.model.spatial import Array
 from myomorph.opensim_tools.states import Analyzed
 
 MOST_ENTRIES = 20_000_000

@@ -14,11 +14,11 @@ from myomorph.io.osim.marker_set import write_marker_set, write_scale_set
 from myomorph.io.osim.scale_setup import PlacerSetup, ScalerSetup, ScaleSetup
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Table
-from myomorph.model.spatial import Array
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.measurements import frames_around, measure, with_measured
 from myomorph.motion.place import Placement, place_on_pose

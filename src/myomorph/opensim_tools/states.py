@@ -12,9 +12,9 @@ import numpy as np
 
 from myomorph.io.osim.tool_setups import AnalyzeSetup
 from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate, natural_spline
 from myomorph.muscles.coupled_arms import TURNING
 from myomorph.muscles.fiber_states import FiberStates, fiber_states, state_names, without_fibers

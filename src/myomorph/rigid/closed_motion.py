@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.loops import LoopBasis, close_loops, closure, loop_basis, project_rates

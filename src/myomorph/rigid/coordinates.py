@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.functions import Function, PiecewisePolynomial
-from myomorph.model.spatial import Array
 
 Ints = NDArray[np.int64]
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.frames import over_frames

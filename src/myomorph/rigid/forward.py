@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
 from myomorph.rigid.joint_wrenches import joint_wrenches

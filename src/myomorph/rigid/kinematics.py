@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import ROTATION, Tree

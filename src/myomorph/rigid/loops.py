@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames, couple_rates_frames
 from myomorph.rigid.frames import over_frames

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.dynamics import inverse_dynamics_frames
 from myomorph.rigid.tree import compile_tree

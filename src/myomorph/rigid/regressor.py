@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.rigid.dynamics import external_arrays, motion_arrays
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kinematics import body_poses, body_rates

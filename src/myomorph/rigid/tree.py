@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import Function
 from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform, axis_rotation
+from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
 
 ROTATION, TRANSLATION = 0, 1

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.simulate.control import Controller, Wanted
 from myomorph.simulate.fighter import Build, sole_points
 from myomorph.simulate.mat import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP

@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 import piqp
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.simulate.mat import SLEEVE_LENGTH, SLEEVE_STIFFNESS
 from myomorph.simulate.poses import jacobian
 

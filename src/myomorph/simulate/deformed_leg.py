@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Joint, Model
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.fields import FeaturePoints
 from myomorph.rigid.kinematics import forward_kinematics

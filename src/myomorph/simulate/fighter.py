@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 HEIGHT = 1.75
 """Of the body whose measures stand below [m]."""

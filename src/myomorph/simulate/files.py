@@ -8,12 +8,13 @@ import numpy as np
 
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Joint
 from myomorph.model.paths import WrapObject
 from myomorph.model.series import Table, Wrenches
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.simulate.limb import fixed_points, quaternion, tendon_wraps
 from myomorph.simulate.recording import VirtualTrial, inertial, words
 from myomorph.viscosity.specimen import Specimen

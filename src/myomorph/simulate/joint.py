@@ -19,11 +19,12 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, axis_rotation
+from myomorph.model.spatial import axis_rotation
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.simulate.equations import moment_rows, poses_of

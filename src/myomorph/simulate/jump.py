@@ -16,10 +16,10 @@ import numpy as np
 
 from myomorph.contact.plates import force_plates
 from myomorph.io.c3d.read import read_c3d
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Analog, Event, Markers, Trial, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.sync import cut
 from myomorph.simulate.jump_model import calibrated, fitted_model, leg_model
 from myomorph.simulate.jump_recording import (

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.place import place_markers
 from myomorph.muscles.scaling import default_path_lengths

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Event, Markers, Trial, Wrenches
-from myomorph.model.spatial import Array
 
 RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
 QUIET = (1.5, 3.0)

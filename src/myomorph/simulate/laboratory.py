@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.io.c3d.write import write_c3d
 from myomorph.io.mesh import read_mesh
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Markers, PlateRecording, Wrenches
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.simulate.recording import FORCE_RATE, MARKER_RATE, Noise, VirtualTrial
 from myomorph.viscosity.specimen import Specimen

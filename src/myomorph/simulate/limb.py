@@ -9,12 +9,13 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.recording import SENSORS, inertial, words

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.simulate.fighter import LEG, Build, fighter_mjcf
 
 STEP = 1e-3

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
-from myomorph.model.spatial import Array
 from myomorph.morph.affine import AffineMap
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map

@@ -17,12 +17,12 @@ import numpy as np
 
 from myomorph.io.mjcf.coordinates import coordinates_from_qpos
 from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
 from myomorph.model.join import join_models
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

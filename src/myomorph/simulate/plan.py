@@ -9,8 +9,9 @@ from typing import Any, Literal, get_args
 import mujoco
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
-from myomorph.model.spatial import Array, axis_rotation
+from myomorph.model.spatial import axis_rotation
 from myomorph.simulate.fighter import GRIP, LEG, Build, sole_points
 from myomorph.simulate.mat import APART, CUFF, LAPEL, PARTS
 from myomorph.simulate.poses import Aim, posed

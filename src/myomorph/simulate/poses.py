@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 ROUNDS = 60
 

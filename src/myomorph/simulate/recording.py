@@ -12,9 +12,9 @@ from mujoco import rollout
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.series import Markers, Wrenches
-from myomorph.model.spatial import Array
 
 MARKER_RATE, FORCE_RATE = 200.0, 2000.0
 """Of [S] section III [Hz]."""

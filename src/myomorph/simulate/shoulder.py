@@ -17,9 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array, Transform, axis_rotation
+from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_scaled_muscles
 from myomorph.simulate.recording import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
 from myomorph.store.silence import silent_mujoco

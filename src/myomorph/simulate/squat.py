@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from myomorph import __version__
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
-from myomorph.model.spatial import Array
 from myomorph.store.netcdf import NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
 from myomorph.store.netcdf_memory import HeldFile
 

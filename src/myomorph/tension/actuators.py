@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.model import GROUND, Actuator, Joint, Model
-from myomorph.model.spatial import Array
 from myomorph.motion.body_size import length_unit
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree

@@ -18,9 +18,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model, index_of
-from myomorph.model.spatial import Array
 from myomorph.muscles.path import Paths
 from myomorph.rigid.coordinates import evaluate
 from myomorph.rigid.loops import LoopBasis

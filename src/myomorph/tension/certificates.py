@@ -18,9 +18,9 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
-from myomorph.model.spatial import Array
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.actuators import RESIDUAL
 from myomorph.tension.contact_words import direction_words

@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, turned, vector

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND
-from myomorph.model.spatial import Array
 from myomorph.rigid.tree import Tree
 from myomorph.tension.contact_columns import ContactColumns, compile_contacts
 from myomorph.tension.contacts import ContactTask

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 PART = 0.35
 """A group whose part of a unit combination is smaller is not named."""

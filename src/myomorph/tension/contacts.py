@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array, frozen_array
 
 
 @dataclass(frozen=True)

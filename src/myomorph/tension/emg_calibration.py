@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains

@@ -7,10 +7,10 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg
-from myomorph.model.spatial import Array
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.emg_delay import USUAL, DelayOptions
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, uncalibrated

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
-from myomorph.model.spatial import Array
 from myomorph.tension.emg import EmgTarget
 
 STIFFNESS = 1e4

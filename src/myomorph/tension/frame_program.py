@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.tension.contact_rows import MEASURED_COST
 from myomorph.tension.emg_wells import STIFFNESS
 from myomorph.tension.problem import TensionProblem

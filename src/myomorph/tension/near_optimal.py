@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.dual import OPTIMAL, solve_separable
 from myomorph.tension.separable import no_links

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.tension import TensionOptions

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.muscles.hill import fill_hill_forces, viscosities
 from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.passive import joint_forces

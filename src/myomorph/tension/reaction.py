@@ -18,10 +18,11 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, Joint, Model, index_of
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import refuse_open

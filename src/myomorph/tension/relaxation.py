@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.tension.actuators import floating_joints
 from myomorph.tension.dual import MISSING
 from myomorph.tension.problem import TensionProblem

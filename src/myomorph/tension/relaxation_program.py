@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.model import GROUND
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import Poses, center_of_mass, forward_kinematics
 from myomorph.tension.actuators import body_directions, compile_body_actuators, default_reserves, floating_joints
 from myomorph.tension.contact_columns import GRAVITY, ContactColumns, compile_contacts

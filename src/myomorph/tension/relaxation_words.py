@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 Kind = Literal["contact", "friction", "most", "pull", "residual"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 
 class Separable(NamedTuple):

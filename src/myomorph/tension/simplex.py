@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 FOUND, UNBOUNDED, STOPPED = 0, 1, 2
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.separable import Links
 

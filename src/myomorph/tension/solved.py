@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.tree import Tree
 from myomorph.tension.contact_columns import GRAVITY
 from myomorph.tension.problem import TensionProblem

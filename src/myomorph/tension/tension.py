@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.muscles.hill import Convention
 from myomorph.tension.actuators import RESIDUAL
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES

@@ -16,9 +16,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.tension.contact_columns import tangents
 from myomorph.tension.dual import INFEASIBLE, OPTIMAL, STALLED, STATUS_NAMES, solve_separable
 from myomorph.tension.separable import Separable, no_links, no_wells, pattern

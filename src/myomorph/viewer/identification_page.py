@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.image import level_color

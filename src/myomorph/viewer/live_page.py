@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths

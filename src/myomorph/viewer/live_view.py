@@ -13,9 +13,9 @@ from rich.text import Text
 
 from myomorph.analysis.segment_words import plain_words, segment_words
 from myomorph.identify.online import OnlineState
+from myomorph.model.arrays import Array
 from myomorph.model.segments import SEGMENTS, Segment
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import number
 from myomorph.report.scene.image import level_color
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.analysis.subjects import Subject, centroids, subjects
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Wrenches
-from myomorph.model.spatial import Array
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.report.scene.image import activation_color

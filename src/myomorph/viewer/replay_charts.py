@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.selection import coordinate_pairs, pairs
+from myomorph.model.arrays import Array
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.report.trial.given import ReportInput
 from myomorph.viewer.replay_body import PlayedBody
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viewer import replay_charts as charts
 from myomorph.viewer.replay_body import PlayedBody
 from myomorph.viewer.replay_charts import Chart, Curve

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.model.surface import Surface
 from myomorph.report.scene.scene import Solid
 from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube

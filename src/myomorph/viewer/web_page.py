@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import outward

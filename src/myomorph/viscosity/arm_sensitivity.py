@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.viscosity.joint_viscosity import FIRST, SPEED, TORQUE, torque_problem
 from myomorph.viscosity.muscle_viscosity import MuscleProblem, muscle_problem
 from myomorph.viscosity.swing_sums import eliminated, swing_sums

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.viscosity.specimen import Specimen
 
 

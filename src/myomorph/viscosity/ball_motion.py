@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import differentiate
 from myomorph.viscosity.specimen import Specimen
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.motion.clocks import Clock, ClockOptions, fit_clock
 
 

@@ -8,9 +8,9 @@ from itertools import combinations, permutations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array
 from myomorph.viscosity.held_still import cluster_poses
 from myomorph.viscosity.specimen import Specimen
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.viscosity.joint_viscosity import JointViscosity, joint_viscosity, torque_problem
 from myomorph.viscosity.limb_inertia import InertiaOptions, LimbInertia, limb_inertia
 from myomorph.viscosity.resampling import Influences

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.rigid.bushings import jacobian_frames
 from myomorph.rigid.couplers import gather_dependents
 from myomorph.rigid.dynamics import rates_of

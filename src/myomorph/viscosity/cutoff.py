@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass
 from myomorph.viscosity.joint_viscosity import joint_viscosity, torque_problem
 from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia

@@ -9,8 +9,9 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.viscosity.specimen import Specimen
 
 WINDOW = 0.25

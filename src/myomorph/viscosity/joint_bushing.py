@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.passive_parts import Bushing
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.swing_sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, eliminated
 from myomorph.viscosity.swings import PARAMETERS
 

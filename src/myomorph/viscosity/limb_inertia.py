@@ -9,9 +9,9 @@ import numpy as np
 
 from myomorph.identify.body.mass_map import parameters_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia, solve_ridge
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
-from myomorph.model.spatial import Array
 from myomorph.viscosity.swing_sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
 from myomorph.viscosity.swings import PARAMETERS
 

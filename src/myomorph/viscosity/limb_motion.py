@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import base_regressor

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.joint_viscosity import FIRST, SPEED, TORQUE
 
 RANK_TOLERANCE = 1e-6

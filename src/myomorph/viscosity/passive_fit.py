@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
-from myomorph.model.spatial import Array
 from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.passive_law import PassiveLaw, resistances
 from myomorph.viscosity.swing_sums import SwingSums, swing_sums

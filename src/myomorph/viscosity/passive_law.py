@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 WIDTH = 0.1
 """Angular velocity within which Coulomb friction turns its sign [rad/s]: about what the rate changes by at a turn in

@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.signal import periodogram
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.spatial import Array
 from myomorph.viscosity.passive_fit import effective_samples
 
 DAMPINGS = ("viscous", "coulomb", "quadratic")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.filters import lowpass, natural_spline
 
 ANTI_ALIAS = 0.4

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 REJECT = 0.05
 """Share of specimens with equal trials whose trials are taken to differ."""

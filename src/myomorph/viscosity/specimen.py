@@ -10,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Wrenches
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 from myomorph.viscosity.specimen_bodies import (
     ASTRAY,
     Anatomy,

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model, index_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import ROTATION, compile_tree
 

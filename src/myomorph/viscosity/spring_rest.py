@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.swing_sums import ANGLE, CONSTANT, MUSCLES, RATE, SwingSums, eliminated
 from myomorph.viscosity.swings import PARAMETERS, SwingRecording
 

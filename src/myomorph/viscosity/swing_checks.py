@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
-from myomorph.model.spatial import Array
 from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.swing_motion import sense
 from myomorph.viscosity.swing_sums import SwingSums, swing_sums

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.motion.clocks import SIGNIFICANT, Clock, ClockOptions
 from myomorph.motion.filters import lowpass
 from myomorph.viscosity.clock_fit import wrench_clock

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
-from myomorph.model.spatial import Array
 from myomorph.rigid.vectors import (
     along,
     cross,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.swings import SwingRecording
 
 STILL, EXPLAINED = 0.1, 0.8

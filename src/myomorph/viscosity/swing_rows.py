@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.viscosity.ball_motion import differentiate_joint
 from myomorph.viscosity.held_still import mean_rotation
 from myomorph.viscosity.limb_motion import LimbMotion, lengthening, limb_motion

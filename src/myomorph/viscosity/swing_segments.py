@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 REACH = 2.0
 """How far ends, gaps and hands reach through the filter, times 1 / cutoff: what is left of the ends there changes the

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.viscosity.passive_law import PassiveLaw
 from myomorph.viscosity.swing_motion import SwingMotion, angles_apart, measured_motion, swing_forward
 from myomorph.viscosity.swing_sums import SwingSums

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.spatial import Array
 from myomorph.viscosity.swing_prediction import PredictedRows, free_directions, predicted_rows
 from myomorph.viscosity.swings import PARAMETERS, SwingRecording
 

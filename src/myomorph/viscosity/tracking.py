@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut

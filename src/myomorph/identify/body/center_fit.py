@@ -11,11 +11,12 @@ from scipy.optimize import least_squares
 
 from myomorph.identify.body.mass_map import frames_in_ground
 from myomorph.identify.body.regions import HINGES, Center, Region, center_places, centers_of, hinge_axis
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 
 AXIS_LENGTH, AXIS_WEIGHT = 0.05, 0.001

@@ -12,11 +12,11 @@ from scipy.spatial import ConvexHull, QhullError
 from myomorph.identify.body.grid import MOST, SPACING, fill
 from myomorph.identify.body.points import Links, links_of
 from myomorph.identify.body.skin import Skin
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.model.surface_parts import signed_volume
 

@@ -12,10 +12,10 @@ from myomorph.identify.body.points import links_of
 from myomorph.identify.body.regions import Center, centers_of, regions_of
 from myomorph.identify.body.shape import Shape
 from myomorph.identify.body.skin import Skin, inside
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from myomorph.identify.body.skin import Skin, inside
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.spatial import Array
 
 SPACING = 0.005
 """That of [D] [m]."""

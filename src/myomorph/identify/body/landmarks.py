@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 FORWARD, UP, RIGHT = np.eye(3)
 

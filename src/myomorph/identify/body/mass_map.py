@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

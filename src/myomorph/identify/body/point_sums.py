@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.identify.body.point_kernels import PRODUCT_OF, PRODUCTS, pull, push, push_pairs, respond
 from myomorph.identify.body.points import MassPoints
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.rigid.frames import over_frames, thread_count
 
 

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from myomorph.identify.body.landmarks import landmark_vertices
 from myomorph.identify.body.skin import Skin, check_height, check_skin
 from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 from myomorph.model.surface_parts import signed_volume
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
-from myomorph.model.spatial import Array
 
 FREE = ("muscle", "weight", "height", "proportions")
 """Traits that measurements of a body change, each 0 to 1 with the average at one half."""

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from myomorph.identify.body.points import Links
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
-from myomorph.model.spatial import Array
 from myomorph.rigid.frames import over_frames
 
 WeightMap = Callable[[Array, Links], sparse.csr_array]

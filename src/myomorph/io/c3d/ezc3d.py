@@ -14,7 +14,7 @@ import numpy as np
 
 from myomorph.io.c3d.raw import RawC3d, Value
 from myomorph.io.parsing.guard import limit_memory, run_guarded
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 SECONDS = 10.0
 BYTES_PER_SECOND = 20e6

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.c3d.raw import RawC3d, Value
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
-from myomorph.model.spatial import Array
 
 BLOCK = 512
 PC, DEC, SGI = 84, 85, 86

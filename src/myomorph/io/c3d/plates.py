@@ -7,8 +7,8 @@ import re
 import numpy as np
 
 from myomorph.io.c3d.raw import RawC3d
+from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import Array
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8, 6: 12, 7: 8, 11: 8, 12: 8, 21: 6}
 FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1000.0, "lb": 4.4482216, "lbf": 4.4482216}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 Value = tuple[str, ...] | Array
 

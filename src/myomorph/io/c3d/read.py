@@ -16,9 +16,9 @@ from myomorph.io.c3d.plain import read_c3d_plain
 from myomorph.io.c3d.plates import plate_recordings
 from myomorph.io.c3d.raw import RawC3d
 from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Analog, Event, Markers, Series, Trial
-from myomorph.model.spatial import Array
 
 HINT = "try to open it in the program that wrote it and save it again as C3D"
 QUANTITIES = ("ANGLES", "MOMENTS", "POWERS", "FORCES", "SCALARS", "REACTIONS", "USERMOS")

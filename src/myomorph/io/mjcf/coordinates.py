@@ -7,14 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import (
-    Array,
-    euler_xyz_from_rotation,
-    rotation_from_euler_xyz,
-    rotation_from_quaternion,
-)
+from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_euler_xyz, rotation_from_quaternion
 
 WIDTHS = {"free": (7, 6), "ball": (4, 3), "slide": (1, 1), "hinge": (1, 1), "weld": (0, 0)}
 

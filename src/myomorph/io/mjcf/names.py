@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Kept, Mesh
-from myomorph.model.spatial import Array, Transform, rotation_from_quaternion
+from myomorph.model.spatial import Transform, rotation_from_quaternion
 
 DRAWN_GROUPS = (0, 1, 2)
 _SHAPES = {

@@ -6,10 +6,11 @@ import numpy as np
 
 from myomorph.io.osim.document import Node
 from myomorph.io.osim.frames import OFFSET_KINDS, Frames
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Body, Marker, Mesh
 from myomorph.model.paths import WrapObject
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 
 ONES, ZEROS = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 QUADRANTS = {"all": "", "unassigned": "", "": ""} | {

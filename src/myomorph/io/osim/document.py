@@ -14,8 +14,8 @@ import numpy as np
 from lxml import etree
 
 from myomorph.io.parsing.xml import read_xml
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
-from myomorph.model.spatial import Array
 
 OLDEST, NEWEST = 10901, 40600
 RENAMED = {

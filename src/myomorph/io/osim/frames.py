@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from myomorph.io.osim.document import Node, joined
+from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import GROUND, Frame
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 
 OFFSET_KINDS = ("PhysicalOffsetFrame", "OffsetFrame_PhysicalFrame_", "StationDefinedFrame")
 STATION_KINDS = ("Station", "Marker")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.io.osim.document import Node
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import (
     Function,
@@ -16,7 +17,6 @@ from myomorph.model.functions import (
     polynomial,
     simm_spline,
 )
-from myomorph.model.spatial import Array
 
 KNOWN = (
     "Constant",

@@ -11,10 +11,11 @@ import numpy as np
 from myomorph.io.osim.document import Node
 from myomorph.io.osim.frames import Frames
 from myomorph.io.osim.functions import read_function
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function, SineProduct, constant, linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint
-from myomorph.model.spatial import Array, Transform, frozen_array
+from myomorph.model.spatial import Transform
 
 X, Y, Z = np.eye(3)
 SIMPLE: dict[str, tuple[tuple[str, Array, int], ...]] = {

@@ -11,9 +11,10 @@ from myomorph.io.osim.document import NEWEST, Node, read_document
 from myomorph.io.osim.write_functions import child, numbers
 from myomorph.io.osim.write_joints import body_path
 from myomorph.io.parsing.text import written
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Marker, Model
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 
 
 def read_marker_set(path: str | os.PathLike[str], model: Model) -> tuple[Marker, ...]:

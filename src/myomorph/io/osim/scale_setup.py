@@ -12,8 +12,8 @@ import numpy as np
 from myomorph.io.osim.document import Node
 from myomorph.io.osim.setup_paths import output_of, path_of, unknown_parts
 from myomorph.io.osim.tasks import IkTasks, tasks_of
+from myomorph.model.arrays import Array
 from myomorph.model.measurement import Measurement
-from myomorph.model.spatial import Array
 
 SCALE_TOOL = "ScaleTool"
 ORDERS = ("measurements", "manualScale")

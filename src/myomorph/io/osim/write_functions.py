@@ -9,8 +9,8 @@ from lxml import etree
 from numpy.typing import ArrayLike
 
 from myomorph.io.osim.functions import natural_spline, smooth_step
+from myomorph.model.arrays import Array
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, piecewise_linear, simm_spline
-from myomorph.model.spatial import Array
 
 SAMPLES = 401
 

@@ -9,9 +9,10 @@ from lxml import etree
 
 from myomorph.io.osim.joints import CURVED, QUARTER_TURN, SIMPLE, SPATIAL, reversed_joint
 from myomorph.io.osim.write_functions import child, legal, number, numbers, write_function
+from myomorph.model.arrays import Array
 from myomorph.model.functions import PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.spatial import Array, Transform, euler_xyz_from_rotation
+from myomorph.model.spatial import Transform, euler_xyz_from_rotation
 
 
 @dataclass

@@ -12,8 +12,8 @@ from typing import TextIO
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
-from myomorph.model.spatial import Array
 
 BINARY_SHARE = 0.02
 FARTHEST = 1e5

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.report.charts.chart import Frame, Limit, heading, number, ticks
 
 

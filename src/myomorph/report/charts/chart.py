@@ -15,8 +15,8 @@ from html import escape
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Event
-from myomorph.model.spatial import Array
 
 MOST_POINTS = 420
 """Bins of a drawn line; each keeps its smallest and largest value."""

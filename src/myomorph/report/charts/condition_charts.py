@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from myomorph.analysis.conditions import Condition
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.report.charts.chart import Frame, heading, path_data
 from myomorph.report.charts.group_charts import across, opened, percent_ticks, range_of, ribbon
 

@@ -12,11 +12,11 @@ import numpy as np
 from myomorph.analysis.phases import PhaseOptions, contacts
 from myomorph.analysis.selection import printed
 from myomorph.analysis.subjects import Subject
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.model import GROUND
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.tracks import LEFT, Backdrop, opened
 

@@ -8,8 +8,8 @@ from html import escape
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.estimate import Estimate
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import Frame, heading, number, ticks
 
 

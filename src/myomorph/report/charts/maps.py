@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Event
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import Frame, heading, number, path_data, ticks
 from myomorph.report.scene.image import HEAT, data_uri, png
 

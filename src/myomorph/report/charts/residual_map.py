@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.model.surface import Surface
 from myomorph.report.charts.chart import heading, number
 from myomorph.report.scene.image import Bytes, data_uri, png

@@ -9,8 +9,8 @@ from html import escape
 import numpy as np
 
 from myomorph.analysis.phase import Phase
+from myomorph.model.arrays import Array
 from myomorph.model.series import Event
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import (
     Frame,
     Limit,

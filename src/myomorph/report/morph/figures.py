@@ -8,9 +8,10 @@ from html import escape
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Mesh, Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.checks import distinct_bones, target_surface

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from rich.text import Text
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.report.scene.image import Bytes, level_color
 from myomorph.report.scene.raster import Canvas, View

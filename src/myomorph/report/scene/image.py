@@ -9,7 +9,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 
 Bytes = NDArray[np.uint8]
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.report.scene.image import Bytes, activation_color, png
 from myomorph.report.scene.raster import Canvas, View
 from myomorph.report.scene.scene import Scene

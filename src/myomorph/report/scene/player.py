@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.report.scene.image import ACTIVATION, base64_text
 from myomorph.report.scene.pictures import plain_color
 from myomorph.report.scene.scene import Scene

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.report.scene.image import Bytes
 
 FAR = -1e30

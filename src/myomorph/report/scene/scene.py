@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.subjects import subjects
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths

@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Mesh, Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

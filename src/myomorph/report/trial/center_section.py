@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.analysis.periodicity import Periodicity
-from myomorph.model.spatial import Array
+from myomorph.model.arrays import Array
 from myomorph.report.charts.chart import Line, number
 from myomorph.report.charts.maps import floor_plot
 from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis

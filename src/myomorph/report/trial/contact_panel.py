@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.analysis.subjects import Subject
+from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import Limit, Line, number
 from myomorph.report.charts.maps import floor_plot
 from myomorph.report.charts.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis

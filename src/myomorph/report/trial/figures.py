@@ -8,9 +8,9 @@ import numpy as np
 
 from myomorph.analysis.phases import side_of
 from myomorph.analysis.selection import Pair, muscle_rows
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.charts.bars import bar_plot
 from myomorph.report.charts.chart import Limit, Line, Panel, scaled_unit, time_plot

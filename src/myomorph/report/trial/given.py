@@ -10,10 +10,10 @@ from typing import Literal, Protocol
 import numpy as np
 
 from myomorph.analysis.phase import Phase
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.head import Note, PageHead, SourceFile, Step

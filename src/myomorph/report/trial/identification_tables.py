@@ -11,10 +11,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS
 from myomorph.model.segments import Segment, segments_of
-from myomorph.model.spatial import Array
 from myomorph.report.trial.identified import COMPONENTS, IdentificationInput, WrenchCheck
 
 Cell = str | float | int | None

@@ -8,11 +8,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array, frozen_array
 from myomorph.model.surface import Surface
 
 COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")

@@ -10,8 +10,8 @@ from myomorph.analysis.cycles import band
 from myomorph.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, length_analysis, range_row
 from myomorph.analysis.selection import Pair, major_muscles
 from myomorph.analysis.walking import walking_strides
+from myomorph.model.arrays import Array
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import Frame, heading, path_data
 from myomorph.report.charts.group_charts import across, opened, percent_ticks, range_of, ribbon
 from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section

@@ -14,9 +14,9 @@ from myomorph.analysis.periodicity import NONE, Periodicity, find_period
 from myomorph.analysis.presets import Preset, fitting_preset, preset_of
 from myomorph.analysis.selection import Pair
 from myomorph.analysis.subjects import Subject, centroids, lowest_joint, standing_height, subjects
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts
 from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.report.charts.contact_graph import Limb, limb_states, measured_contacts, solved_contacts
 from myomorph.report.trial.figures import axis_names, weighted
 from myomorph.report.trial.prepared import Prepared

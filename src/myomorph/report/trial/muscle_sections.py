@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.analysis.selection import Pair, major_muscles
+from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.columns import extremes
 from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section

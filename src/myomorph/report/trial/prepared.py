@@ -8,8 +8,8 @@ import numpy as np
 
 from myomorph.analysis.centroid import centroid
 from myomorph.analysis.phases import Movement, find_movement
+from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Motion, Series
-from myomorph.model.spatial import Array
 from myomorph.report.page.verdict import Verdict
 from myomorph.report.trial.estimated_forces import contact_verdicts
 from myomorph.report.trial.given import ReportInput

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.analysis.selection import root_coordinates
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.verdict import State, Verdict
 

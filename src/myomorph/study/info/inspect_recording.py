@@ -9,8 +9,8 @@ import numpy as np
 
 from myomorph.contact.plates import episodes
 from myomorph.io.c3d.read import emg_channels
+from myomorph.model.arrays import Array
 from myomorph.model.series import Markers, Series, Table, Trial
-from myomorph.model.spatial import Array
 from myomorph.motion.crossings import crossings
 from myomorph.study.info.inspection import Inspection
 

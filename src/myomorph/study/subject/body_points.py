@@ -14,11 +14,11 @@ from myomorph.identify.body.envelope import envelope_points
 from myomorph.identify.body.points import Links, MassPoints, links_of
 from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.consistency import Inside
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
 from myomorph.study.subject.body_shape import WEIGHTS, BodyOptions, BodyShape

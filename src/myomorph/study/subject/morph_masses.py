@@ -14,11 +14,11 @@ from myomorph.identify.body.grid import fill
 from myomorph.identify.body.points import MassPoints, links_of
 from myomorph.identify.body.skin import check_skin
 from myomorph.identify.body.weights import bone_weights, links_with_mass
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.checks import target_surface
 from myomorph.morph.envelope import FLESH, Envelope, flesh_of, grow_envelope

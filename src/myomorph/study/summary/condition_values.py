@@ -11,8 +11,8 @@ import numpy as np
 from myomorph.analysis.conditions import Condition, MeanCurves, mean_curves
 from myomorph.analysis.cycles import SAMPLES, Cycles
 from myomorph.analysis.groups import Animal
+from myomorph.model.arrays import Array
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array
 from myomorph.study.trial.tidy import IN_STRIDE, OF_STRIDE, Value
 from myomorph.study.trial.trial_strides import PARAMETERS
 

@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.series import Table
-from myomorph.model.spatial import Array
 from myomorph.report.trial.given import Uncarried
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored

@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from myomorph.contact.sites import body_sites
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
 from myomorph.model.model import GROUND, Model
-from myomorph.model.spatial import Array
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
 from myomorph.study.trial.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan

@@ -15,11 +15,11 @@ from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.study.trial.contact_file import FOREVER, ContactPlan
 from myomorph.study.trial.sound_plan import heard_contacts
 from myomorph.study.trial.stairs_file import Stairs, stairs_contacts

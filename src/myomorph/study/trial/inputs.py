@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.study.trial import inputs
 
 MARKER_FILES = (".trc", ".c3d", ".mat", ".h5", ".hdf5")

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.sto import write_sto
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Table
-from myomorph.model.spatial import Array
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path import Paths, compile_paths
 from myomorph.rigid.coordinates import Ints

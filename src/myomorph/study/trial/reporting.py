@@ -17,12 +17,12 @@ from myomorph.analysis.length_analysis import curves_table, ranges_table
 from myomorph.analysis.phase import Phase
 from myomorph.analysis.presets import preset_of
 from myomorph.io.parsing.text import written
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.report.page.head import Note, SourceFile, Step

@@ -22,12 +22,12 @@ from myomorph.contact.strokes import (
     striking_sites,
     velocity_change,
 )
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.sound import Sound
-from myomorph.model.spatial import Array
 from myomorph.store.study_file import Strict
 
 Impulse = Literal["known", "motion"]

@@ -13,11 +13,12 @@ from myomorph.contact.paws_on_steps import PawsOnSteps, Unmeasured, paws_on_step
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.stairs import StairOptions, Step, StepLoads, step_loads
 from myomorph.io.channels import read_channels
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Wrenches
-from myomorph.model.spatial import Array, Transform
+from myomorph.model.spatial import Transform
 from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
 
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]

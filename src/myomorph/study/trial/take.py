@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Array
 from myomorph.motion.crossings import CrossingOptions
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.store.settings import Differentiation, EmgUse, ReportOptions, TensionTables, TorqueTable

@@ -8,12 +8,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial
-from myomorph.model.spatial import Array
 from myomorph.motion.crossings import CrossingOptions
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions

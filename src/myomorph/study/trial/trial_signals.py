@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Series
-from myomorph.model.spatial import Array
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
 

@@ -12,12 +12,12 @@ from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Limb, Stride, Strides, find_strides
 from myomorph.analysis.walking import feet_move, walking_limbs, walking_points
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
-from myomorph.model.spatial import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store import stored as store

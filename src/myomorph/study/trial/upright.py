@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
-from myomorph.model.spatial import Array, axis_rotation
+from myomorph.model.spatial import axis_rotation
 
 AXES = "xyz"
 STEADY = 2.0

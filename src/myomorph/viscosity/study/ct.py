@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.mesh import find_mesh, read_mesh
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
-from myomorph.model.spatial import Array
 from myomorph.model.surface import Surface
 from myomorph.morph.clusters import NamedCluster, find_balls, name_cluster
 from myomorph.morph.place_clusters import Picks, PlacedBone, bone_surface, place_bone, place_cluster_markers

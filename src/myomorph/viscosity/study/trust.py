@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
-from myomorph.model.spatial import Array
 from myomorph.report.charts.chart import number
 from myomorph.viscosity.arm_sensitivity import ArmOptions, arm_sensitivity
 from myomorph.viscosity.cutoff import SCANNED, scan_cutoffs
