@@ -15,56 +15,150 @@ from pathlib import Path
 from types import CodeType
 from typing import TypeAlias
 
-from benchmarks import (
-    accuracy_analyses,
-    accuracy_articular,
-    accuracy_calibration,
-    accuracy_calibrations,
-    accuracy_certificates,
-    accuracy_cohort,
-    accuracy_conditions,
-    accuracy_emg,
-    accuracy_groups,
-    accuracy_hands,
-    accuracy_hidden_plates,
-    accuracy_identification,
-    accuracy_interrupted,
-    accuracy_kernels,
-    accuracy_kinematics,
-    accuracy_live,
-    accuracy_loop_forces,
-    accuracy_loops,
-    accuracy_masspoints,
-    accuracy_mirror,
-    accuracy_models,
-    accuracy_morph_demo,
-    accuracy_morph_laws,
-    accuracy_morph_masses,
-    accuracy_morph_shapes,
-    accuracy_mouse,
-    accuracy_muscles,
-    accuracy_pair,
-    accuracy_passive,
-    accuracy_pendulum,
-    accuracy_reaction,
-    accuracy_real_bones,
-    accuracy_regressor,
-    accuracy_scale,
-    accuracy_setups,
-    accuracy_shape,
-    accuracy_simulated,
-    accuracy_sound,
-    accuracy_species,
-    accuracy_species_arm,
-    accuracy_stairs,
-    accuracy_steps,
-    accuracy_strides,
-    accuracy_tension,
-    accuracy_tracking,
-    accuracy_transfer,
-    accuracy_trust,
-    accuracy_virtual,
-    fuzz,
+from benchmarks import fuzz
+from benchmarks.accuracy import (
+    analyses as accuracy_analyses,
+)
+from benchmarks.accuracy import (
+    calibration as accuracy_calibration,
+)
+from benchmarks.accuracy import (
+    certificates as accuracy_certificates,
+)
+from benchmarks.accuracy import (
+    conditions as accuracy_conditions,
+)
+from benchmarks.accuracy import (
+    emg as accuracy_emg,
+)
+from benchmarks.accuracy import (
+    groups as accuracy_groups,
+)
+from benchmarks.accuracy import (
+    hands as accuracy_hands,
+)
+from benchmarks.accuracy import (
+    hidden_plates as accuracy_hidden_plates,
+)
+from benchmarks.accuracy import (
+    identification as accuracy_identification,
+)
+from benchmarks.accuracy import (
+    interrupted as accuracy_interrupted,
+)
+from benchmarks.accuracy import (
+    kernels as accuracy_kernels,
+)
+from benchmarks.accuracy import (
+    kinematics as accuracy_kinematics,
+)
+from benchmarks.accuracy import (
+    live as accuracy_live,
+)
+from benchmarks.accuracy import (
+    loop_forces as accuracy_loop_forces,
+)
+from benchmarks.accuracy import (
+    loops as accuracy_loops,
+)
+from benchmarks.accuracy import (
+    masspoints as accuracy_masspoints,
+)
+from benchmarks.accuracy import (
+    models as accuracy_models,
+)
+from benchmarks.accuracy import (
+    mouse as accuracy_mouse,
+)
+from benchmarks.accuracy import (
+    muscles as accuracy_muscles,
+)
+from benchmarks.accuracy import (
+    pair as accuracy_pair,
+)
+from benchmarks.accuracy import (
+    passive as accuracy_passive,
+)
+from benchmarks.accuracy import (
+    reaction as accuracy_reaction,
+)
+from benchmarks.accuracy import (
+    regressor as accuracy_regressor,
+)
+from benchmarks.accuracy import (
+    scale as accuracy_scale,
+)
+from benchmarks.accuracy import (
+    setups as accuracy_setups,
+)
+from benchmarks.accuracy import (
+    shape as accuracy_shape,
+)
+from benchmarks.accuracy import (
+    simulated as accuracy_simulated,
+)
+from benchmarks.accuracy import (
+    sound as accuracy_sound,
+)
+from benchmarks.accuracy import (
+    stairs as accuracy_stairs,
+)
+from benchmarks.accuracy import (
+    strides as accuracy_strides,
+)
+from benchmarks.accuracy import (
+    tension as accuracy_tension,
+)
+from benchmarks.accuracy import (
+    transfer as accuracy_transfer,
+)
+from benchmarks.accuracy.morph import (
+    articular as accuracy_articular,
+)
+from benchmarks.accuracy.morph import (
+    demo as accuracy_morph_demo,
+)
+from benchmarks.accuracy.morph import (
+    laws as accuracy_morph_laws,
+)
+from benchmarks.accuracy.morph import (
+    masses as accuracy_morph_masses,
+)
+from benchmarks.accuracy.morph import (
+    mirror as accuracy_mirror,
+)
+from benchmarks.accuracy.morph import (
+    real_bones as accuracy_real_bones,
+)
+from benchmarks.accuracy.morph import (
+    shapes as accuracy_morph_shapes,
+)
+from benchmarks.accuracy.morph import (
+    species as accuracy_species,
+)
+from benchmarks.accuracy.morph import (
+    species_arm as accuracy_species_arm,
+)
+from benchmarks.accuracy.viscosity import (
+    calibrations as accuracy_calibrations,
+)
+from benchmarks.accuracy.viscosity import (
+    cohort as accuracy_cohort,
+)
+from benchmarks.accuracy.viscosity import (
+    pendulum as accuracy_pendulum,
+)
+from benchmarks.accuracy.viscosity import (
+    steps as accuracy_steps,
+)
+from benchmarks.accuracy.viscosity import (
+    tracking as accuracy_tracking,
+)
+from benchmarks.accuracy.viscosity import (
+    trust as accuracy_trust,
+)
+from benchmarks.accuracy.viscosity import (
+    virtual as accuracy_virtual,
 )
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, data_folder
 
