@@ -1,4 +1,4 @@
-"""The figure of carried attachments in docs/validation.md: `python -m benchmarks.figures.morph_shapes [FILE]`."""
+"""The figure of carried attachments in docs/validation: `python -m benchmarks.figures.morph_shapes [FILE]`."""
 
 from __future__ import annotations
 

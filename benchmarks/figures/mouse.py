@@ -1,4 +1,4 @@
-"""The figure of docs/validation.md: muscle lengths of a mouse, `python -m benchmarks.figures.mouse [FILE]`."""
+"""The figure of docs/validation: muscle lengths of a mouse, `python -m benchmarks.figures.mouse [FILE]`."""
 
 from __future__ import annotations
 
