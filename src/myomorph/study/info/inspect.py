@@ -51,7 +51,7 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     if ending == ".xml":
         return _inspect_xml(path)
     if ending in MODELS:
-        from myomorph.io.models import read_model
+        from myomorph.io.formats import read_model
 
         return inspect_model(read_model(path))
     raise BadFile(path, f"is of no kind that is known: its name ends in '{ending}'", EXPECTED)
@@ -59,7 +59,7 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
 
 def _inspect_xml(path: Path) -> Inspection:
     """A MuJoCo model, or one of OpenSim's settings."""
-    from myomorph.io.models import read_model
+    from myomorph.io.formats import read_model
     from myomorph.io.parsing.xml import read_xml
 
     file = read_xml(path)

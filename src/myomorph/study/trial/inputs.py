@@ -41,7 +41,7 @@ def about(path: object) -> Iterator[None]:
 
 def open_model(path: str | Path) -> Model:
     """The model of a file; raises `BadFile` or `BadModel`."""
-    from myomorph.io.models import read_model
+    from myomorph.io.formats import read_model
 
     with about(path):
         return read_model(path)

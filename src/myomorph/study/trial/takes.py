@@ -35,7 +35,7 @@ from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.take import Take
 
 if TYPE_CHECKING:
-    from myomorph.io.osim.tasks import IkTasks
+    from myomorph.io.osim.setup_parts import IkTasks
 
 Settings = Mapping[str, Mapping[str, Any]]
 """What each step was told, by step and setting."""
@@ -273,7 +273,7 @@ def kinematics_options(files: FileTake, given: Mapping[str, Any], model: Model) 
     options = with_settings(InverseKinematicsOptions(), given)
     if files.tasks is None:
         return options
-    from myomorph.io.osim.tasks import read_ik_tasks
+    from myomorph.io.osim.setup_parts import read_ik_tasks
 
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
@@ -369,7 +369,7 @@ def contact_parts(files: FileTake, settings: Settings, model: Model) -> dict[str
 def _actuators(files: FileTake, model: Model) -> tuple[Actuator, ...] | None:
     if files.actuators is None:
         return None
-    from myomorph.io.osim.actuator_files import read_actuators
+    from myomorph.io.osim.actuators import read_actuators
 
     with inputs.about(files.actuators):
         return read_actuators(files.actuators, model)

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from myomorph.io.loads_write import write_external_loads
+from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
