@@ -107,7 +107,7 @@ def test_python_in_the_readme_runs(tmp_path, monkeypatch):
 
 def test_modules_in_the_references_exist():
     text = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`(\w+/[\w*]+\.py)`", text))
+    named = set(re.findall(r"`((?:\w+/)+[\w*]+\.py)`", text))
     assert named
     missing = [one for one in named if not list((ROOT / "src" / "myomorph").glob(one)) and not (ROOT / one).is_file()]
     assert missing == []
