@@ -25,10 +25,9 @@ from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
-from myomorph.viscosity.coordinate_damping import coordinate_damping, turning
-from myomorph.viscosity.joint_bushing import joint_bushing
-from myomorph.viscosity.murai_tables import MEAN
-from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.cohort import MEAN
+from myomorph.viscosity.identified_model import coordinate_damping, joint_bushing, turning
+from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 FOLDER = "shoulder-thoracoscapular"
 TRIALS = (("ABD01", "no"), ("ABD21", "2kg"), ("FLX01", "no"), ("FLX21", "2kg"))

@@ -16,14 +16,14 @@ from myomorph.motion.filters import differentiate
 from myomorph.simulate.joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
 from myomorph.simulate.recording import measured_markers, measured_wrench, simulate
 from myomorph.simulate.shoulder import virtual_specimen
-from myomorph.viscosity.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
-from myomorph.viscosity.cutoff import choose_cutoff, scan_cutoffs
-from myomorph.viscosity.limb_motion import lengthening, limb_motion
-from myomorph.viscosity.passive_models import PassiveComparison, compare_passive_laws
-from myomorph.viscosity.specimen import Specimen
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.tracking import track
-from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.specimen.model import Specimen
+from myomorph.viscosity.swings.motion import lengthening, limb_motion
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
+from myomorph.viscosity.trust.models import PassiveComparison, compare_passive_laws
+from myomorph.viscosity.trust.moment_arms import OFFSET, ArmOptions, arm_sensitivity
 
 Row = dict[str, object]
 

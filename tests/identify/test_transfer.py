@@ -9,8 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.identify.body.mass_map import ground_pseudo_inertias, parameters_of, spread, spread_mass
-from myomorph.identify.body.regions import Region, center_places, centers_of, regions_of
+from myomorph.identify.body.regions import (
+    Region,
+    center_places,
+    centers_of,
+    ground_pseudo_inertias,
+    parameters_of,
+    regions_of,
+    spread,
+    spread_mass,
+)
 from myomorph.identify.transfer import transfer
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData

@@ -9,7 +9,7 @@ import pytest
 from swung_limb import LIMB, released
 
 from myomorph.model.errors import BadData
-from myomorph.viscosity.arm_sensitivity import ArmOptions, arm_sensitivity
+from myomorph.viscosity.trust.moment_arms import ArmOptions, arm_sensitivity
 
 JOINT, MUSCLE = 0.03, 90.0
 FEW = ArmOptions(draws=2, offset=0.0)

@@ -14,7 +14,7 @@ from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import Similarity
-from myomorph.viscosity.study.ct import ScanFiles, ScanTable, model_from_scans, read_picks, scan_files
+from myomorph.viscosity.study.calibration import ScanFiles, ScanTable, model_from_scans, read_picks, scan_files
 from scans import cluster, made_scan
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"

@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.simulate.joint import mechanical_joint
-from myomorph.viscosity.cutoff import LEAST, MOST, choice_of, residual_analysis, scan_cutoffs
+from myomorph.viscosity.trust.cutoff import LEAST, MOST, choice_of, residual_analysis, scan_cutoffs
 
 RATE = 200.0
 TIME = np.arange(0.0, 30.0, 1.0 / RATE)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from myomorph.simulate.joint import mechanical_joint
-from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
-from myomorph.viscosity.spring_rest import counted_from, spring_misfit, spring_rest
-from myomorph.viscosity.swing_sums import swing_sums
-from myomorph.viscosity.viscosity import identify_specimen
+from myomorph.viscosity.identification.identify import identify_specimen
+from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.identification.torque import counted_from, spring_misfit, spring_rest
+from myomorph.viscosity.swings.sums import swing_sums
 
 
 @pytest.mark.parametrize(

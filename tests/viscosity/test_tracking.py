@@ -16,10 +16,10 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.made_clusters import with_clusters
-from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
-from myomorph.viscosity.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
+from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackingOptions, track
 
 MARKERS_ONLY = TrackingOptions(clock=False, find_touch=False)
 SPECIMEN = arm_specimen()

@@ -16,9 +16,18 @@ from myomorph.identify.base_parameters import (
     link_levels,
     parameter_sizes,
 )
-from myomorph.identify.factors import Solution, levels, rank_and_condition, solve
+from myomorph.identify.least_squares import (
+    Recording,
+    Rows,
+    Solution,
+    correlation_times,
+    gather,
+    levels,
+    rank_and_condition,
+    residuals,
+    solve,
+)
 from myomorph.identify.null_space import tree_null_space
-from myomorph.identify.wrench_rows import Recording, Rows, correlation_times, gather, residuals
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters

@@ -20,7 +20,7 @@ import clarabel
 import numpy as np
 from scipy import linalg, sparse
 
-from myomorph.identify.body.mass_map import parameters_of
+from myomorph.identify.body.regions import parameters_of
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias

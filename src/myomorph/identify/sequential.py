@@ -19,8 +19,7 @@ from myomorph.identify.base_parameters import (
     link_levels,
     root_coordinates,
 )
-from myomorph.identify.factors import levels, rank_and_condition, with_prior
-from myomorph.identify.householder import fold
+from myomorph.identify.least_squares import fold, levels, rank_and_condition, with_prior
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters

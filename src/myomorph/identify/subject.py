@@ -13,8 +13,6 @@ from scipy import sparse
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.body.points import MassPoints, point_moments
-from myomorph.identify.consistency import Consistency, Inside, consistency
-from myomorph.identify.held_out import Parts, held_out, parts_of
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.pseudo_inertia import (
     PseudoInertiaFit,
@@ -23,6 +21,7 @@ from myomorph.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
+from myomorph.identify.validation import Consistency, Inside, Parts, consistency, held_out, parts_of
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters

@@ -21,15 +21,19 @@ from myomorph.identify.body.center_fit import (
     hinge_cues,
     skeleton,
 )
-from myomorph.identify.body.mass_map import (
+from myomorph.identify.body.points import Links, links_of
+from myomorph.identify.body.regions import (
+    Center,
+    Region,
+    center_places,
+    centers_of,
     frames_in_ground,
     ground_pseudo_inertias,
     parameters_of,
+    regions_of,
     spread,
     spread_mass,
 )
-from myomorph.identify.body.points import Links, links_of
-from myomorph.identify.body.regions import Center, Region, center_places, centers_of, regions_of
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters

@@ -7,8 +7,8 @@ import importlib.util
 import numpy as np
 import pytest
 
-from myomorph.identify.body.grid import fill
-from myomorph.identify.body.landmarks import landmark_of_marker
+from myomorph.identify.body.fit_pose import landmark_of_marker
+from myomorph.identify.body.points import fill
 from myomorph.identify.body.shape import DENSITY, body_shape, girth, measurements
 from myomorph.identify.body.skin import inside
 from myomorph.identify.body.statistical_body import AGES, FREE, LOCAL, age_shares, segment_of_bone, statistical_body

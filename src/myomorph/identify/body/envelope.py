@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from myomorph.identify.body.grid import MOST, SPACING, fill
-from myomorph.identify.body.points import Links, links_of
+from myomorph.identify.body.points import MOST, SPACING, Links, fill, links_of
 from myomorph.identify.body.skin import Skin
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData

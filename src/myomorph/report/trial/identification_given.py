@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.identify.cross_validation import CrossValidation
 from myomorph.identify.subject import Identification
+from myomorph.identify.validation import CrossValidation
 from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface

@@ -8,10 +8,10 @@ from typing import Any
 
 from myomorph.model.errors import BadData
 from myomorph.store.settings import plain_settings, with_settings
-from myomorph.viscosity.arm_sensitivity import ArmOptions
-from myomorph.viscosity.passive_models import PassiveOptions
-from myomorph.viscosity.tracking import TrackingOptions
-from myomorph.viscosity.viscosity import ViscosityOptions
+from myomorph.viscosity.identification.identify import ViscosityOptions
+from myomorph.viscosity.tracking.track import TrackingOptions
+from myomorph.viscosity.trust.models import PassiveOptions
+from myomorph.viscosity.trust.moment_arms import ArmOptions
 
 TRACKING, IDENTIFYING = 0.5, 0.25
 """Shares of a specimen's time, for the bar."""

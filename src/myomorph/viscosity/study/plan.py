@@ -26,8 +26,7 @@ from myomorph.store.study_file import (
 )
 from myomorph.study.trial.companions import companion, plain_stem
 from myomorph.viscosity.cohort import QUANTITIES
-from myomorph.viscosity.study.ct import ScanFiles, ScanTable, scan_files
-from myomorph.viscosity.study.plate_files import PlateFiles
+from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles, ScanTable, scan_files
 
 CONDITIONS = ("without", "with")
 

@@ -15,13 +15,12 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.report.page.head import Note, SourceFile, Step
 from myomorph.store.progress import Advance, progress
 from myomorph.store.results import file_name, file_source, provenance_of, whole_folder
+from myomorph.viscosity.identification.identify import SpecimenViscosity
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
-from myomorph.viscosity.study.files import write_swings, write_tables, write_whole
 from myomorph.viscosity.study.options import StudyOptions
 from myomorph.viscosity.study.plan import SpecimenFiles, ViscosityPlan
+from myomorph.viscosity.study.results import remake_report, write_store, write_swings, write_tables, write_whole
 from myomorph.viscosity.study.specimen import input_sources, study_specimen
-from myomorph.viscosity.study.store import remake_report, write_store
-from myomorph.viscosity.viscosity import SpecimenViscosity
 
 PROVENANCE, IDENTIFIED = "provenance.json", "identified.osim"
 

@@ -15,20 +15,25 @@ from myomorph.model.provenance import Source
 from myomorph.model.series import Trial
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
-from myomorph.viscosity.cutoff import choose_cutoff
+from myomorph.viscosity.identification.identify import (
+    Condition,
+    SpecimenViscosity,
+    ViscosityOptions,
+    identify_specimen,
+)
+from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.given import Residual, SpecimenReport, specimen_report
-from myomorph.viscosity.specimen import Specimen, SwingTrial
-from myomorph.viscosity.study.model import identified_model
+from myomorph.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.options import IDENTIFYING, MASSES, TRACKING, VISCOSITIES, StudyOptions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, SwingFiles
-from myomorph.viscosity.study.plate_files import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
 from myomorph.viscosity.study.trust import trusted, with_cutoffs
-from myomorph.viscosity.swing_checks import Finding, condition_findings, recording_findings, tracking_findings
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.tracking import TrackedSpecimen, track
-from myomorph.viscosity.viscosity import Condition, SpecimenViscosity, ViscosityOptions, identify_specimen
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import TrackedSpecimen, track
+from myomorph.viscosity.trust.checks import Finding, condition_findings, recording_findings, tracking_findings
+from myomorph.viscosity.trust.cutoff import choose_cutoff
 
 
 @dataclass(frozen=True, eq=False)

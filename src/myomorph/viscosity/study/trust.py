@@ -11,9 +11,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.report.charts.chart import number
-from myomorph.viscosity.arm_sensitivity import ArmOptions, arm_sensitivity
-from myomorph.viscosity.cutoff import SCANNED, scan_cutoffs
-from myomorph.viscosity.passive_models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.report.given import (
     ArmError,
     ArmSpread,
@@ -22,9 +20,11 @@ from myomorph.viscosity.report.given import (
     PassiveModel,
     SpecimenReport,
 )
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.tracking import TrackedSpecimen
-from myomorph.viscosity.viscosity import Condition, SpecimenViscosity, ViscosityOptions
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.trust.cutoff import SCANNED, scan_cutoffs
+from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.trust.moment_arms import ArmOptions, arm_sensitivity
 
 LEVELS = (0.05, 0.10, 0.15, 0.20)
 """Relative errors of moment arms that the figure shows."""
