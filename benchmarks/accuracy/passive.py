@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.coordinate_dampers import coordinate_damping
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
@@ -26,7 +27,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
 from myomorph.viscosity.cohort import MEAN
-from myomorph.viscosity.identified_model import coordinate_damping, joint_bushing, turning
+from myomorph.viscosity.identified_model import joint_bushing, turning
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 FOLDER = "shoulder-thoracoscapular"
