@@ -158,14 +158,6 @@ class PassiveComparison:
         """Viscosity alone, as [S] has it."""
         return next(one for one in self.fits if one.terms == ALONE)
 
-    @property
-    def viscosity_change(self) -> float:
-        """Relative change of d when the chosen law's other terms are allowed; NaN where it has no single d."""
-        alone = self.viscous.coefficients["viscosity"].value
-        if "viscosity" not in self.chosen.coefficients or not alone > 0.0:
-            return float("nan")
-        return self.chosen.coefficients["viscosity"].value / alone - 1.0
-
 
 def compare_passive_laws(
     recordings: Sequence[SwingRecording],
