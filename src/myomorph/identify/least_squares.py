@@ -24,6 +24,11 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 
+CONSTANTS = 6
+"""A constant moment about the ground's origin and a constant force, as a plate's tare leaves."""
+
+UNWANTED, UNSEEN, UNMEASURED = "left out by the user", "motion missing", "force missing"
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fold(R, rows):
@@ -187,12 +192,6 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
     whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), mean, sizes)
     share: Array = np.clip(1.0 - np.square(row_lengths_of_inverse(whole) / sizes), 0.0, 1.0)
     return share
-
-
-CONSTANTS = 6
-"""A constant moment about the ground's origin and a constant force, as a plate's tare leaves."""
-
-UNWANTED, UNSEEN, UNMEASURED = "left out by the user", "motion missing", "force missing"
 
 
 @dataclass(frozen=True, eq=False)

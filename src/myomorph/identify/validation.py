@@ -25,6 +25,13 @@ KINDS = ("moment", "force")
 LEAST_PARTS = 4
 
 
+Inside = Callable[[Array], np.ndarray]
+"""Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
+
+ROUNDING = 1e-9
+"""How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Parts:
     """What parts of recordings say of the base parameters, moments and forces apart.
@@ -202,13 +209,6 @@ def cross_validate(
         MappingProxyType({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
         weight,
     )
-
-
-Inside = Callable[[Array], np.ndarray]
-"""Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
-
-ROUNDING = 1e-9
-"""How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
 
 
 @dataclass(frozen=True, eq=False)

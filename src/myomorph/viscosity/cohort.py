@@ -15,6 +15,9 @@ STROEVE_TOTAL_VISCOSITY = 0.2
 """Of a shoulder with its muscles [N m s/rad]: Stroeve 1999, as [S] cites it."""
 
 
+Row = Mapping[str, Estimate]
+
+
 @dataclass(frozen=True)
 class PublishedSpecimen:
     """A row of [S] tables I (without muscles) and II (with muscles).
@@ -87,8 +90,6 @@ QUANTITIES = (
     Quantity("measured_muscle_mass", "measured muscles", "kg", 2),
 )
 """In the order of `specimens.csv`."""
-
-Row = Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,18 @@ from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.viscosity.identification.identify import SpecimenViscosity
 from myomorph.viscosity.tracking.track import TrackedSpecimen
 
+STARTS = 6
+"""Frames the search begins from; several, because it ends in the nearest minimum."""
+
+POSES = 150
+"""Frames of the motion that the search looks at."""
+
+RATE = 25.0
+"""Frames a second that the bushing is fitted to [Hz]."""
+
+LOSSY = 0.05
+"""Share of the joint's torque that a bushing may miss without being named."""
+
 
 def along_axes(what: str, values: ArrayLike) -> Array:
     """Three values along a body's axes of one or three; `BadData` where they cannot be damping or stiffness."""
@@ -70,13 +82,6 @@ def share(lost: Array, whole: Array) -> float:
     """Root mean square of what is lost, relative to that of the whole."""
     total = float(np.sqrt((whole**2).sum()))
     return float(np.sqrt((lost**2).sum())) / total if total > 0.0 else 0.0
-
-
-STARTS = 6
-"""Frames the search begins from; several, because it ends in the nearest minimum."""
-
-POSES = 150
-"""Frames of the motion that the search looks at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +163,6 @@ def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
         return missing
 
     return lost
-
-
-RATE = 25.0
-"""Frames a second that the bushing is fitted to [Hz]."""
-LOSSY = 0.05
-"""Share of the joint's torque that a bushing may miss without being named."""
 
 
 def identified_model(

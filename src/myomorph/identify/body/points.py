@@ -17,6 +17,20 @@ from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
+SPACING = 0.005
+"""That of [D] [m]."""
+
+BLOCK = 4
+
+MOST = 60_000_000
+"""Grid points in the box around a body; more would not fit into a laptop."""
+
+DENSITIES: Mapping[str, float] = {
+    "head": 1110.0, "upper_trunk": 920.0, "lower_trunk": 1010.0, "upper_arm": 1070.0, "lower_arm": 1130.0,
+    "hand": 1160.0, "thigh": 1050.0, "shank": 1090.0, "foot": 1100.0,
+}  # fmt: skip
+"""Dempster 1955 as tabulated by Winter 2009, table 4.1 [kg/m^3]; the lungs are part of the upper trunk."""
+
 
 @dataclass(frozen=True, eq=False)
 class Links:
@@ -138,14 +152,6 @@ def links_of(model: Model, pose: Motion) -> Links:
     )
 
 
-SPACING = 0.005
-"""That of [D] [m]."""
-
-BLOCK = 4
-MOST = 60_000_000
-"""Grid points in the box around a body; more would not fit into a laptop."""
-
-
 def fill(skin: Skin, spacing: float = SPACING) -> Array:
     """Points (points, 3) of the grid `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside the skin [m].
 
@@ -230,10 +236,3 @@ def reference_masses(
         raise BadData("a region's density is not above 0")
     result: Array = density[owner]
     return result * (mass / result.sum())
-
-
-DENSITIES: Mapping[str, float] = {
-    "head": 1110.0, "upper_trunk": 920.0, "lower_trunk": 1010.0, "upper_arm": 1070.0, "lower_arm": 1130.0,
-    "hand": 1160.0, "thigh": 1050.0, "shank": 1090.0, "foot": 1100.0,
-}  # fmt: skip
-"""Dempster 1955 as tabulated by Winter 2009, table 4.1 [kg/m^3]; the lungs are part of the upper trunk."""

@@ -16,6 +16,11 @@ REJECT = 0.05
 """Share of specimens with equal trials whose trials are taken to differ."""
 
 
+LACKING = 0.5
+"""How much of a block is left out: half. With leverage h the change is then 1 / (1 - h / 2) times what it would be
+without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out all gives 1 / (1 - h)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Influences:
     """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of swings, or over trials.
@@ -92,11 +97,6 @@ def _freedom(parts: Array) -> Array:
     square = np.square(squares.sum(axis=0))
     free = np.divide(square, fourth, out=np.full_like(square, 3.0), where=fourth > 0.0) - 2.0
     return np.clip(free, 1.0, max(len(parts) - 1, 1))
-
-
-LACKING = 0.5
-"""How much of a block is left out: half. With leverage h the change is then 1 / (1 - h / 2) times what it would be
-without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out all gives 1 / (1 - h)."""
 
 
 @dataclass(frozen=True, eq=False)

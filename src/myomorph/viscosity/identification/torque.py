@@ -18,6 +18,13 @@ TORQUE, SPEED, FIRST = 0, 1, 2
 """Columns of a torque problem: the torque by inverse dynamics, the rate, then one a muscle."""
 
 
+RANK_TOLERANCE = 1e-6
+"""Of the largest singular value: a combination of muscles that turns the limb less is not shown."""
+
+FARTHEST = 1.5
+"""A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
+
+
 @dataclass(frozen=True, eq=False)
 class JointViscosity:
     """d_J of [S] eq. 1, the sign that resists: torque = -d rate.
@@ -70,10 +77,6 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
     one = max(float(power.sum() / square.sum()), 0.0) if square.sum() > 0.0 else 0.0
     left = problem[:, TORQUE, TORQUE] - 2.0 * one * power + one**2 * square
     return JointViscosity(one, axes, np.sqrt(np.maximum(left, 0.0) / frames))
-
-
-RANK_TOLERANCE = 1e-6
-"""Of the largest singular value: a combination of muscles that turns the limb less is not shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,10 +198,6 @@ def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> Muscl
     if np.isfinite(strength):
         single = problem.towards(common, strength)
     return MuscleSolution(common, problem.along(pcsa), single)
-
-
-FARTHEST = 1.5
-"""A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
 
 
 def spring_rest(sums: SwingSums, parameters: Array) -> Array:

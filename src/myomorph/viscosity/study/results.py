@@ -42,6 +42,35 @@ WEIGHED = "measured_muscle_mass"
 Cells = Sequence[object]
 
 
+STORE, REPORT = "viscosity.json", "report.html"
+
+KIND, ARRAY = "is", "array"
+
+DIGITS = 6
+
+NOUNS: dict[str, Any] = {
+    one.__name__: one
+    for one in (
+        Estimate,
+        Figure,
+        MuscleViscosity,
+        Note,
+        SourceFile,
+        Step,
+        shown.ArmError,
+        shown.ArmSpread,
+        shown.CutoffScan,
+        shown.HeldOutSwing,
+        shown.PassiveModel,
+        shown.Residual,
+        shown.ShownCondition,
+        shown.SpecimenReport,
+        shown.SwingCurves,
+        shown.ViscosityInput,
+    )
+}
+
+
 def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
     """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its interval."""
     head = ["name"]
@@ -175,33 +204,6 @@ def _csv(head: Iterable[str], rows: Iterable[Cells]) -> str:
     for row in rows:
         table.writerow([f"{cell:.8g}" if isinstance(cell, float) else cell for cell in row])
     return text.getvalue()
-
-
-STORE, REPORT = "viscosity.json", "report.html"
-KIND, ARRAY = "is", "array"
-DIGITS = 6
-
-NOUNS: dict[str, Any] = {
-    one.__name__: one
-    for one in (
-        Estimate,
-        Figure,
-        MuscleViscosity,
-        Note,
-        SourceFile,
-        Step,
-        shown.ArmError,
-        shown.ArmSpread,
-        shown.CutoffScan,
-        shown.HeldOutSwing,
-        shown.PassiveModel,
-        shown.Residual,
-        shown.ShownCondition,
-        shown.SpecimenReport,
-        shown.SwingCurves,
-        shown.ViscosityInput,
-    )
-}
 
 
 def write_store(given: ViscosityInput, folder: Path) -> None:

@@ -24,6 +24,13 @@ than this. Only noise is measured there; it would say that the inertia is small,
 with it. White noise below a cutoff explains 0.56 of its own second derivative."""
 
 
+WRENCH, PREDICTED, ONE = PARAMETERS, PARAMETERS + 1, 2 * PARAMETERS + 1
+"""Columns of the products of a row of the wrench: parameters, the wrench itself, predicted rows, a one."""
+
+RATE, ANGLE, CONSTANT, PLATE, MUSCLES = range(PARAMETERS, PARAMETERS + 5)
+"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque, then muscles."""
+
+
 def free_directions(recordings: Sequence[SwingRecording]) -> Array:
     """(axes, 3) the free axes in the limb's first body."""
     left, right = np.zeros((3, 3)), np.zeros((3, len(recordings[0].axes)))
@@ -116,13 +123,6 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
     force[:, 0, 2], force[:, 0, 3], force[:, 1, 1] = -z, y, z
     force[:, 1, 3], force[:, 2, 1], force[:, 2, 2] = -x, -y, x
     return np.concatenate([rotations @ moment, rotations @ force], axis=1)
-
-
-WRENCH, PREDICTED, ONE = PARAMETERS, PARAMETERS + 1, 2 * PARAMETERS + 1
-"""Columns of the products of a row of the wrench: parameters, the wrench itself, predicted rows, a one."""
-
-RATE, ANGLE, CONSTANT, PLATE, MUSCLES = range(PARAMETERS, PARAMETERS + 5)
-"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque, then muscles."""
 
 
 @dataclass(frozen=True, eq=False)

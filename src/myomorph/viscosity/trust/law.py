@@ -20,6 +20,16 @@ WIDTH = 0.1
 the 20 ms over which a low-pass of 8 Hz spreads the jump of the measured torque."""
 
 
+TERMS = ("viscosity", "viscosity by axis", "stiffness", "stiffness by axis", "coulomb", "quadratic", "muscles")
+"""What a law can be made of."""
+
+LAST = {"coulomb": -3, "quadratic": -2, "muscles": -1}
+"""Where among a law's coefficients those stand that all axes share."""
+
+Groups = list[list[int]]
+"""Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""
+
+
 @dataclass(frozen=True, eq=False)
 class PassiveLaw:
     """Torque of a joint from its angles and rates.
@@ -92,16 +102,6 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
     speeds = np.einsum("fma,fa->fm", lengthening, rates)
     columns[:, :, -1] = np.einsum("fma,fm->fa", lengthening, speeds)
     return columns
-
-
-TERMS = ("viscosity", "viscosity by axis", "stiffness", "stiffness by axis", "coulomb", "quadratic", "muscles")
-"""What a law can be made of."""
-
-LAST = {"coulomb": -3, "quadratic": -2, "muscles": -1}
-"""Where among a law's coefficients those stand that all axes share."""
-
-Groups = list[list[int]]
-"""Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""
 
 
 @dataclass(frozen=True, eq=False)
