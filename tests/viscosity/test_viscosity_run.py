@@ -13,8 +13,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.viscosity.cohort import SPECIMENS
 from myomorph.viscosity.report.given import specimen_report
 from myomorph.viscosity.study import run as viscosity
-from myomorph.viscosity.study.options import StudyOptions
-from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
 from myomorph.viscosity.study.specimen import Studied
 from swing_cohort import specimens
 

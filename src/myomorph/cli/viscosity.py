@@ -13,10 +13,10 @@ from myomorph.cli.options import OutFolder, Threads, Time, given, options_class,
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions
-from myomorph.viscosity.study.options import FilterOptions
 from myomorph.viscosity.study.results import NOTES
 from myomorph.viscosity.study.run import SpecimenOutcome
 from myomorph.viscosity.tracking.track import TrackingOptions
+from myomorph.viscosity.trust.cutoff import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
 MOST_NOTES = 4

@@ -28,7 +28,7 @@ from myomorph.identify.least_squares import (
     solve,
 )
 from myomorph.identify.null_space import tree_null_space
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -87,7 +87,7 @@ class BaseOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Tare:
+class Tare(FrozenArrays):
     """A constant wrench that fits the data beside the parameters: a plate's offset or tare.
 
     Attributes
@@ -109,7 +109,7 @@ class Tare:
 
 
 @dataclass(frozen=True, eq=False)
-class BaseFit:
+class BaseFit(FrozenArrays):
     """Base parameters of a body with what the data say of each.
 
     Attributes
@@ -157,9 +157,7 @@ class BaseFit:
     options: BaseOptions = field(default_factory=BaseOptions)
 
     def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+        super().__post_init__()
         for name in ("left_out", "link_levels"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 

@@ -17,7 +17,7 @@ from numba import njit
 from scipy.linalg import solve_triangular
 
 from myomorph.identify.base_parameters import BaseParameters
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays, checked_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -138,7 +138,7 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(FrozenArrays):
     """A least-squares problem in triangular form, and its solution with a prior.
 
     Attributes
@@ -195,7 +195,7 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(FrozenArrays):
     """One motion and the forces measured with it, on the same clock.
 
     Attributes
@@ -210,12 +210,13 @@ class Recording:
     use: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.use is not None and np.shape(self.use) != (len(self.motion),):
-            raise BadData(f"`use` has shape {np.shape(self.use)}, but the motion has {len(self.motion)} frames")
+        if self.use is not None:
+            checked_array(self.use, (len(self.motion),), "`use`, one value a frame of the motion,")
+        super().__post_init__()
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(FrozenArrays):
     """What all frames say, condensed.
 
     Attributes

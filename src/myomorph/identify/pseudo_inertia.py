@@ -20,7 +20,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from myomorph.identify.body.regions import parameters_of
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 
@@ -56,7 +56,7 @@ class PseudoInertiaOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class PseudoInertiaFit:
+class PseudoInertiaFit(FrozenArrays):
     """Parameters of the links, and how far to trust the solution.
 
     Attributes
@@ -81,10 +81,6 @@ class PseudoInertiaFit:
     residual: float
     iterations: int
     options: PseudoInertiaOptions = field(repr=False)
-
-    def __post_init__(self) -> None:
-        for name in ("parameters", "smallest", "kept"):
-            getattr(self, name).setflags(write=False)
 
 
 def solve_pseudo_inertia(
@@ -230,7 +226,7 @@ class _Changes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Limits:
+class _Limits(FrozenArrays):
     """right - rows x in the cones, x the changes."""
 
     rows: sparse.csr_array

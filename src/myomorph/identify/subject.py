@@ -22,7 +22,7 @@ from myomorph.identify.pseudo_inertia import (
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
 from myomorph.identify.validation import Consistency, Inside, Parts, consistency, held_out, parts_of
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
@@ -70,7 +70,7 @@ class IdentificationOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(FrozenArrays):
     """A model of one body, and how far to trust it.
 
     Attributes

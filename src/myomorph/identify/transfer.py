@@ -34,7 +34,7 @@ from myomorph.identify.body.regions import (
     spread,
     spread_mass,
 )
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Marker, Model
@@ -89,7 +89,7 @@ class MassMatch:
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer:
+class Transfer(FrozenArrays):
     """A higher model with a lower model's lengths, markers and masses, and how well it took them.
 
     Attributes

@@ -14,7 +14,7 @@ from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.body.points import Links, MassPoints
 from myomorph.identify.least_squares import absorb
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, checked_array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
@@ -33,7 +33,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class Parts(FrozenArrays):
     """What parts of recordings say of the base parameters, moments and forces apart.
 
     Attributes
@@ -49,7 +49,8 @@ class Parts:
     frames: np.ndarray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "factors", frozen_array(self.factors, (len(self.frames), 2, *self.factors.shape[2:])))
+        checked_array(self.factors, (len(self.frames), 2, len(self.base) + 1, len(self.base) + 1), "factors of parts")
+        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -124,7 +125,7 @@ def held_out(parts: Parts, fit: Callable[[Sequence[int]], Array]) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class CrossValidation:
+class CrossValidation(FrozenArrays):
     """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3.
 
     Attributes
@@ -212,7 +213,7 @@ def cross_validate(
 
 
 @dataclass(frozen=True, eq=False)
-class LinkConsistency:
+class LinkConsistency(FrozenArrays):
     """One link's parameters, as a body.
 
     Attributes

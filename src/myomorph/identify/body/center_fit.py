@@ -18,7 +18,7 @@ from myomorph.identify.body.regions import (
     frames_in_ground,
     hinge_axis,
 )
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
@@ -108,7 +108,7 @@ def _upright(gravity: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Cue:
+class Cue(FrozenArrays):
     """A point on a hinge's axis beside its center: on the higher model's inner body, and where it should be."""
 
     name: str

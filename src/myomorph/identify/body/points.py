@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from myomorph.identify.body.skin import Skin, inside
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -33,7 +33,7 @@ DENSITIES: Mapping[str, float] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Links:
+class Links(FrozenArrays):
     """The bodies of a model in one pose, in ground.
 
     Attributes
@@ -55,7 +55,7 @@ class Links:
 
 
 @dataclass(frozen=True, eq=False)
-class MassPoints:
+class MassPoints(FrozenArrays):
     """Points that a body's mass is thought to sit in, [D] eq. 3.5-3.9.
 
     Attributes

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import GROUND, Joint, Model
@@ -52,7 +52,7 @@ class Region(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Center:
+class Center(FrozenArrays):
     """A joint center: a point of the first body of a region, and the joint that makes it.
 
     Attributes

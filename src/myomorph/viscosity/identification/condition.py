@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.inertia import InertiaOptions, LimbInertia, limb_inertia
 from myomorph.viscosity.identification.torque import JointViscosity, joint_viscosity, torque_problem
@@ -22,7 +22,7 @@ without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out 
 
 
 @dataclass(frozen=True, eq=False)
-class Influences:
+class Influences(FrozenArrays):
     """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of swings, or over trials.
 
     Swings of a trial die away, so that few blocks hold most of what is known: draws with replacement, which lose the
@@ -100,7 +100,7 @@ def _freedom(parts: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(FrozenArrays):
     """Steps 1 and 2 from some of the blocks.
 
     Attributes

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.estimate import Estimate
 from myomorph.viscosity.identification.condition import (
@@ -87,7 +87,7 @@ class ViscosityOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Condition:
+class Condition(FrozenArrays):
     """What was identified of a specimen with its muscles, or without them.
 
     Attributes
@@ -118,7 +118,7 @@ class Condition:
 
 
 @dataclass(frozen=True, eq=False)
-class MuscleViscosity:
+class MuscleViscosity(FrozenArrays):
     """d_M of the muscles ([S] eq. 3), with the joint's own viscosity taken off.
 
     Attributes

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.identify.body.regions import parameters_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia, solve_ridge
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
 from myomorph.viscosity.swings.recording import PARAMETERS
@@ -50,7 +50,7 @@ class InertiaOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class LimbInertia:
+class LimbInertia(FrozenArrays):
     """The limb as one rigid link.
 
     Attributes

@@ -10,7 +10,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, SwingSums, eliminated
 
@@ -26,7 +26,7 @@ FARTHEST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class JointViscosity:
+class JointViscosity(FrozenArrays):
     """d_J of [S] eq. 1, the sign that resists: torque = -d rate.
 
     Attributes
@@ -80,7 +80,7 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
 
 
 @dataclass(frozen=True, eq=False)
-class MuscleSolution:
+class MuscleSolution(FrozenArrays):
     """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate.
 
     Attributes
@@ -96,7 +96,7 @@ class MuscleSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class MuscleProblem:
+class MuscleProblem(FrozenArrays):
     """Normal equations H d = g of the muscles' viscosities.
 
     Attributes

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
@@ -73,7 +73,7 @@ class SwingTrial:
 
 
 @dataclass(frozen=True, eq=False)
-class Specimen:
+class Specimen(FrozenArrays):
     """A base, a joint and a limb, everything else of the model gone.
 
     The base stands on the ground by six coordinates that are zero at `stand`; the joint turns by the angles of

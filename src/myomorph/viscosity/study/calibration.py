@@ -30,22 +30,8 @@ HUGE = 1.5
 """A scanned surface that is larger than that is in millimetres [m]."""
 
 
-class ScanTable(Strict):
-    """One scanned bone, as an entry of `ct` in a study file."""
-
-    bone: str
-    surface: str
-    cluster: str
-    markers: list[str]
-    picked: str | None = None
-    mesh: str | None = None
-    unit: str | None = None
-    diameter: float = 0.009
-
-
-@dataclass(frozen=True)
-class ScanFiles:
-    """One scanned bone.
+class ScanFiles(Strict):
+    """One scanned bone, as an entry of `ct` in a study file.
 
     Attributes
     ----------
@@ -68,6 +54,20 @@ class ScanFiles:
     unit: str | None = None
     diameter: float = 0.009
 
+    def within(self, folder: Path) -> ScanFiles:
+        """The entry of a study file in a folder, with its paths made whole.
+
+        Raises
+        ------
+        BadData : fewer than three markers, or an unknown unit
+        """
+        if len(self.markers) < 3:
+            raise BadData(f"ct of '{self.bone}': {len(self.markers)} markers, but a cluster needs three")
+        if self.unit is not None and self.unit not in UNITS:
+            raise BadData(f"ct of '{self.bone}': unit '{self.unit}' is not one of {', '.join(UNITS)}")
+        paths = {name: path for name, path in self if isinstance(path, Path)}
+        return self.model_copy(update={name: folder / path for name, path in paths.items()})
+
 
 @dataclass(frozen=True, eq=False)
 class ScannedModel:
@@ -85,29 +85,6 @@ class ScannedModel:
     bones: tuple[PlacedBone, ...]
     clusters: tuple[NamedCluster, ...]
     notes: tuple[str, ...]
-
-
-def scan_files(table: ScanTable, folder: Path) -> ScanFiles:
-    """The entry of a study file with its paths made whole.
-
-    Raises
-    ------
-    BadData : fewer than three markers, or an unknown unit
-    """
-    if len(table.markers) < 3:
-        raise BadData(f"ct of '{table.bone}': {len(table.markers)} markers, but a cluster needs three")
-    if table.unit is not None and table.unit not in UNITS:
-        raise BadData(f"ct of '{table.bone}': unit '{table.unit}' is not one of {', '.join(UNITS)}")
-    return ScanFiles(
-        bone=table.bone,
-        surface=folder / table.surface,
-        cluster=folder / table.cluster,
-        markers=tuple(table.markers),
-        picked=None if table.picked is None else folder / table.picked,
-        mesh=None if table.mesh is None else folder / table.mesh,
-        unit=table.unit,
-        diameter=table.diameter,
-    )
 
 
 def model_from_scans(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -14,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.estimate import Estimate
 from myomorph.model.series import Table
-from myomorph.report.page.head import Note, SourceFile, Step
-from myomorph.report.page.section import Figure
 from myomorph.report.trial.identified import COMPONENTS
+from myomorph.store.results import file_name
 from myomorph.viscosity.cohort import QUANTITIES, Row, cohort
-from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity
 from myomorph.viscosity.report import given as shown
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
 from myomorph.viscosity.report.page import viscosity_page
@@ -44,57 +43,24 @@ Cells = Sequence[object]
 
 STORE, REPORT = "viscosity.json", "report.html"
 
-KIND, ARRAY = "is", "array"
+KIND, ARRAY, DIGITS = "is", "array", 6
 
-DIGITS = 6
-
-NOUNS: dict[str, Any] = {
-    one.__name__: one
-    for one in (
-        Estimate,
-        Figure,
-        MuscleViscosity,
-        Note,
-        SourceFile,
-        Step,
-        shown.ArmError,
-        shown.ArmSpread,
-        shown.CutoffScan,
-        shown.HeldOutSwing,
-        shown.PassiveModel,
-        shown.Residual,
-        shown.ShownCondition,
-        shown.SpecimenReport,
-        shown.SwingCurves,
-        shown.ViscosityInput,
-    )
-}
+NOUNS: dict[str, Any] = {name: one for name, one in vars(shown).items() if isinstance(one, type) and is_dataclass(one)}
+"""What a report is made of, by the names that its store has."""
 
 
 def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
     """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its interval."""
-    head = ["name"]
-    for quantity in QUANTITIES:
-        head += _columns(quantity.name)
-    return _csv(head, ([name, *_row_cells(row)] for name, row in rows))
+    head, cells = ["name"], [[name] for name, _ in rows]
+    for quantity in (one.name for one in QUANTITIES):
+        width = 1 if quantity == WEIGHED else 3
+        head += [quantity, f"{quantity}_low", f"{quantity}_high"][:width]
+        for own, (_, row) in zip(cells, rows, strict=True):
+            own += _interval(row.get(quantity))[:width]
+    return _csv(head, cells)
 
 
-def _columns(name: str) -> list[str]:
-    return [name] if name == WEIGHED else [name, f"{name}_low", f"{name}_high"]
-
-
-def _row_cells(row: Row) -> list[object]:
-    cells: list[object] = []
-    for quantity in QUANTITIES:
-        one = row.get(quantity.name)
-        if quantity.name == WEIGHED:
-            cells.append("" if one is None else one.value)
-        else:
-            cells += _interval(one)
-    return cells
-
-
-def _interval(one: Estimate | None) -> list[object]:
+def _interval(one: Estimate | None) -> list[Any]:
     return ["", "", ""] if one is None else [one.value, one.low, one.high]
 
 
@@ -167,9 +133,8 @@ def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
 
 def write_whole(text: str, path: Path) -> None:
     """Write a text so that the file is whole or not there."""
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    with written(path) as stream:
+        stream.write(text)
 
 
 def write_swings(found: SpecimenViscosity, folder: Path) -> None:
@@ -177,8 +142,7 @@ def write_swings(found: SpecimenViscosity, folder: Path) -> None:
     for name, condition in (("without", found.without), ("with", found.intact)):
         if condition is not None:
             for recording in condition.recordings:
-                stem = "".join(one if one.isalnum() or one in "-._" else "_" for one in recording.name)
-                write_sto(swing_table(recording, condition), folder / f"{name}_{stem}.sto")
+                write_sto(swing_table(recording, condition), folder / f"{name}_{file_name(recording.name)}.sto")
 
 
 def swing_table(recording: SwingRecording, found: Condition) -> Table:

@@ -25,8 +25,7 @@ from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.given import Residual, SpecimenReport, specimen_report
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
-from myomorph.viscosity.study.options import IDENTIFYING, MASSES, TRACKING, VISCOSITIES, StudyOptions
-from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, SwingFiles
+from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
 from myomorph.viscosity.study.trust import trusted, with_cutoffs
 from myomorph.viscosity.swings.recording import SwingRecording
@@ -34,6 +33,13 @@ from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import TrackedSpecimen, track
 from myomorph.viscosity.trust.checks import Finding, condition_findings, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
+
+TRACKING, IDENTIFYING = 0.5, 0.25
+"""Shares of a specimen's time, for the bar."""
+
+MASSES = {"without": ("mass_without", "com_without"), "with": ("mass_with", "com_with")}
+VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
+"""What a condition gives to the tables."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.path import muscle_kinematics
@@ -18,7 +18,7 @@ from myomorph.viscosity.specimen.model import Specimen
 
 
 @dataclass(frozen=True, eq=False)
-class LimbMotion:
+class LimbMotion(FrozenArrays):
     """A limb in motion about its joint's center, everything distal of the joint one rigid link.
 
     Attributes

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
+from myomorph.motion.clock_lags import runs
 from myomorph.motion.clocks import SIGNIFICANT, Clock, ClockOptions, fit_clock
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.viscosity.swings.recording import REACH, force_mismatch, touched_frames
@@ -91,9 +92,7 @@ def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
     if cutoff is None:
         return values
     found = np.full(values.shape, np.nan)
-    seen = np.isfinite(values).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(np.isfinite(values).all(axis=1)):
         if stop - start > 5:
             found[start:stop] = lowpass(values[start:stop], rate, cutoff)
     return found

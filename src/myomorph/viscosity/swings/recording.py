@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.arrays import Array, FrozenArrays, checked_array
+from myomorph.motion.clock_lags import runs
 
 PARAMETERS = 10
 
@@ -31,7 +31,7 @@ SAMPLES = 3000
 
 
 @dataclass(frozen=True, eq=False)
-class SwingRecording:
+class SwingRecording(FrozenArrays):
     """What one trial says of the limb, everything distal of the joint taken as one rigid link.
 
     With the link's inertial parameters phi (10,) in [D] order, about the joint's center and along the axes
@@ -88,13 +88,9 @@ class SwingRecording:
             "rotations": (frames, 3, 3),
             "swing": (frames,),
         }
-        for name, wanted in shapes.items():
-            if getattr(self, name).shape != wanted:
-                raise BadData(f"swing '{self.name}': {name} has shape {getattr(self, name).shape}, expected {wanted}")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+        for name, shape in shapes.items():
+            checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")
+        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.time)
@@ -213,9 +209,8 @@ def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> 
     angle, rate : (frames,) along the dominant rotation [rad], [rad/s]
     """
     numbers = np.full(len(angle), -1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
     following = 0
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(free):
         turns = _turns(angle[start:stop], rate[start:stop], least)
         starts = [0, *turns[1::2]] if turns else [0]
         usual = int(np.median(np.diff(turns))) * 2 if len(turns) > 1 else 0

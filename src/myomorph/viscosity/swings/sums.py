@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 
@@ -126,7 +126,7 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class SwingSums:
+class SwingSums(FrozenArrays):
     """Sums of products over blocks of swings.
 
     Attributes
@@ -229,7 +229,7 @@ def _swings(one: SwingRecording) -> list[np.ndarray]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Block:
+class _Block(FrozenArrays):
     """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
 
     trial: int

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.viscosity.specimen.model import Specimen
@@ -22,7 +22,7 @@ LEAST_TURN = 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class _Filtered:
+class _Filtered(FrozenArrays):
     """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out of reach."""
 
     motion: Motion

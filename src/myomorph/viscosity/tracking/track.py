@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
@@ -82,7 +82,7 @@ class TrackingOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class TrackedTrial:
+class TrackedTrial(FrozenArrays):
     """A trial as motion and wrench on the markers' clock, neither filtered.
 
     Attributes

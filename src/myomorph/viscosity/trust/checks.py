@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.inertia import inertia_matrices
 from myomorph.viscosity.identification.identify import TOLD, Condition
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
@@ -53,7 +53,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class PlateZero:
+class PlateZero(FrozenArrays):
     """What the constant part of the wrench says against what the moving part says.
 
     Attributes

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.motion.clock_lags import runs
 from myomorph.motion.filters import lowpass
 from myomorph.viscosity.identification.identify import ViscosityOptions
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
@@ -29,8 +30,24 @@ ABOVE = 4.0
 WRENCH = ("moment x", "moment y", "moment z", "force x", "force y", "force z")
 
 
+@dataclass(frozen=True)
+class FilterOptions:
+    """The low-pass of motion and wrench.
+
+    Attributes
+    ----------
+    cutoff : of motion and wrench [Hz]; by default the one that residual analysis of the recordings asks for
+    """
+
+    cutoff: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not self.cutoff > 0.0:
+            raise BadData(f"cutoff of motion and wrench is {self.cutoff:g} Hz: expected above 0")
+
+
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class Residuals(FrozenArrays):
     """Residual analysis of one signal (Winter 2009, section 3.4.4.3).
 
     Attributes
@@ -68,7 +85,7 @@ class CutoffChoice:
 
 
 @dataclass(frozen=True, eq=False)
-class CutoffScan:
+class CutoffScan(FrozenArrays):
     """Results of one condition over cutoffs; NaN where a cutoff leaves nothing to identify.
 
     Attributes
@@ -92,26 +109,26 @@ class CutoffScan:
         return np.max(np.abs(values[:, near] / values[:, [at]] - 1.0), axis=1)
 
 
-def residual_analysis(name: str, runs: Sequence[Array], rate: float) -> Residuals:
-    """Residual and spectrum of one signal, in unbroken runs (frames,), over cutoffs to a fifth of the rate.
+def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residuals:
+    """Residual and spectrum of one signal, in unbroken parts (frames,), over cutoffs to a fifth of the rate.
 
     Raises
     ------
     BadData
-        no run of at least 2 s
+        no part of at least 2 s
     """
-    runs = [one - one.mean() for one in runs if len(one) >= 2.0 * rate]
-    if not runs:
+    parts = [one - one.mean() for one in parts if len(one) >= 2.0 * rate]
+    if not parts:
         raise BadData(f"the cutoff of '{name}' needs 2 s without gaps at once: record longer, or give a cutoff")
     cutoffs = rate / 200.0 * np.arange(1.0, 41.0)
-    square = [sum(np.square(one - lowpass(one, rate, fc)).sum() for one in runs) for fc in cutoffs]
-    residual = np.sqrt(np.array(square) / sum(len(one) for one in runs))
+    square = [sum(np.square(one - lowpass(one, rate, fc)).sum() for one in parts) for fc in cutoffs]
+    residual = np.sqrt(np.array(square) / sum(len(one) for one in parts))
     upper = cutoffs > NOISY * cutoffs[-1]
     noise = max(float(np.polyfit(cutoffs[upper], residual[upper], 1)[1]), float(residual[-1]))
     cutoff = float(cutoffs[residual <= noise][0])
-    length = min(int(4.0 * rate), min(len(one) for one in runs))
-    spectra = [welch(one, rate, "hann", length) for one in runs]
-    frequency, power = spectra[0][0], np.average([p for _, p in spectra], axis=0, weights=[len(one) for one in runs])
+    length = min(int(4.0 * rate), min(len(one) for one in parts))
+    spectra = [welch(one, rate, "hann", length) for one in parts]
+    frequency, power = spectra[0][0], np.average([p for _, p in spectra], axis=0, weights=[len(one) for one in parts])
     above = frequency[power > ABOVE * noise**2 / (0.5 * rate)]
     return Residuals(name, cutoffs, residual, noise, cutoff, float(above.max(initial=0.0)))
 
@@ -185,8 +202,4 @@ def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions)
 
 def _runs(signals: Sequence[Array]) -> list[Array]:
     """Unbroken runs of finite samples."""
-    runs = []
-    for one in signals:
-        seen = np.flatnonzero(np.isfinite(one))
-        runs += [one[run] for run in np.split(seen, np.flatnonzero(np.diff(seen) != 1) + 1) if len(run)]
-    return runs
+    return [one[start:stop] for one in signals for start, stop in runs(np.isfinite(one))]

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
 from myomorph.rigid.vectors import (
@@ -39,7 +39,7 @@ DECAY_A_STEP = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class SwingMotion:
+class SwingMotion(FrozenArrays):
     """A stretch of a swing, measured or predicted.
 
     Attributes
@@ -243,7 +243,7 @@ def _rotation_vector(r):
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class Stretch(FrozenArrays):
     """Whole swings of one recording that follow each other.
 
     Attributes

@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import UnknownName
+from myomorph.motion.clock_lags import runs
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
@@ -31,7 +32,7 @@ Groups = list[list[int]]
 
 
 @dataclass(frozen=True, eq=False)
-class PassiveLaw:
+class PassiveLaw(FrozenArrays):
     """Torque of a joint from its angles and rates.
 
         tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w
@@ -105,7 +106,7 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
 
 
 @dataclass(frozen=True, eq=False)
-class PassiveProblem:
+class PassiveProblem(FrozenArrays):
     """The torques of one condition and what each coefficient of a law explains of them.
 
     Attributes
@@ -166,10 +167,10 @@ class PassiveProblem:
         result = []
         for number, one in enumerate(self.recordings):
             torque = one.torque_rows @ parameters - law.torque(one.angles, one.rates, one.lengthening)
-            own = [use for i, use in zip(self.sums.trial, self.sums.uses, strict=True) if i == number]
-            if own:
-                used = np.concatenate(own)
-                result += [torque[run] for run in np.split(used, np.flatnonzero(np.diff(used) != 1) + 1)]
+            used = np.zeros(len(one), bool)
+            for i, use in zip(self.sums.trial, self.sums.uses, strict=True):
+                used[use] |= i == number
+            result += [torque[start:stop] for start, stop in runs(used)]
         return result
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.estimate import Estimate
 from myomorph.viscosity.identification.condition import Influences
@@ -111,7 +111,7 @@ class PassiveFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(FrozenArrays):
     """A stretch that was left out: measured, and as two laws predict it from its first frame; for a figure.
 
     Attributes

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.torque import FIRST, SPEED, TORQUE, MuscleProblem, muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
@@ -50,7 +50,7 @@ class ArmOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmSpread:
+class ArmSpread(FrozenArrays):
     """What one kind of error does to d_M, the common viscosity of the muscles.
 
     Attributes
@@ -84,7 +84,7 @@ class ArmSpread:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmSensitivity:
+class ArmSensitivity(FrozenArrays):
     """Sensitivity of d_M to moment arms.
 
     Attributes
