@@ -14,7 +14,6 @@ from myomorph.identify.body.regions import (
     center_places,
     centers_of,
     ground_pseudo_inertias,
-    parameters_of,
     regions_of,
     spread,
     spread_mass,
@@ -22,7 +21,7 @@ from myomorph.identify.body.regions import (
 from myomorph.identify.transfer import transfer
 from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.muscles.scaling import default_path_lengths

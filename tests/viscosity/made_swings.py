@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.body.regions import parameters_of
-from myomorph.model.inertia import inertia_matrices
+from myomorph.model.inertia import inertia_matrices, parameters_of
 from myomorph.viscosity.swings.recording import SwingRecording
 
 STEP = 0.01

@@ -19,10 +19,9 @@ import clarabel
 import numpy as np
 from scipy import linalg, sparse
 
-from myomorph.identify.body.regions import parameters_of
 from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import pseudo_inertias
+from myomorph.model.inertia import parameters_of, pseudo_inertias
 
 TRIANGLE = tuple((i, k) for k in range(4) for i in range(k + 1))
 """Entries of a symmetric 4 x 4 matrix in the order of the solver: columns of the upper triangle."""

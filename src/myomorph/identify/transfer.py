@@ -21,22 +21,20 @@ from myomorph.identify.body.center_fit import (
     hinge_cues,
     skeleton,
 )
-from myomorph.identify.body.points import Links, links_of
+from myomorph.identify.body.points import Links, frames_in_ground, links_of
 from myomorph.identify.body.regions import (
     Center,
     Region,
     center_places,
     centers_of,
-    frames_in_ground,
     ground_pseudo_inertias,
-    parameters_of,
     regions_of,
     spread,
     spread_mass,
 )
 from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.segments import Segment

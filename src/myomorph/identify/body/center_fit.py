@@ -9,15 +9,8 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import least_squares
 
-from myomorph.identify.body.regions import (
-    HINGES,
-    Center,
-    Region,
-    center_places,
-    centers_of,
-    frames_in_ground,
-    hinge_axis,
-)
+from myomorph.identify.body.points import frames_in_ground
+from myomorph.identify.body.regions import HINGES, Center, Region, center_places, centers_of, hinge_axis
 from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.model import Coordinate, Joint, Marker, Model

@@ -236,3 +236,12 @@ def reference_masses(
         raise BadData("a region's density is not above 0")
     result: Array = density[owner]
     return result * (mass / result.sum())
+
+
+def frames_in_ground(model: Model, pose: Motion) -> Array:
+    """(bodies, 4, 4) poses of the bodies' frames in the first frame of a motion."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
+    frames = np.tile(np.eye(4), (len(model.bodies), 1, 1))
+    frames[:, :3, :3], frames[:, :3, 3] = poses.rotations[0, 1:], poses.origins[0, 1:]
+    return frames

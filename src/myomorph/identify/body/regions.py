@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from myomorph.identify.body.points import frames_in_ground
 from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
@@ -191,30 +192,10 @@ def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     return turned
 
 
-def frames_in_ground(model: Model, pose: Motion) -> Array:
-    """(bodies, 4, 4) poses of the bodies' frames in the first frame of a motion."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
-    frames = np.tile(np.eye(4), (len(model.bodies), 1, 1))
-    frames[:, :3, :3], frames[:, :3, 3] = poses.rotations[0, 1:], poses.origins[0, 1:]
-    return frames
-
-
 def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
     """(bodies, 4, 4) pseudo-inertia of every body about the ground's origin, in ground."""
     frames = frames_in_ground(model, pose)
     result: Array = frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
-    return result
-
-
-def parameters_of(pseudo: Array) -> Array:
-    """(..., 10) inertial parameters of pseudo-inertias (..., 4, 4); see `pseudo_inertias`."""
-    second = pseudo[..., :3, :3]
-    inertia = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
-    result = np.empty((*pseudo.shape[:-2], 10))
-    result[..., 0], result[..., 1:4] = pseudo[..., 3, 3], pseudo[..., :3, 3]
-    for i, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)), start=4):
-        result[..., i] = inertia[..., a, b]
     return result
 
 

@@ -7,11 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.identify.body.regions import parameters_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia, solve_ridge
 from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertia_matrices
+from myomorph.model.inertia import inertia_matrices, parameters_of
 from myomorph.viscosity.swings.recording import PARAMETERS
 from myomorph.viscosity.swings.sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
 
