@@ -22,7 +22,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.identified_model import along_axes, share, turning
+from myomorph.viscosity.identified_model import along_axes, joint_jacobian, share
 
 STILL = 1e-6
 """A coordinate whose root mean square rate is less does not tell its damping [rad/s]."""
@@ -82,7 +82,7 @@ def coordinate_damping(model: Model, base: str, first: str, viscosity: ArrayLike
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
     coordinates, rates = rates_of(tree, motion)
-    E, _, moving = turning(tree, base, first, coordinates)
+    E, _, moving = joint_jacobian(tree, base, first, coordinates)
     speeds = rates[:, moving]
     full = np.einsum("fak,a,faj->fkj", E, D, E)
     torque = np.einsum("fkj,fj->fk", full, speeds)
@@ -125,9 +125,9 @@ def coordinate_stiffness(
     K = along_axes("stiffness", stiffness)
     tree = compile_tree(model)
     at_rest = Motion(np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1))
-    _, R_rest, _ = turning(tree, base, first, tree.coordinates_of(at_rest))
+    _, R_rest, _ = joint_jacobian(tree, base, first, tree.coordinates_of(at_rest))
     coordinates = tree.coordinates_of(motion)
-    E, R, moving = turning(tree, base, first, coordinates)
+    E, R, moving = joint_jacobian(tree, base, first, coordinates)
     theta = Rotation.from_matrix(np.swapaxes(R_rest, 1, 2) @ R).as_rotvec()
     torque = -np.einsum("fak,a,fa->fk", E, K, theta)
     values, ends, line = {}, {}, np.zeros_like(torque)

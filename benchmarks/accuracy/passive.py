@@ -27,7 +27,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
 from myomorph.viscosity.cohort import MEAN
-from myomorph.viscosity.identified_model import joint_bushing, turning
+from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 FOLDER = "shoulder-thoracoscapular"
@@ -72,7 +72,7 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
     """The d_M with which the muscles' dampers take, over this motion, what d_{M+J} - d_J takes in [S] [N s/m]."""
     tree = compile_tree(lift.model)
     coordinates, rates = rates_of(tree, lift.motion)
-    E, _, moving = turning(tree, *JOINT, coordinates)
+    E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     shares = strand_viscosity(dict.fromkeys(strands, 1.0), strands)
     lengthening = muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities

@@ -11,7 +11,7 @@ import pytest
 
 from myomorph.identify.body.regions import (
     Region,
-    center_places,
+    center_positions,
     centers_of,
     ground_pseudo_inertias,
     regions_of,
@@ -112,7 +112,9 @@ def test_joint_centers_coincide(transferred, lower):
     # Stretching and posing alone bring them this near; the rest is made up at the joints.
     assert max(transferred.joint_shifts.values()) < 5e-3
     places = [
-        center_places(model, {key: centers_of(model, regions_of(model))[key] for key in transferred.joint_errors}, pose)
+        center_positions(
+            model, {key: centers_of(model, regions_of(model))[key] for key in transferred.joint_errors}, pose
+        )
         for model, pose in ((lower, transferred.lower_pose), (transferred.model, transferred.higher_pose))
     ]
     for key, place in places[0].items():

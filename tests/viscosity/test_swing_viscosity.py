@@ -252,7 +252,7 @@ def test_one_condition_is_enough_and_the_other_is_named(bare):
     found = identify_specimen("half", bare, (), options=OPTIONS)
     assert found.intact is None
     assert found.muscles is None
-    assert found.notes[0].startswith("with muscles: no recording")
+    assert found.notes[0].startswith("muscles intact: no recording")
     with pytest.raises(BadData, match="no recording"):
         identify_specimen("none", (), (), options=OPTIONS)
 

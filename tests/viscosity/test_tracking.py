@@ -235,7 +235,7 @@ def test_what_moves_between_two_trials_is_named_and_followed():
     found = {(slip.trial, slip.what, slip.before) for slip in tracked.slips}
     assert found >= {("later", "elbow", True), ("later", "base", True)}
     assert apart(rotations(tracked, 2), truth.rotations).max() < 1e-3
-    assert any("'elbow' stands 3.8 degrees off where it stands in the other" in one for one in tracked.trials[2].notes)
+    assert any("'elbow' is 3.8 degrees away from its position in the other" in one for one in tracked.trials[2].notes)
 
 
 def test_markers_that_the_model_does_not_name():

@@ -127,7 +127,7 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     from myomorph.viscosity.tracking.rows import swing_recordings
     from myomorph.viscosity.tracking.track import track
     from myomorph.viscosity.trust.cutoff import choose_cutoff
-    from myomorph.viscosity.trust.moment_arms import OFFSET, ArmOptions, arm_sensitivity
+    from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
 
     number, full_size = given
     made = virtual_specimen(number, full_size=full_size)
@@ -140,8 +140,8 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     assert found.without is not None
     assert found.intact is not None
     assert found.muscles is not None
-    errors = ArmOptions(factor=0.10, offset=OFFSET * made.factor)
-    arms = arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, errors)
+    errors = MomentArmOptions(factor=0.10, offset=OFFSET * made.factor)
+    arms = moment_arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, errors)
     return SpecimenRun(
         number,
         full_size,

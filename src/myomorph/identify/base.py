@@ -62,7 +62,7 @@ class BaseOptions:
         without it the constant is still estimated apart and reported
     prior : standard deviation of a weak prior about the model's own parameters, in multiples of their
         size; what the motion does not excite stays at the model's value
-    shown : a base parameter counts as shown where its standard deviation is below this share of its size
+    identifiable : a base parameter counts as identifiable where its standard deviation is below this share of its size
     rank_tolerance : singular values below this share of the largest do not count for the rank, columns
         scaled to length 1
     block : frames that are taken at a time
@@ -75,12 +75,12 @@ class BaseOptions:
     fixed: bool = False
     tare: bool = False
     prior: float = 100.0
-    shown: float = 0.2
+    identifiable: float = 0.2
     rank_tolerance: float = 1e-6
     block: int = 512
 
     def __post_init__(self) -> None:
-        for name in ("moment_noise", "force_noise", "prior", "shown", "rank_tolerance", "block"):
+        for name in ("moment_noise", "force_noise", "prior", "identifiable", "rank_tolerance", "block"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise BadData(f"{name} is {value:g}: expected above 0")
@@ -119,7 +119,7 @@ class BaseFit(FrozenArrays):
     size : (n,) how large each would be in the model, for comparison
     information, z : (n, n) upper triangular R and (n,) with R phi_B = z in units of noise, data alone
     relative_sd : (n,) sd / |estimate|
-    shown : (n,) whether this motion showed it (`BaseOptions.shown`)
+    identifiable : (n,) whether this motion tells it (`BaseOptions.identifiable`)
     levels : (n,) share of what is known of each that comes from the motion rather than from the model, 0 to 1
     link_levels : of every body, the mean over the base parameters named after it
     rank : of the information, columns scaled to length 1
@@ -143,7 +143,7 @@ class BaseFit(FrozenArrays):
     z: Array
     rank: int
     condition: float
-    shown: np.ndarray
+    identifiable: np.ndarray
     levels: Array
     link_levels: Mapping[str, float]
     sigma: Array
@@ -229,7 +229,7 @@ def fit_base(
         z=z,
         rank=rank,
         condition=condition,
-        shown=sd <= options.shown * np.maximum(np.abs(estimate), sizes),
+        identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), sizes),
         levels=own,
         link_levels=link_levels(model, base, own),
         sigma=sigma,

@@ -185,7 +185,7 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
         seen = np.concatenate([one[np.isfinite(one)] for one in values] or [np.array([coordinate.default])])
         reach = np.ptp(seen) if len(seen) else 0.0
         if name in roots and reach > 1e-6:
-            raise BadData(f"the base is said to be fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
+            raise BadData(f"the base is given as fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
         if len(seen) and reach < 1e-6:
             held[name] = float(np.median(seen))
     return held

@@ -138,7 +138,7 @@ class OnlineIdentification:
         if self._force.full:
             self._forces.append((self._force.time, self._force.filtered[0]))
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Do everything once without effect, so that nothing is compiled when the first frame comes."""
         still = Motion(np.zeros(1), (), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
         rows = next(regressor_blocks(self.model, still)).rows[0]

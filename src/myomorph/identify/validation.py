@@ -22,7 +22,7 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 KINDS = ("moment", "force")
-LEAST_PARTS = 4
+MIN_PARTS = 4
 
 
 Inside = Callable[[Array], np.ndarray]
@@ -75,7 +75,7 @@ class Parts(FrozenArrays):
         return factor[:-1, :-1] @ self.base.combination, np.array(factor[:-1, -1])
 
 
-def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = LEAST_PARTS) -> Parts:
+def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = MIN_PARTS) -> Parts:
     """Recordings as parts; one alone is cut in time into `least`.
 
     Halves of one motion are too much alike to tell how masses do on another, so that several are not cut.

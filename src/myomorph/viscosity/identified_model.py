@@ -54,7 +54,7 @@ def along_axes(what: str, values: ArrayLike) -> Array:
     return np.array(np.broadcast_to(given, (3,)))
 
 
-def turning(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Array, Array, np.ndarray]:
+def joint_jacobian(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Array, Array, np.ndarray]:
     """E (frames, 3, moving), rotations (frames, 3, 3) of `first` in `base`, and the coordinates that turn it there."""
     model = tree.model
     for body in (base, first):
@@ -123,7 +123,7 @@ def joint_bushing(
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
     coordinates, rates = rates_of(tree, motion)
-    E, R, moving = turning(tree, base, first, coordinates)
+    E, R, moving = joint_jacobian(tree, base, first, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     some = np.unique(np.linspace(0, len(R) - 1, POSES).astype(int))
     lost = _lost(R[some], omega[some], D)

@@ -22,7 +22,7 @@ SPACING = 0.005
 
 BLOCK = 4
 
-MOST = 60_000_000
+MAX_GRID_POINTS = 60_000_000
 """Grid points in the box around a body; more would not fit into a laptop."""
 
 DENSITIES: Mapping[str, float] = {
@@ -168,11 +168,11 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
     low = np.floor(vertices.min(axis=0) / spacing - 0.5).astype(np.int64)
     high = np.ceil(vertices.max(axis=0) / spacing - 0.5).astype(np.int64)
     blocks = (high - low) // BLOCK + 1
-    if blocks.prod() * BLOCK**3 > MOST:
+    if blocks.prod() * BLOCK**3 > MAX_GRID_POINTS:
         extent = np.ptp(vertices, axis=0)
         raise BadData(
             f"a grid of {1000 * spacing:g} mm in a box of {' x '.join(f'{x:.3g}' for x in extent)} m is more than "
-            f"{MOST:,} points: give a wider spacing"
+            f"{MAX_GRID_POINTS:,} points: give a wider spacing"
         )
     passed = _passed(vertices / spacing - 0.5 - low, faces, blocks)
     if not skin.watertight:

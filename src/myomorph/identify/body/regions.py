@@ -120,7 +120,7 @@ def _pelvis(model: Model, segments: Mapping[str, Segment], parents: Mapping[str,
         if segment.name == "thigh" and parents[name] != GROUND and segments[parents[name]].name != "thigh"
     }
     if not carriers:
-        raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis cannot be told")
+        raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis is unknown")
     found = set(carriers)
     while True:
         size = len(found)
@@ -167,7 +167,7 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
     return found
 
 
-def center_places(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
+def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
     """(3,) each center in ground in the first frame of a motion [m]."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])

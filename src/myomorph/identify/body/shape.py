@@ -31,7 +31,7 @@ SPREAD = 0.15
 MISFIT = MappingProxyType({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
 """What counts as one standard deviation of each measurement [m], [m], [kg]."""
 
-MOST_STEPS = 60
+MAX_STEPS = 60
 LEGS_APART = np.radians(10.0)
 """Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs touch."""
 
@@ -158,7 +158,7 @@ def _likely_traits(
 
     # The measures have kinks where a trait passes an average, at which steps may shrink without end.
     found = least_squares(
-        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MOST_STEPS
+        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MAX_STEPS
     )
     return traits_of(found.x)
 
@@ -183,13 +183,13 @@ def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | Non
     used = vertices[body.faces, 1]
     return {
         "height": float(used.max() - used.min()),
-        "chest": girth(vertices, trunk, float(vertices[list(_NIPPLES), 1].mean())),
+        "chest": circumference(vertices, trunk, float(vertices[list(_NIPPLES), 1].mean())),
         "mass": DENSITY * volume,
         "volume": volume,
     }
 
 
-def girth(vertices: Array, edges: np.ndarray, level: float) -> float:
+def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
     """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of its section.
 
     Raises

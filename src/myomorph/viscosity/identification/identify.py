@@ -24,21 +24,24 @@ from myomorph.viscosity.identification.inertia import InertiaOptions, Tare, limb
 from myomorph.viscosity.identification.torque import (
     counted_from,
     muscle_problem,
+    neutral_position,
     noise_variance,
     ridge_strength,
     solve_muscles,
     spring_misfit,
-    spring_rest,
     torque_problem,
 )
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
 
-TOLD = 0.5
+MAX_RELATIVE_WIDTH = 0.5
 """An axis is excited where its interval is narrower than plus or minus this share of the one value."""
 
-RESTS = 3
-"""How often the rest of a ball joint's spring is found again from angles counted from the last."""
+STATES = {"without": "muscles removed", "with": "muscles intact"}
+"""What the two conditions of a specimen are called in texts."""
+
+NEUTRAL_ROUNDS = 3
+"""How often the neutral position of a ball joint's spring is found again from angles counted from the last."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ class ViscosityOptions:
 
 @dataclass(frozen=True, eq=False)
 class Condition(FrozenArrays):
-    """What was identified of a specimen with its muscles, or without them.
+    """What was identified of a specimen with its muscles intact, or removed.
 
     Attributes
     ----------
@@ -148,11 +151,11 @@ class SpecimenViscosity:
 
     Attributes
     ----------
-    without, intact : without and with muscles; None where that condition is lacking or failed
+    without, intact : muscles removed and intact; None where that condition is lacking or failed
     muscles : None unless both conditions are there
     muscle_mass : with less without [kg]
     measured_muscle_mass : on a scale [kg], None where it was not weighed
-    notes : doubts and what was left out, one line each
+    notes : warnings and what was left out, one line each
     """
 
     name: str
@@ -180,7 +183,7 @@ def identify_specimen(
 
     Parameters
     ----------
-    without, intact : recordings of the limb without and with its muscles; either may be empty
+    without, intact : recordings of the limb, muscles removed and intact; either may be empty
     pcsa : physiological cross-section of each muscle, in any unit; even shares where None
     measured_muscle_mass : of the removed muscles on a scale [kg]
 
@@ -193,7 +196,7 @@ def identify_specimen(
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
         bare, full = pool.map(lambda given: _solved(given, options), (without, intact))
         notes = [
-            f"{condition} muscles: {problem}"
+            f"{STATES[condition]}: {problem}"
             for condition, problem in (("without", bare), ("with", full))
             if isinstance(problem, str)
         ]
@@ -205,9 +208,9 @@ def identify_specimen(
         if not isinstance(bare, str) and not isinstance(full, str):
             mass = _muscle_mass(bare, full, options)
             muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
-    for word, solved in (("without", bare), ("with", full)):
+    for condition, solved in (("without", bare), ("with", full)):
         if not isinstance(solved, str):
-            notes += [f"{word} muscles: {note}" for note in _doubts(solved)]
+            notes += [f"{STATES[condition]}: {warning}" for warning in _warnings(solved)]
     return SpecimenViscosity(name, without_muscles, with_muscles, muscles, mass, measured_muscle_mass, tuple(notes))
 
 
@@ -218,8 +221,8 @@ def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> Condi
         inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
         if options.stiffness and len(sums.axes) == 3:
             parameters = limb_inertia(sums, None, inertial).parameters
-            for _ in range(RESTS):
-                moved = counted_from(given, spring_rest(sums, parameters))
+            for _ in range(NEUTRAL_ROUNDS):
+                moved = counted_from(given, neutral_position(sums, parameters))
                 there = swing_sums(moved, options.block, options.least)
                 if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
                     break
@@ -249,7 +252,7 @@ def _condition(
         com,
         one,
         tuple(axes),
-        tuple(0.5 * (axis.high - axis.low) <= TOLD * one.value for axis in axes),
+        tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * one.value for axis in axes),
         solved.whole.inertia.noise,
         plate,
         tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by),
@@ -320,7 +323,7 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
     return shares / shares.mean()
 
 
-def _doubts(solved: ConditionSolution) -> list[str]:
+def _warnings(solved: ConditionSolution) -> list[str]:
     """What a reader should know of steps 1 and 2."""
     found, sums, inertia = [], solved.sums, solved.whole.inertia
     if inertia.hidden:

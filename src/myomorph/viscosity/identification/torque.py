@@ -21,7 +21,7 @@ TORQUE, SPEED, FIRST = 0, 1, 2
 RANK_TOLERANCE = 1e-6
 """Of the largest singular value: a combination of muscles that turns the limb less is not shown."""
 
-FARTHEST = 1.5
+MAX_SHIFT = 1.5
 """A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
 
 
@@ -200,7 +200,7 @@ def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> Muscl
     return MuscleSolution(common, problem.along(pcsa), single)
 
 
-def spring_rest(sums: SwingSums, parameters: Array) -> Array:
+def neutral_position(sums: SwingSums, parameters: Array) -> Array:
     """(axes,) rotation c from the slack spring to where the angles are zero; zero where there is no spring.
 
     Only angles that are counted from the neutral position make a ball's spring linear in them: with R_rest moved by a
@@ -220,7 +220,7 @@ def spring_rest(sums: SwingSums, parameters: Array) -> Array:
     if not stiffness > 0.0:
         return np.zeros(len(sums.axes))
     shift: Array = -(left[:, 0, 2] / stiffness + left[:, 1, 2]) / left[:, 2, 2]
-    return shift if np.linalg.norm(shift) < FARTHEST else np.zeros(len(shift))
+    return shift if np.linalg.norm(shift) < MAX_SHIFT else np.zeros(len(shift))
 
 
 def spring_misfit(sums: SwingSums, parameters: Array) -> float:

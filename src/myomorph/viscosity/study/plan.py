@@ -26,12 +26,12 @@ from myomorph.store.study_file import (
 )
 from myomorph.study.trial.companions import companion, plain_stem
 from myomorph.viscosity.cohort import QUANTITIES
-from myomorph.viscosity.identification.identify import ViscosityOptions
+from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
 from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles
 from myomorph.viscosity.tracking.track import TrackingOptions
 from myomorph.viscosity.trust.cutoff import FilterOptions
 from myomorph.viscosity.trust.models import PassiveOptions
-from myomorph.viscosity.trust.moment_arms import ArmOptions
+from myomorph.viscosity.trust.moment_arms import MomentArmOptions
 
 CONDITIONS = ("without", "with")
 
@@ -44,7 +44,7 @@ class StudyOptions:
     tracking: TrackingOptions = field(default_factory=TrackingOptions)
     identification: ViscosityOptions = field(default_factory=ViscosityOptions)
     laws: PassiveOptions = field(default_factory=PassiveOptions)
-    arms: ArmOptions = field(default_factory=ArmOptions)
+    arms: MomentArmOptions = field(default_factory=MomentArmOptions)
 
     @staticmethod
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
@@ -229,7 +229,7 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
     elif not given.without or not given.intact:
         lacking = "without" if not given.without else "with"
         remarks.append(
-            f"{where}: no recordings {lacking} muscles: their viscosity cannot be told apart from the joint's"
+            f"{where}: no recordings of {STATES[lacking]}: muscle viscosity cannot be separated from the joint's"
         )
     for table in ("truth", "paper"):
         for name in getattr(given, table):
@@ -344,7 +344,7 @@ def fixed_plan(
     if not any(conditions.values()):
         raise BadData("no recordings: give --with and --without")
     remarks = tuple(
-        f"no recordings {name} muscles, so that their viscosity cannot be told"
+        f"no recordings of {STATES[name]}: muscle viscosity cannot be separated from the joint's"
         for name, entries in conditions.items()
         if not entries
     )

@@ -16,6 +16,7 @@ from myomorph.model.series import Trial
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
 from myomorph.viscosity.identification.identify import (
+    STATES,
     Condition,
     SpecimenViscosity,
     ViscosityOptions,
@@ -96,7 +97,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         try:
             conditions[name] = _tracked(specimen, files, name, place, options, lambda part: advance(share * part))
         except MyomorphError as error:
-            lost.append(f"{name} muscles: {error}")
+            lost.append(f"{STATES[name]}: {error}")
     if not conditions:
         raise BadData("; ".join(lost))
     cutoff, reason = _cutoff(options, conditions)
@@ -155,7 +156,7 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
             recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
             findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
         except MyomorphError as error:
-            lost.append(f"{name} muscles: {error}")
+            lost.append(f"{STATES[name]}: {error}")
             continue
         if not tared:
             hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
@@ -198,7 +199,7 @@ def _judged(
     for name, condition in parts.items():
         findings = list(conditions[name].findings) if name in conditions else []
         findings += [] if condition is None else condition_findings(condition)
-        notes += [f"{name} muscles: {one.line}" for one in findings if one.line not in notes]
+        notes += [f"{STATES[name]}: {one.line}" for one in findings if one.line not in notes]
         if any(one.hides_mass for one in findings):
             lacking |= {*MASSES[name], "estimated_muscle_mass"}
         if any(one.fatal for one in findings):
@@ -232,7 +233,7 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...
         if np.isfinite(rms).any():
             worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
             value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
-            lines.append(Residual(f"markers to bones, {name} muscles", value, "mm", worst))
+            lines.append(Residual(f"markers to bones, {STATES[name]}", value, "mm", worst))
         for trial in one.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:

@@ -35,13 +35,13 @@ SEARCH, LAG = 2.0, 0.05
 AS_GOOD = 1.1
 """Of lags that leave up to this much more than the best, the smallest is taken."""
 
-FEW = 500
+MAX_LAG_FRAMES = 500
 """Frames on which every lag is judged."""
 
 CHANCE = 13.8
 """Squared distance of offset and drift from zero, in standard deviations, that chance passes 1 time in 1000."""
 
-LEAST = 5e-4
+MIN_CLOCK_ERROR = 5e-4
 """Largest lag of a recording that is left as it is [s]."""
 
 
@@ -168,7 +168,7 @@ def plate_clock(
         return Clock(), [f"the clocks cannot be compared: the motion explains only {explained} of the wrench"]
     sizes = np.sqrt(np.diag(best.covariance)).clip(min=1e-12)
     doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
-    if doubt < CHANCE or np.abs(best.times(time) - time).max() < LEAST:
+    if doubt < CHANCE or np.abs(best.times(time) - time).max() < MIN_CLOCK_ERROR:
         return Clock(), []
     drifts = f", and drifts {1e6 * best.drift:+.0f} ± {1e6 * best.drift_sd:.0f} ppm" if best.drift else ""
     return best, [
@@ -209,7 +209,7 @@ def _filtered(time: Array, whole: np.ndarray, own: Array, wrench: Array) -> tupl
 def _best_lag(time: Array, slow: Array, whole: np.ndarray, own: Array, wrench: Array) -> float:
     """The lag at which the median frame's force is explained best, relative to how the force varies [s]."""
     lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
-    thin = whole & (np.arange(len(time)) % max(1, len(time) // FEW) == 0)
+    thin = whole & (np.arange(len(time)) % max(1, len(time) // MAX_LAG_FRAMES) == 0)
     step = float(np.median(np.diff(time)))
     even = np.arange(own[0], own[-1], step)
     force = lowpass(on_clock(own, wrench[:, 3:], even), 1.0 / step, CUTOFF)

@@ -18,7 +18,7 @@ from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 
-STILL, EXPLAINED = 0.1, 0.8
+SPEED_THRESHOLD, EXPLAINED = 0.1, 0.8
 """A direction is still whose rate is below this share of the fastest's and whose acceleration the state explains less
 than this. Only noise is measured there; it would say that the inertia is small, and a possible body's other inertias
 with it. White noise below a cutoff explains 0.56 of its own second derivative."""
@@ -97,7 +97,7 @@ def _still(rates: Array, measured: Array, predicted: Array) -> Array:
     """(axes, axes) projection on the directions in which the limb is still."""
     squares, directions = np.linalg.eigh(rates.T @ rates)
     seen, left = (np.square(one @ directions).sum(axis=0) for one in (measured, measured - predicted))
-    still = directions[:, (squares < STILL**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)]
+    still = directions[:, (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)]
     projection: Array = still @ still.T
     return projection
 

@@ -17,13 +17,13 @@ from myomorph.viscosity.tracking.held import cluster_poses
 REPAIRED = 0.9
 """Share of the doubtful frames that a change of labels must put right to be believed."""
 
-APART = 0.02
+MAX_JOINT_GAP = 0.02
 """Distance of two bones' joints from which the labels of one of them are doubted [m]."""
 
-LONG = 0.05
+MAX_UNSEEN = 0.05
 """Share of a trial from which a marker that is unseen is named."""
 
-FEW = 5
+MAX_PERMUTED = 5
 """Markers of a cluster of which all orders are tried."""
 
 Relabel = dict[int, int]
@@ -69,7 +69,7 @@ class Clusters:
     def within(self, bone: str) -> Iterator[Relabel]:
         """Other orders of a cluster's labels; of big clusters, exchanges of two only."""
         own = self.columns[bone]
-        if len(own) > FEW:
+        if len(own) > MAX_PERMUTED:
             yield from ({a: b, b: a} for a, b in combinations(own, 2))
             return
         for order in permutations(own):
@@ -189,7 +189,7 @@ def _turned_over(specimen: Specimen, clusters: Clusters, values: Array, time: Ar
         for order in alike:
             other = _joint_gap(specimen, clusters, places, values, bone, order)
             with np.errstate(invalid="ignore"):
-                frames = np.flatnonzero((plain > APART) & (other < 0.5 * plain))
+                frames = np.flatnonzero((plain > MAX_JOINT_GAP) & (other < 0.5 * plain))
             if len(frames):
                 values[frames[:, None], own] = values[frames[:, None], list(order)]
                 plain[frames] = other[frames]
@@ -261,16 +261,18 @@ def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str
     for bone, own in clusters.columns.items():
         seen = np.asarray(np.isfinite(values[:, own]).all(axis=2))
         share = 1.0 - seen.mean(axis=0)
-        blinking += int(((share > 0.0) & (share < LONG)).sum())
-        gone = [clusters.names[column] for column, lost in zip(own, share, strict=True) if lost >= LONG]
+        blinking += int(((share > 0.0) & (share < MAX_UNSEEN)).sum())
+        gone = [clusters.names[column] for column, lost in zip(own, share, strict=True) if lost >= MAX_UNSEEN]
         if gone:
-            frames = np.flatnonzero(~seen[:, share >= LONG].all(axis=1))
+            frames = np.flatnonzero(~seen[:, share >= MAX_UNSEEN].all(axis=1))
             left = int(seen[frames].sum(axis=1).min())
             how = "it is still solved with its joints" if left == 2 else "it follows the bones beside it"
             which = f"markers {_listed(gone)} are" if len(gone) > 1 else f"marker '{gone[0]}' is"
             notes.append(f"trial '{name}': {which} unseen {_when(time, frames)}; '{bone}' has {left} left there, {how}")
     if blinking:
-        notes.append(f"trial '{name}': {blinking} markers are unseen now and then, each under {100 * LONG:.0f} % of it")
+        notes.append(
+            f"trial '{name}': {blinking} markers are unseen now and then, each under {100 * MAX_UNSEEN:.0f} % of it"
+        )
     return notes
 
 

@@ -42,12 +42,12 @@ class Slip:
 
     @property
     def line(self) -> str:
-        """What to tell the user."""
+        """The warning, as one line."""
         amount = f"{np.degrees(self.amount):.1f} degrees" if self.unit == "rad" else f"{1000 * self.amount:.1f} mm"
         base = self.what == "base"
         what = "the base" if base else f"held joint '{self.what}'"
         if self.before:
-            return f"trial '{self.trial}': {what} stands {amount} off where it stands in the other trials"
+            return f"trial '{self.trial}': {what} is {amount} away from its position in the other trials"
         cause = "clamp it again" if base else "a wire slipped" if self.lasting else "a wire is loose"
         return f"trial '{self.trial}': {what} moves by {amount}, most at {self.time:.2f} s: {cause}"
 
@@ -86,7 +86,7 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
     return rotations, origins
 
 
-def turning_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
+def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
     """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the limb [m].
 
     min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of

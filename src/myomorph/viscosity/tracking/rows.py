@@ -17,7 +17,7 @@ from myomorph.viscosity.swings.recording import REACH, SwingRecording, near, swi
 from myomorph.viscosity.tracking.held import mean_rotation
 from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackedTrial
 
-LEAST_TURN = 0.005
+MIN_ROTATION = 0.005
 """Angle between two turns under which the limb counts as still [rad]."""
 
 
@@ -135,6 +135,6 @@ def _recording(
         lengthening=arms,
         rotations=one.limb.rotations,
         gravity=np.array(specimen.model.gravity),
-        swing=swing_numbers(*_swung(specimen, one, angles, free), free, LEAST_TURN),
+        swing=swing_numbers(*_swung(specimen, one, angles, free), free, MIN_ROTATION),
         strands=tuple(i for i, own in enumerate(specimen.muscles.values()) for _ in own) if muscles else (),
     )

@@ -29,9 +29,9 @@ from myomorph.viscosity.tracking.held import (
     mean_base,
     mean_held,
     mean_rotation,
+    rotation_center,
     slips_before,
     slips_within,
-    turning_center,
 )
 
 TURNED = 0.995
@@ -230,7 +230,7 @@ def _centered(
     turned = np.einsum("fji,fjk->ik", base[0][seen], limb[0][seen]) / max(int(seen.sum()), 1)
     if seen.sum() < 10 or np.linalg.svd(turned, compute_uv=False)[0] > TURNED:
         return specimen, ()
-    in_base, in_limb = turning_center((base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen]))
+    in_base, in_limb = rotation_center((base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen]))
     distance = float(np.linalg.norm(in_base - specimen.center))
     notes: tuple[str, ...] = ()
     if distance > options.astray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.inertia import inertia_matrices
-from myomorph.viscosity.identification.identify import TOLD, Condition
+from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
@@ -137,15 +137,15 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     """Faults that show in what was identified: a swing too small, or not about an axis; a limb that cannot be.
 
     An axis is excited where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
-    narrower than plus or minus `TOLD` of the one value.
+    narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
     """
     one = condition.viscosity
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
     size = np.sqrt(np.square(rates).mean(axis=0))
-    if not one.high - one.low <= 2.0 * TOLD * one.value:
+    if not one.high - one.low <= 2.0 * MAX_RELATIVE_WIDTH * one.value:
         line = (
-            f"the swings are too small to tell the viscosity: {one.low:.2g} to {one.high:.2g} N m s/rad at rates of "
-            f"{np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or more often"
+            f"the swings are too small to identify the viscosity: {one.low:.2g} to {one.high:.2g} N m s/rad at rates "
+            f"of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or more often"
         )
         return (Finding("small swing", line, fatal=True),)
     found = []
@@ -154,14 +154,13 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
         if rate < LEAN * size.max():
             why = f"below {100 * LEAN:.0f} % of the fastest axis'"
         elif not excited:
-            why = (
-                f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than +-{100 * TOLD:.0f} % of the joint's"
-            )
+            limit = f"+-{100 * MAX_RELATIVE_WIDTH:.0f} % of the joint's"
+            why = f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than {limit}"
         else:
             continue
         line = (
-            f"axis '{axis}' is not excited, its viscosity not told: rates of {rate:.3g} rad/s (root mean square), "
-            f"{why}; release the limb with a turn about that axis"
+            f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
+            f"square), {why}; release the limb with a turn about that axis"
         )
         found.append(Finding("axis", line))
     return (*found, *_misfit(condition))

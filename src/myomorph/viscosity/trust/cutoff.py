@@ -21,7 +21,7 @@ from myomorph.viscosity.tracking.track import TrackedSpecimen
 
 SCANNED = (3.0, 4.0, 6.0, 8.0, 10.0, 14.0, 20.0)
 """Cutoffs whose results are compared [Hz]."""
-LEAST, MOST = 4.0, 20.0
+MIN_CUTOFF, MAX_CUTOFF = 4.0, 20.0
 """Between which a cutoff is chosen [Hz]."""
 NOISY = 0.5
 """Share of the examined frequencies, the upper ones, where residuals are taken for noise alone."""
@@ -74,7 +74,7 @@ class CutoffChoice:
 
     Attributes
     ----------
-    cutoff : the highest that any signal asks for, within `LEAST` and `MOST` [Hz]
+    cutoff : the highest that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF` [Hz]
     reason : in a line
     signals : each signal's analysis
     """
@@ -160,8 +160,8 @@ def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
 def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
     """The cutoff that the most demanding of the signals asks for."""
     most = max(signals, key=lambda one: one.cutoff)
-    cutoff = float(np.clip(most.cutoff, LEAST, MOST))
-    limit = "" if cutoff == most.cutoff else f", kept within {LEAST:g} and {MOST:g} Hz"
+    cutoff = float(np.clip(most.cutoff, MIN_CUTOFF, MAX_CUTOFF))
+    limit = "" if cutoff == most.cutoff else f", kept within {MIN_CUTOFF:g} and {MAX_CUTOFF:g} Hz"
     reason = (
         f"cut-off {cutoff:g} Hz: residual analysis asks for {most.cutoff:g} Hz in '{most.name}'{limit}, for less in "
         f"all others; the spectrum of '{most.name}' stands above its noise up to {most.band:.2g} Hz"

@@ -40,7 +40,7 @@ DECAY_A_STEP = 0.25
 
 @dataclass(frozen=True, eq=False)
 class SwingMotion(FrozenArrays):
-    """A stretch of a swing, measured or predicted.
+    """A window of a swing, measured or predicted.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class SwingMotion(FrozenArrays):
 
 
 def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, law: PassiveLaw) -> SwingMotion:
-    """The stretch that a rigid limb with a passive law would have swung from the state of its first frame.
+    """The window that a rigid limb with a passive law would have swung from the state of its first frame.
 
         I w' + w x I w - h x R^T g = tau(angles, w),    R' = R [w]x
 
@@ -67,13 +67,13 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
 
     Parameters
     ----------
-    frames : the stretch, at equal steps of time
+    frames : the window, at equal steps of time
     parameters : (10,) of the limb, [D] order
 
     Raises
     ------
     BadData
-        where the stretch is too short or uneven in time, or the parameters are of no body that can swing
+        where the window is too short or uneven in time, or the parameters are of no body that can swing
     """
     time = recording.time[frames]
     steps = np.diff(time)
@@ -103,7 +103,7 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
 
 
 def measured_motion(recording: SwingRecording, frames: slice) -> SwingMotion:
-    """The same stretch as it was measured."""
+    """The same window as it was measured."""
     axis = hinge_axis(recording)
     turn = axis[:, None] if axis.any() else np.eye(3)
     rates = recording.rates[frames] @ turn.T
@@ -243,7 +243,7 @@ def _rotation_vector(r):
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch(FrozenArrays):
+class Window(FrozenArrays):
     """Whole swings of one recording that follow each other.
 
     Attributes
@@ -263,7 +263,7 @@ class Stretch(FrozenArrays):
         return float(time[-1] - time[0])
 
     def training(self, blocks: int) -> Array:
-        """(blocks,) one for every swing but those of the stretch."""
+        """(blocks,) one for every swing but those of the window."""
         counts = np.ones(blocks)
         counts[self.blocks] = 0.0
         return counts
@@ -293,8 +293,8 @@ class Stretch(FrozenArrays):
         return np.array([angle, square[:, :3].sum(axis=1).mean(), square[:, 3:].sum(axis=1).mean()])
 
 
-def stretches(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int) -> list[Stretch]:
-    """Up to `count` stretches of at least `horizon` [s], spread over the recordings.
+def windows(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int) -> list[Window]:
+    """Up to `count` windows of at least `horizon` [s], spread over the recordings.
 
     Where no two are so long, single swings; where there are no two of these either, none.
 
@@ -310,8 +310,8 @@ def stretches(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: fl
     return []
 
 
-def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) -> list[Stretch]:
-    found: list[Stretch] = []
+def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) -> list[Window]:
+    found: list[Window] = []
     joined: list[int] = []
     for block, (number, use) in enumerate(zip(sums.trial, sums.uses, strict=True)):
         follows = joined and sums.trial[joined[-1]] == number and sums.uses[joined[-1]][-1] + 1 == use[0]
@@ -321,6 +321,6 @@ def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) 
             continue
         one, frames = recordings[number], slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
         if frames.stop - frames.start > 1 and one.time[frames.stop - 1] - one.time[frames.start] >= least:
-            found.append(Stretch(one, frames, np.array(joined)))
+            found.append(Window(one, frames, np.array(joined)))
             joined = []
     return found

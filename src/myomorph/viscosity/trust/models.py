@@ -13,9 +13,9 @@ from myomorph.model.errors import BadData
 from myomorph.model.estimate import Estimate
 from myomorph.viscosity.identification.condition import Influences
 from myomorph.viscosity.identification.inertia import InertiaOptions, Tare
-from myomorph.viscosity.identification.torque import counted_from, spring_misfit, spring_rest
+from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.trust.forward import Stretch, SwingMotion, hinge_axis, stretches
+from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
 from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, effective_samples, law_columns
 
 UNITS: Mapping[str, str] = {
@@ -45,9 +45,9 @@ LAWS: tuple[tuple[str, ...], ...] = (
 """What is compared. "muscles": one viscosity of every muscle, left out where the recordings have no moment arms."""
 
 ALONE = LAWS[0]
-RESTS = 2
+NEUTRAL_ROUNDS = 2
 """How often the rest of a ball's spring is found again with angles counted from the last."""
-CLOSE = 2.0
+MAX_CRITERION_DIFFERENCE = 2.0
 """Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
 
 
@@ -58,8 +58,8 @@ class PassiveOptions:
     Attributes
     ----------
     width : angular velocity within which Coulomb friction turns its sign [rad/s]
-    held_out : how many stretches are left out in turn and predicted
-    horizon : shortest stretch that is predicted; whole swings that follow each other are joined to reach it [s]
+    held_out : how many windows are left out in turn and predicted
+    horizon : shortest window that is predicted; whole swings that follow each other are joined to reach it [s]
     draws, seed : of the bootstrap over swings and trials
     tare, prior_sd : of `InertiaOptions`
     """
@@ -89,8 +89,8 @@ class PassiveFit:
     free : number of coefficients
     residual : root mean square of torque that the law leaves [N m]
     aic, bic : above the lowest of all laws
-    angle_error : root mean square angle between measured and predicted limb over the held-out stretches [rad]
-    moment_error, force_error : root mean square of measured less predicted wrench, same stretches [N m], [N]
+    angle_error : root mean square angle between measured and predicted limb over the held-out windows [rad]
+    moment_error, force_error : root mean square of measured less predicted wrench, same windows [N m], [N]
     """
 
     terms: tuple[str, ...]
@@ -112,7 +112,7 @@ class PassiveFit:
 
 @dataclass(frozen=True, eq=False)
 class Prediction(FrozenArrays):
-    """A stretch that was left out: measured, and as two laws predict it from its first frame; for a figure.
+    """A window that was left out: measured, and as two laws predict it from its first frame; for a figure.
 
     Attributes
     ----------
@@ -139,11 +139,11 @@ class PassiveComparison:
     Attributes
     ----------
     fits : one a law, in the order of `LAWS`
-    chosen : the simplest law whose BIC is within `CLOSE` of the lowest
+    chosen : the simplest law whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest
     samples : frames times axes
     effective : independent samples among them, which the criteria count
-    horizon : mean length of the stretches that were predicted [s]
-    prediction : the first of these; None where no two stretches could be had
+    horizon : mean length of the windows that were predicted [s]
+    prediction : the first of these; None where no two windows could be had
     """
 
     fits: tuple[PassiveFit, ...]
@@ -164,7 +164,7 @@ def compare_passive_laws(
     options: PassiveOptions | None = None,
     laws: Sequence[tuple[str, ...]] = LAWS,
 ) -> PassiveComparison:
-    """Fit every law to the torques of one condition, and let it predict stretches that it has not seen.
+    """Fit every law to the torques of one condition, and let it predict windows that it has not seen.
 
     All laws are least squares of the same torques, torque_rows phi, with coefficients of at least 0 and a free
     rest angle. The criteria count independent samples, not frames, for a low-pass leaves about two a period of
@@ -173,8 +173,8 @@ def compare_passive_laws(
         AIC = n ln(RSS / N) + 2 free,   BIC = n ln(RSS / N) + ln(n) free,   n = N / sum_k rho_k^2
 
     with rho the autocorrelation of what the richest law leaves (`effective_samples`). A prediction, and the
-    inertia and law that make it, know nothing of the stretch but its first frame. The angles of a ball are counted
-    from where its spring is slack (`spring_rest`), for only from there is the spring linear in them.
+    inertia and law that make it, know nothing of the window but its first frame. The angles of a ball are counted
+    from where its spring is slack (`neutral_position`), for only from there is the spring linear in them.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def compare_passive_laws(
     effective = effective_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
     lacking = 1.0 - np.eye(blocks)
     others = np.array([problem.parameters(one) for one in lacking])
-    left_out = stretches(recordings, problem.sums, options.horizon, options.held_out)
+    left_out = windows(recordings, problem.sums, options.horizon, options.held_out)
     trained = [problem.parameters(one.training(blocks)) for one in left_out]
     samples = problem.samples(every)
     fits = []
@@ -231,7 +231,7 @@ def compare_passive_laws(
         fits.append(fit)
     least_aic, least_bic = min(one.aic for one in fits), min(one.bic for one in fits)
     fits = [replace(one, aic=one.aic - least_aic, bic=one.bic - least_bic) for one in fits]
-    chosen = min((one for one in fits if one.bic <= CLOSE), key=lambda one: (one.free, one.bic))
+    chosen = min((one for one in fits if one.bic <= MAX_CRITERION_DIFFERENCE), key=lambda one: (one.free, one.bic))
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
     horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")
     return PassiveComparison(tuple(fits), chosen, round(samples), effective, horizon, shown)
@@ -249,9 +249,9 @@ def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> lis
 def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
     """The problem with angles counted from where a ball's spring is slack, and that rotation from the given zero."""
     slack = Rotation.identity()
-    for _ in range(RESTS):
+    for _ in range(NEUTRAL_ROUNDS):
         parameters = problem.parameters(np.ones(len(problem.sums)))
-        shift = spring_rest(problem.sums, parameters)
+        shift = neutral_position(problem.sums, parameters)
         moved = PassiveProblem.of(counted_from(problem.recordings, shift), problem.width, problem.inertial)
         if spring_misfit(moved.sums, parameters) >= spring_misfit(problem.sums, parameters):
             break
@@ -259,17 +259,17 @@ def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
     return problem, slack
 
 
-def _predict(problem: PassiveProblem, terms: Sequence[str], one: Stretch, parameters: Array) -> SwingMotion:
+def _predict(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> SwingMotion:
     law = problem.fit(terms, one.training(len(problem.sums)), parameters)[0]
     return one.predicted(parameters, PassiveLaw.of(law, problem.width))
 
 
-def _errors(problem: PassiveProblem, terms: Sequence[str], one: Stretch, parameters: Array) -> Array:
+def _errors(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> Array:
     return one.errors(_predict(problem, terms, one, parameters), problem.inertial.tare == "unknown")
 
 
 def _shown(
-    problem: PassiveProblem, terms: Sequence[str], one: Stretch, parameters: Array, slack: Rotation
+    problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array, slack: Rotation
 ) -> Prediction:
     measured = one.measured
     viscous, chosen = (_predict(problem, law, one, parameters) for law in (ALONE, terms))

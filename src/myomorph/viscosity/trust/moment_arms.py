@@ -27,8 +27,8 @@ ANGLE, CONSTANT = SPEED + 1, SPEED + 2
 
 
 @dataclass(frozen=True)
-class ArmOptions:
-    """Settings of `arm_sensitivity`.
+class MomentArmOptions:
+    """Settings of `moment_arm_sensitivity`.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ArmOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmSpread(FrozenArrays):
+class MomentArmSpread(FrozenArrays):
     """What one kind of error does to d_M, the common viscosity of the muscles.
 
     Attributes
@@ -84,7 +84,7 @@ class ArmSpread(FrozenArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class ArmSensitivity(FrozenArrays):
+class MomentArmSensitivity(FrozenArrays):
     """Sensitivity of d_M to moment arms.
 
     Attributes
@@ -96,16 +96,16 @@ class ArmSensitivity(FrozenArrays):
 
     muscles: tuple[str, ...]
     slopes: Array
-    spreads: tuple[ArmSpread, ...]
+    spreads: tuple[MomentArmSpread, ...]
 
-    def spread(self, kind: Kind) -> ArmSpread:
+    def spread(self, kind: Kind) -> MomentArmSpread:
         """Of one kind of error."""
         return next(one for one in self.spreads if one.kind == kind)
 
 
-def arm_sensitivity(
-    intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, options: ArmOptions | None = None
-) -> ArmSensitivity:
+def moment_arm_sensitivity(
+    intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, options: MomentArmOptions | None = None
+) -> MomentArmSensitivity:
     """Spread of d_M when every muscle's moment arms are systematically wrong.
 
     The common value of swings with muscles is d_M = v g / v H v with v_m the square of the factor of muscle m,
@@ -122,7 +122,7 @@ def arm_sensitivity(
     BadData
         the swings have no moment arms, or show no viscosity of muscles
     """
-    options = options or ArmOptions()
+    options = options or MomentArmOptions()
     random = np.random.default_rng(options.seed)
     problem = _problem(intact, parameters, joint, options.stiffness)
     n = len(problem.g)
@@ -134,8 +134,8 @@ def arm_sensitivity(
     one = 1.0 + options.factor * random.standard_normal((options.draws, 1)) * np.ones(n)
     each = 1.0 + options.factor * random.standard_normal((options.draws, n))
     spreads = [
-        ArmSpread("one factor", options.factor, exact, _by_factors(problem, one), 2.0 * options.factor),
-        ArmSpread(
+        MomentArmSpread("one factor", options.factor, exact, _by_factors(problem, one), 2.0 * options.factor),
+        MomentArmSpread(
             "factor of each muscle",
             options.factor,
             exact,
@@ -145,7 +145,7 @@ def arm_sensitivity(
     ]
     if options.offset > 0.0:
         spreads.append(_by_offsets(intact, parameters, joint, options, random))
-    return ArmSensitivity(intact[0].muscles, slopes, tuple(spreads))
+    return MomentArmSensitivity(intact[0].muscles, slopes, tuple(spreads))
 
 
 def _problem(
@@ -166,9 +166,9 @@ def _by_offsets(
     intact: Sequence[SwingRecording],
     parameters: Array,
     joint: float | Array,
-    options: ArmOptions,
+    options: MomentArmOptions,
     random: np.random.Generator,
-) -> ArmSpread:
+) -> MomentArmSpread:
     """With J + delta the torque u = (J + delta) ((J + delta) . w) is a sum of products that do not change."""
     sums = swing_sums(intact)
     parts = [_offset_columns(intact[i], use, parameters) for i, use in zip(sums.trial, sums.uses, strict=True)]
@@ -190,7 +190,7 @@ def _by_offsets(
     roots = np.sqrt(table @ table.sum(axis=0))[:, None]
     draws = [common(options.offset / roots * random.standard_normal((count, axes))) for _ in range(options.draws)]
     exact = common(np.zeros((count, axes)))
-    return ArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
+    return MomentArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
 
 
 def _offset_columns(one: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
