@@ -92,7 +92,7 @@ def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
     if cutoff is None:
         return values
     found = np.full(values.shape, np.nan)
-    for start, stop in runs(np.isfinite(values).all(axis=1)):
+    for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))):
         if stop - start > 5:
             found[start:stop] = lowpass(values[start:stop], rate, cutoff)
     return found
