@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -10,11 +10,12 @@ import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
+from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class Series(Labelled):
     """Named columns over time.
 
     Attributes
@@ -46,6 +47,15 @@ class Series:
         """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
         column: Array = self.values[:, index_of("column", name, self.names, "the series")]
         return column
+
+    def variables(self) -> dict[str, Variable]:
+        """The values, and of vectors each axis."""
+        dimensions = ("time", "name", "axis")[: self.values.ndim]
+        return {"values": Variable(dimensions, self.values)}
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names, axes."""
+        return {"time": self.time, "name": self.names, "axis": AXES}
 
     @property
     def rate(self) -> float:
@@ -104,9 +114,15 @@ class Motion(Series):
             if given is not None:
                 object.__setattr__(self, name, frozen_array(given, self.values.shape))
 
+    def variables(self) -> dict[str, Variable]:
+        """Values, and velocities and accelerations where they are known."""
+        known = {"velocities": self.velocities, "accelerations": self.accelerations}
+        derivatives = {name: Variable(("time", "name"), one) for name, one in known.items() if one is not None}
+        return {"values": Variable(("time", "name"), self.values), **derivatives}
+
 
 @dataclass(frozen=True, eq=False)
-class Wrenches:
+class Wrenches(Labelled):
     """External forces on bodies, in ground.
 
     Attributes
@@ -135,6 +151,15 @@ class Wrenches:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def variables(self) -> dict[str, Variable]:
+        """Forces, points of application and free torques."""
+        named = {"forces": (self.forces, "N"), "points": (self.points, "m"), "torques": (self.torques, "N m")}
+        return {name: Variable(("time", "name", "axis"), one, unit) for name, (one, unit) in named.items()}
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names of the forces, axes of ground."""
+        return {"time": self.time, "name": self.names, "axis": AXES}
 
 
 @dataclass(frozen=True, eq=False)
