@@ -9,12 +9,11 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.checked import CheckOptions
-from myomorph.morph.clearance import Ground, clear_paths
-from myomorph.morph.moment_arm_table import compared_coordinates
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.checks.clearance import Ground, clear_paths
+from myomorph.morph.checks.moment_arms import compared_coordinates
+from myomorph.morph.checks.warnings import CheckOptions
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
 
 LENGTH = 0.4
 THIN, THICK = 0.02, 0.026

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scans import sharper
 
 from myomorph.io.landmarks import read_landmarks
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.fields import FeaturePoints
-from myomorph.morph.landmark_checks import check_landmarks, matched_landmarks
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.maps.fields import FeaturePoints
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.registration.landmark_checks import check_landmarks, matched_landmarks
+from scans import sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))
 THERE = Similarity(rotation_from_euler_xyz((0.4, -1.0, 2.2)), np.array([0.1, -0.5, 0.2]), 0.9)

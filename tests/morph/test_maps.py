@@ -10,8 +10,7 @@ import pytest
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import axis_rotation
-from myomorph.morph.affine import AffineMap, fit_affine, fit_whole
-from myomorph.morph.fields import (
+from myomorph.morph.maps.fields import (
     FeaturePoints,
     MapOptions,
     PointMap,
@@ -20,7 +19,7 @@ from myomorph.morph.fields import (
     folded,
     inverse_points,
 )
-from myomorph.morph.procrustes import procrustes
+from myomorph.morph.maps.linear import AffineMap, fit_affine, fit_whole, procrustes
 
 BENDING = [
     MapOptions(),

@@ -30,9 +30,9 @@ def step_options() -> dict[str, tuple[type, ...]]:
     """Option dataclasses of every step, by its name."""
     from myomorph.identify.recordings import RecordingOptions
     from myomorph.identify.subject import IdentificationOptions
-    from myomorph.morph.fields import MapOptions
+    from myomorph.morph.maps.fields import MapOptions
     from myomorph.morph.morphed import MorphOptions
-    from myomorph.morph.nonrigid import MatchOptions
+    from myomorph.morph.registration.nonrigid import MatchOptions
     from myomorph.motion.calibrate import CalibrationOptions
     from myomorph.motion.crossings import CrossingOptions
     from myomorph.motion.envelope import EnvelopeOptions
