@@ -33,8 +33,8 @@ ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension"
 KINDS = ("sign", "comparison", "factor", "off by one", "and/or")
 COPIED = ("src", "tests", "benchmarks", "docs", "pyproject.toml", "README.md")
 
-LIMIT = 4.0
-"""A mutant whose tests take so many times as long as without it has been noticed: it hangs."""
+LIMIT, PATIENCE = 4.0, 120.0
+"""A mutant whose tests take so many times as long as without it and so many seconds more has been noticed: it hangs."""
 
 OPPOSITE = {
     ast.Lt: ("<", ">="), ast.GtE: (">=", "<"), ast.Gt: (">", "<="), ast.LtE: ("<=", ">"), ast.Eq: ("==", "!="),
@@ -248,13 +248,13 @@ class Copy:
     usual : by test file the seconds that it takes without a mutant [s]
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, original: Path = ROOT):
         self.root = folder / "tree"
         for name in COPIED:
-            source, here = ROOT / name, self.root / name
+            source, here = original / name, self.root / name
             if source.is_dir():
                 shutil.copytree(source, here, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
-            else:
+            elif source.exists():
                 shutil.copy2(source, here)
         kernels = {"NUMBA_CACHE_DIR": str(folder / "kernels"), "PYTHONPATH": str(self.root / "src")}
         self.environment = os.environ | kernels | {"MYOMORPH_DATA": str(data_folder())}
@@ -269,7 +269,7 @@ class Copy:
         here, by, seconds = self.root / path, "", 0.0
         text, stat = here.read_text("utf-8"), here.stat()
         for file in tests_of(self.root, room, path):
-            limit = LIMIT * self._usual(file)
+            limit = LIMIT * self._usual(file) + PATIENCE
             here.write_text(mutation.applied(text), "utf-8", newline="\n")
             start = time.perf_counter()
             try:

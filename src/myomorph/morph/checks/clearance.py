@@ -240,14 +240,14 @@ def clear_paths(source: Model, target: Model, ground: Ground) -> Clearance:
     allowed = _allowed(source, ground)
     found = target
     before = left = _excess(target, ground, allowed, target.muscle_names)
-    watched = _sharing(target, before)
+    watched = watched_with(target, before)
     steps: dict[str, float] = {}
     for _ in range(ROUNDS):
         moved = _round(found, target, ground, allowed, steps, watched) if left else None
         if moved is None:
             break
         after = _excess(moved, ground, allowed, watched)
-        found, worse = _without_worse(found, moved, left, after)
+        found, worse = without_worse(found, moved, left, after)
         steps |= {name: 0.4 * steps.get(name, 1.0) for name in worse}
         left = _excess(found, ground, allowed, watched) if worse else after
     vain = {name for name, _ in _shifts(target, found) if left.get(name, 0.0) > IN_VAIN * before.get(name, 0.0)}
@@ -257,7 +257,7 @@ def clear_paths(source: Model, target: Model, ground: Ground) -> Clearance:
     return Clearance(found, _shifts(target, found), _growth(target, found), before, left)
 
 
-def _without_worse(
+def without_worse(
     before: Model, after: Model, left: Mapping[str, float], now: Mapping[str, float]
 ) -> tuple[Model, frozenset[str]]:
     """What was done less what made a path deeper, and the names of the wrap objects and muscles this concerns."""
@@ -307,8 +307,8 @@ def _allowed(source: Model, ground: Ground) -> dict[tuple[str, str], float]:
     return found
 
 
-def _sharing(model: Model, names: Collection[str]) -> tuple[str, ...]:
-    """Muscles, and those that run around the same wrap objects."""
+def watched_with(model: Model, names: Collection[str]) -> tuple[str, ...]:
+    """Names of muscles, and of those that run around the same wrap objects."""
     wraps = {wrap.wrap_object for name in names for wrap in model.muscle(name).path.wraps}
     return tuple(
         one.name for one in model.muscles if one.name in names or wraps & {wrap.wrap_object for wrap in one.path.wraps}

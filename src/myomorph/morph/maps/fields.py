@@ -147,40 +147,6 @@ def folded(mapping: PointMap, points: ArrayLike) -> NDArray[np.bool_]:
     return inside_out
 
 
-def inverse_points(mapping: PointMap, points: ArrayLike, iterations: int = 50, tolerance: float = 1e-10) -> Array:
-    """Points (..., 3) of the source that a map brings to those of the target, by damped Newton steps [m].
-
-    Parameters
-    ----------
-    tolerance : distance between a point and where the found one goes [m]
-
-    Returns
-    -------
-    (..., 3), NaN where none was found: beyond a fold
-    """
-    goal = np.asarray(points, dtype=np.float64)
-    flat = goal.reshape(-1, 3)
-    at_zero = np.zeros(3)
-    found: Array = (flat - mapping.apply(at_zero)) @ np.linalg.inv(mapping.jacobian(at_zero)).T
-    away = mapping.apply(found) - flat
-    for _ in range(iterations):
-        open_ = np.flatnonzero(np.linalg.norm(away, axis=1) > tolerance)
-        if not len(open_):
-            break
-        step = np.einsum("nij,nj->ni", np.linalg.pinv(mapping.jacobian(found[open_])), away[open_])
-        share = np.ones((len(open_), 1))
-        for _ in range(8):
-            tried = mapping.apply(found[open_] - share * step) - flat[open_]
-            worse = np.linalg.norm(tried, axis=1) >= np.linalg.norm(away[open_], axis=1)
-            if not worse.any():
-                break
-            share[worse] *= 0.5
-        found[open_] -= share * step
-        away[open_] = tried
-    found[np.linalg.norm(away, axis=1) > tolerance] = np.nan
-    return found.reshape(goal.shape)
-
-
 def _merged(features: FeaturePoints) -> FeaturePoints:
     """Features with those at one place of the source as one, in the middle of their targets."""
     if len(features) < 2:

@@ -57,33 +57,6 @@ class CheckedLandmarks:
     notes: tuple[str, ...] = ()
 
 
-def matched_landmarks(
-    body: str, source: Mapping[str, ArrayLike], target: Mapping[str, ArrayLike]
-) -> tuple[FeaturePoints, tuple[str, ...]]:
-    """Landmarks that both sides have, by name, and notes on those that only one has.
-
-    Parameters
-    ----------
-    source, target : (3,) by name [m]
-
-    Raises
-    ------
-    BadData : no name is on both sides
-    """
-    names = tuple(name for name in source if name in target)
-    if not names:
-        raise BadData(
-            f"no landmark of '{body}' is on both sides: the source has {_few(source)}, the target {_few(target)}"
-        )
-    notes = []
-    for side, there, here in (("target", source, target), ("source", target, source)):
-        missing = [name for name in there if name not in here]
-        if missing:
-            notes.append(f"landmarks of '{body}' that the {side} lacks are left out: {_few(missing)}")
-    pairs = (np.array([np.asarray(side[name]) for name in names]) for side in (source, target))
-    return FeaturePoints(names, *pairs), tuple(notes)
-
-
 def check_landmarks(
     body: str,
     landmarks: FeaturePoints,
