@@ -16,8 +16,8 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
-from myomorph.morph.clusters import find_balls
-from myomorph.morph.registration import Surface
+from myomorph.morph.registration.clusters import find_balls
+from myomorph.morph.registration.rigid import Surface
 from myomorph.simulate.laboratory import (
     BALL,
     BONES,

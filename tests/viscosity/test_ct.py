@@ -13,7 +13,7 @@ from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.maps.linear import Similarity
 from myomorph.viscosity.study.calibration import ScanFiles, model_from_scans, read_picks
 from scans import cluster, made_scan
 
@@ -32,7 +32,7 @@ def written(path: Path, surface: Surface) -> Path:
 def specimen(data, tmp_path_factory):
     """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its markers truly are."""
     from myomorph.io.mesh import read_mesh
-    from myomorph.morph.place_clusters import bone_surface
+    from myomorph.morph.registration.place_clusters import bone_surface
 
     folder = tmp_path_factory.mktemp("ct")
     model = read_osim(data(MODEL))

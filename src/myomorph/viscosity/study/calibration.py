@@ -17,9 +17,15 @@ from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, PlateRecording, Trial
 from myomorph.model.surface import Surface
-from myomorph.morph.clusters import NamedCluster, find_balls, name_cluster
-from myomorph.morph.place_clusters import Picks, PlacedBone, bone_surface, place_bone, place_cluster_markers
-from myomorph.morph.registration import SurfaceOptions
+from myomorph.morph.registration.clusters import NamedCluster, find_balls, name_cluster
+from myomorph.morph.registration.place_clusters import (
+    Picks,
+    PlacedBone,
+    bone_surface,
+    place_bone,
+    place_cluster_markers,
+)
+from myomorph.morph.registration.rigid import SurfaceOptions
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.study_file import Strict
 from myomorph.study.trial.inputs import about, open_trial

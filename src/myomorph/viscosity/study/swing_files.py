@@ -16,7 +16,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
-from myomorph.morph.place_clusters import PlacedBone
+from myomorph.morph.registration.place_clusters import PlacedBone
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.residual_map import residual_map
 from myomorph.report.page.section import Figure
