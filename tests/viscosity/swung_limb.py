@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
-from myomorph.simulate.equations import moment_rows
+from myomorph.simulate.joint import moment_rows
 from myomorph.viscosity.passive_law import PassiveLaw, resistances
 from myomorph.viscosity.swings import SwingRecording
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.simulate.joint import mechanical_joint
-from myomorph.simulate.recording import Sampled
+from myomorph.simulate.laboratory import Sampled
 from myomorph.viscosity.ball_motion import angular_motion, continuous, differentiate_joint
 from myomorph.viscosity.limb_motion import limb_motion
 from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen

@@ -27,8 +27,17 @@ from myomorph.motion.filters import lowpass
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.bout import FEET, GRIPS, Run, simulate_bout
-from myomorph.simulate.fighter import GRIP, Build, marker_points, sole_points
-from myomorph.simulate.mat import PARTS, STEP, compile_pair, fighter_text, with_fibers
+from myomorph.simulate.fighter import (
+    GRIP,
+    PARTS,
+    STEP,
+    Build,
+    compile_pair,
+    fighter_text,
+    marker_points,
+    sole_points,
+    with_fibers,
+)
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
 from myomorph.store.silence import silent_mujoco
 
