@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.accuracy_sound import impulse_errors, matched
+from benchmarks.accuracy.sound import impulse_errors, matched
 from benchmarks.simulated_drums import Scene, instruments, record
 
 from myomorph.contact.onsets import SoundOptions, energy_after, listen, onsets
