@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.simulate.joint import mechanical_joint
 from myomorph.simulate.laboratory import Sampled
 from myomorph.viscosity.ball_motion import angular_motion, continuous, differentiate_joint
 from myomorph.viscosity.limb_motion import limb_motion

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 
-from myomorph.simulate.joint import mechanical_joint
 from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.spring_rest import counted_from, spring_misfit, spring_rest
 from myomorph.viscosity.swing_sums import swing_sums

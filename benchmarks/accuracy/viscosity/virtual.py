@@ -40,7 +40,7 @@ def joint_run(seed: int) -> JointRun:
 
     Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by up to 20 ms.
     """
-    from myomorph.simulate.joint import mechanical_joint
+    from benchmarks.mechanical_joint import mechanical_joint
     from myomorph.simulate.laboratory import Noise
     from myomorph.viscosity.cutoff import choose_cutoff
     from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen

@@ -1,7 +1,8 @@
 """A bout: two simulated fighters moved through a plan by their muscles, and every force that passed.
 
-Each fighter chooses its muscles' activations for the movement and the pull it intends. The choice is no copy of the criterion that the estimate uses. At every instant the activations a, the forces f under
-the soles and the force g of the lapel minimise
+Each fighter chooses its muscles' activations for the movement and the pull it intends. The choice is no copy of the
+criterion that the estimate uses. At every instant the activations a, the forces f under the soles and the force g of
+the lapel minimise
 
     |qdd - wanted|^2 + |feet and lapel stay|^2 + |g - intended|^2 + |sleeve - intended|^2 + sum_m w_m |a_m - a0_m|^3
 
