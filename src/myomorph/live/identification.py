@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time as clock
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,6 +134,7 @@ class LiveIdentification:
         self.filter_delay = self.estimate.delay
         self._frames: list[IdentificationFrame] = []
         self._forces: list[tuple[Array, Array]] = []
+        self._waiting: deque[tuple[float, Array]] = deque()
 
     def warm_up(self) -> None:
         """Compute once without effect, so that nothing is compiled when the first frame comes."""
@@ -143,15 +145,25 @@ class LiveIdentification:
         """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m], [N]."""
         totals = wrenches.sum(axis=1)
         self._forces.append((time, totals))
-        for moment, total in zip(time.tolist(), totals, strict=True):
-            self.estimate.push_force(moment, total)
+        self._waiting.extend(zip(time.tolist(), totals, strict=True))
 
     def frame(self, time: float, row: Array) -> IdentificationFrame:
         """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+        self._pass_on_forces(time)
         found = IdentificationFrame(time, self.poses.solve(time, row))
         self._frames.append(found)
         self.estimate.push_motion(time, found.pose.coordinates)
         return found
+
+    def _pass_on_forces(self, until: float) -> None:
+        """Give the estimate the forces up to a time, for it keeps no more than frames need [s]."""
+        while self._waiting and self._waiting[0][0] <= until:
+            self.estimate.push_force(*self._waiting.popleft())
+
+    def finish(self) -> None:
+        """Fold in what still waits for its forces."""
+        self._pass_on_forces(float("inf"))
+        self.estimate.finish()
 
     def result(self, seconds: float, busy: float) -> LiveResult:
         """What the session ends with; raises `BadData` where no frame could be used."""
@@ -207,7 +219,7 @@ def identify_frames(
     session = follow(steps, source, late=[looks] if displays else [], delays=delays, now=now)
     if session.interrupted and source.duration is not None:
         raise KeyboardInterrupt
-    steps.estimate.finish()
+    steps.finish()
     looks.show(float(delays.table[-1, 0]), 0.0)
     return steps.result(session.seconds, float(delays.table[:, 3].sum()))
 
