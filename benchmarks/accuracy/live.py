@@ -1,4 +1,4 @@
-"""Live results against the steps that look ahead, and jumps where markers are lost and found."""
+"""Live results against non-causal processing, and jumps where markers are lost and found."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Row = dict[str, object]
 RAJAGOPAL, HAMNER = "rajagopal-walk-emg", "hamner-run-subject04"
 CUTOFFS = (6.0, 10.0, 15.0)
 AHEAD = 6.0
-"""Cutoff of the steps that look ahead, in a walk [Hz]; twice that in a run."""
+"""Cutoff of non-causal processing, in a walk [Hz]; twice that in a run."""
 LOSSES, HIDDEN, SEED = 60, 15, 7
 """How often markers are hidden, and for how many frames."""
 

@@ -72,7 +72,7 @@ def judo_take(pair: VirtualPair) -> Take:
         mass=model.mass,
         derivatives=Differentiation(CUTOFF),
         report=ReportOptions(preset="judo"),
-        simulated=told_of(pair),
+        simulated=simulated_of(pair),
         truth=MappingProxyType(known_of(truth, pair)),
         sources=(
             value_source("model", "demo:judo", *(np.append(body.mass_center, body.mass) for body in model.bodies)),
@@ -83,7 +83,7 @@ def judo_take(pair: VirtualPair) -> Take:
     )
 
 
-def told_of(pair: VirtualPair) -> tuple[str, ...]:
+def simulated_of(pair: VirtualPair) -> tuple[str, ...]:
     """What is simulated, and how badly it is measured."""
     options = pair.options
     tori, uke = (model.mass for model in pair.models.values())

@@ -91,7 +91,7 @@ def run_live_chain(
 
     Parameters
     ----------
-    said : told where results can be seen, and when frames may come
+    said : called with a line for every place where results can be seen
 
     Raises
     ------
@@ -223,8 +223,8 @@ class LiveRecord:
             stream.write(
                 "time_s,taken_after_ms,result_after_ms,computation_ms,state,markers_seen,marker_error_mm,jump_owed\n"
             )
-            told = rows[:, [self._part[one].start for one in ("seen", "error", "owed")]]
-            for (time, taken, age, busy, state), (seen, error, owed) in zip(table, told, strict=True):
+            markers = rows[:, [self._part[one].start for one in ("seen", "error", "owed")]]
+            for (time, taken, age, busy, state), (seen, error, owed) in zip(table, markers, strict=True):
                 stream.write(
                     f"{time:.6f},{1e3 * taken:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
                     f"{1e3 * error:.3f},{owed:.3g}\n"

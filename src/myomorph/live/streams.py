@@ -127,7 +127,7 @@ class LabStreams:
     Raises
     ------
     MyomorphError : `pylsl` is not installed
-    BadData : no such stream, or channels that cannot be told apart
+    BadData : no such stream, or channels that have no meaning
     """
 
     markers = True
@@ -207,8 +207,8 @@ class _Stream:
             self._inlet.open_stream(wait)
             self._inlet.time_correction(wait)
         except RuntimeError as error:
-            told = str(error) or type(error).__name__
-            raise BadData(f"stream '{name}' is announced but does not answer ({told}): start its sender anew") from None
+            cause = str(error) or type(error).__name__
+            raise BadData(f"stream '{name}' is announced but does not answer ({cause}): restart its sender") from None
         self.name, self.rate = name, float(info.nominal_srate())
         if self.rate <= 0.0:
             raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")

@@ -263,7 +263,7 @@ def simulate_bout(
     Parameters
     ----------
     compiled : mujoco.MjModel of the pair, muscles with their fibers
-    weight, tone : (muscles,) of the fighters' own criterion, see `virtual_control`
+    weight, tone : (muscles,) of the fighters' own criterion, see `Controller`
     until : end of the bout, where the plan is not over sooner [s]
     """
     m = compiled

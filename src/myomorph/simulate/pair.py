@@ -2,7 +2,7 @@
 
 Nobody was measured. MuJoCo moves both bodies forward under the forces of their muscles; the mat holds the soles by its
 contacts, tori's right hand holds uke's lapel by a constraint, and a sleeve that can only pull joins tori's left fist to
-uke's right forearm. How the fighters choose activations is told in `virtual_control`; it is not how the estimate does.
+uke's right forearm. How the fighters choose activations stands in `bout`; it is not how the estimate does.
 """
 
 from __future__ import annotations

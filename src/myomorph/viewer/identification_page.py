@@ -83,8 +83,7 @@ def live_panel(
     facts.add_row("Parameters", _identifiable(state))
     moment, force = state.fit.innovation_rms[:3], state.fit.innovation_rms[3:]
     facts.add_row("Wrench error", f"{_rms(force)} N, {_rms(moment)} N·m")
-    told = move_next(state, segments)
-    facts.add_row("Move next", Text(told or "anything", style="bold"))
+    facts.add_row("Move next", Text(move_next(state, segments) or "anything", style="bold"))
     grid = Table.grid(padding=(0, 2))
     for words, sides in segment_levels(names, segments, state.levels).items():
         bars = {side: Text.assemble((f"{side:>6}", "dim"), " ", _bar(level)) for side, level in sides.items()}
@@ -110,15 +109,15 @@ def _bar(level: float) -> Text:
 
 
 def _frames(state: OnlineState) -> str:
-    told = f"{state.fit.frames} used of {state.frames}"
+    used = f"{state.fit.frames} used of {state.frames}"
     reasons = ", ".join(f"{count} {reason.split(':')[0].split(',')[0]}" for reason, count in state.left_out.items())
-    return f"{told}; left out: {reasons}" if reasons else told
+    return f"{used}; left out: {reasons}" if reasons else used
 
 
 def _identifiable(state: OnlineState) -> str:
     fit = state.fit
-    told = f"{fit.rank} of {len(fit.estimate)} shown"
-    return f"{told}, condition number {number(fit.condition)}" if np.isfinite(fit.condition) else told
+    text = f"{fit.rank} of {len(fit.estimate)} identifiable"
+    return f"{text}, condition number {number(fit.condition)}" if np.isfinite(fit.condition) else text
 
 
 def _rms(errors: Array) -> str:

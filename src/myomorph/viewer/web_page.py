@@ -22,7 +22,7 @@ HOST = "127.0.0.1"
 """Pages are for this machine only."""
 
 BONE = (214, 207, 193)
-"""Color of links that nothing is told of."""
+"""Color of links without a value."""
 
 DEEPER = 1.35
 """Exponent on colors, which the page's lights make paler."""
