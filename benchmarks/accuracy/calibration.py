@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.trc import read_trc
-from myomorph.model.measurement import Measurement
+from myomorph.model.landmarks import Measurement
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model

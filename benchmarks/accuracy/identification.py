@@ -20,9 +20,9 @@ from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions, identify
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.trc import read_trc
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model

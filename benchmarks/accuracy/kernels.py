@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Motion
 from myomorph.motion.filters import natural_spline

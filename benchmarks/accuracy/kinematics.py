@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks import opensim_tools
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, ForceCase, MarkerCase
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.model import Model

@@ -13,7 +13,7 @@ import opensim
 from benchmarks import opensim_tools
 from benchmarks.accuracy.passive import TRUNK
 from benchmarks.opensim_static import static_optimization, write_actuators
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.paths import MovingPathPoint

@@ -13,8 +13,8 @@ import numpy as np
 from benchmarks import opensim_tools
 from benchmarks.accuracy.kinematics import markers_at, motion_from_opensim
 from benchmarks.opensim_loops import point_constraint
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.formats import read_model
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc, write_trc
 from myomorph.model.model import Model

@@ -23,7 +23,7 @@ from myomorph.identify.body.points import Links, MassPoints, links_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import MyomorphError
 
 DOCUMENT_ONLY = ("credits", "publications", "force_units", "length_units", "ModelVisualPreferences")

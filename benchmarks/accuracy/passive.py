@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics

@@ -14,9 +14,9 @@ import pinocchio as pin
 
 from benchmarks.accuracy.tension import ENTRY, FEET, LOADS
 from benchmarks.opensim_static import write_actuators
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto, write_sto
 from myomorph.model.arrays import Array

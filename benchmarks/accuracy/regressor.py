@@ -16,8 +16,8 @@ from benchmarks.speed.identify import RATE, other_masses, simulated
 from myomorph.identify.base import BaseFit, BaseOptions, Recording, base_parameters, fit_base
 from myomorph.identify.null_space import held_values, numerical_null_space, random_states, tree_null_space
 from myomorph.identify.sequential import SequentialFit
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import GROUND, Model

@@ -15,8 +15,8 @@ import opensim
 from scipy.optimize import least_squares
 
 from benchmarks.opensim_tools import read_table
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.formats import read_model
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.model import Model
 from myomorph.opensim_tools.run import run_tool
 

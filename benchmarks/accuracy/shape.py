@@ -14,7 +14,7 @@ from myomorph.identify.body.points import links_of
 from myomorph.identify.body.shape import DENSITY, body_shape
 from myomorph.identify.body.skin import inside
 from myomorph.identify.body.weights import links_with_mass
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.segments import SEGMENTS, Segment
 
 PEOPLE = {

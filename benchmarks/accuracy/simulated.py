@@ -30,7 +30,7 @@ from benchmarks.simulated_truth import frames_between, joint_distances, moved, o
 from myomorph.identify import base
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions, identify
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model

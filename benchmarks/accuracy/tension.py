@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.opensim_static import StaticResult, static_optimization, write_actuators
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series

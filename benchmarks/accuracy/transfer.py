@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.identify.body.regions import centers_of, regions_of
 from myomorph.identify.transfer import Transfer, transfer
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Marker, Model

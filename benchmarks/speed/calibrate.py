@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.cases import data_folder
 from benchmarks.speed.size import MEGABYTE, peak, resident
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers

@@ -21,7 +21,7 @@ from benchmarks.speed.timing import alternate
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import find_contacts
 from myomorph.contact.strengths import strengths
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.contacts import Cone, Site

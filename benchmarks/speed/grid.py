@@ -14,7 +14,7 @@ from myomorph.identify.body.grid import SPACING, fill
 from myomorph.identify.body.points import links_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.weights import bone_weights, links_with_mass
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 
 MODEL = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
 

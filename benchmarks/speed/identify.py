@@ -19,7 +19,7 @@ from benchmarks.cases import data_folder
 from benchmarks.speed.size import MEGABYTE, peak, resident
 from myomorph.identify.base import Recording, base_parameters, fit_base
 from myomorph.identify.sequential import SequentialFit
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Axis, Coordinate, Model

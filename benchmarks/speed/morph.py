@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.cases import data_folder
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.morph.bone_map import BoneMap
 from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map, folded

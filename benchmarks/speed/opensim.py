@@ -15,9 +15,9 @@ from benchmarks.accuracy import tension as accuracy_tension
 from benchmarks.accuracy.kinematics import written_whole
 from benchmarks.cases import data_folder
 from benchmarks.speed.timing import alternate, compared
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads, read_load_entries
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.model import Model

@@ -15,8 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.cases import data_folder
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches

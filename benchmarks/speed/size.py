@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.cases import data_folder
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.trc import read_trc
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion

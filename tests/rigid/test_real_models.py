@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_laws import mechanical_energy
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.series import Motion
 from myomorph.rigid.couplers import couple_frames, gather_dependents
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays

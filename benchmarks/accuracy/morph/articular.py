@@ -12,8 +12,7 @@ import numpy as np
 from benchmarks.leg_shapes import leg_shapes
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import pieces_of, turned_outward
+from myomorph.model.surface import Surface, pieces_of, turned_outward
 from myomorph.morph.articular import (
     CylinderFit,
     SphereFit,

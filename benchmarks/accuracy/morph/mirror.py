@@ -12,7 +12,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[3] / "tests")]
 
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model  # noqa: E402
 from mujoco_models import load  # noqa: E402
-from myomorph.io.models import read_model  # noqa: E402
+from myomorph.io.formats import read_model  # noqa: E402
 from myomorph.model.arrays import Array  # noqa: E402
 from myomorph.model.model import Model  # noqa: E402
 from myomorph.model.series import Motion  # noqa: E402

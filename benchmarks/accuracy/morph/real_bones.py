@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.cases import data_folder
+from myomorph.io.formats import read_model
 from myomorph.io.landmarks import read_landmarks
 from myomorph.io.mesh import read_mesh
-from myomorph.io.models import read_model
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.morph.checked import MorphChecks

@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 
 from benchmarks.cases import data_folder
 from benchmarks.leg_shapes import BONES, leg_shapes
+from myomorph.io.formats import read_model
 from myomorph.io.mesh import read_mesh
-from myomorph.io.models import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.paths import PathPoint
 from myomorph.model.surface import Surface

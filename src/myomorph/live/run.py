@@ -28,7 +28,7 @@ from myomorph.store.results import STORED, file_source, new_result, provenance_o
 from myomorph.store.settings import plain_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.reporting import surfaces_of
-from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.tension import Tension, TensionOptions
 
 

@@ -12,7 +12,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import PassiveTorque
+from myomorph.model.paths import PassiveTorque
 from myomorph.model.series import Series
 from myomorph.muscles.fiber_states import state_names
 from myomorph.opensim_tools.states import Analyzed, Result
@@ -20,7 +20,7 @@ from myomorph.rigid.body_motion import BodyMotion, body_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.reaction import joint_reactions
 
 

@@ -26,8 +26,8 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
-from myomorph.study.trial.takes import task_values, with_tasks
+from myomorph.study.trial.steps.id import torque_table
+from myomorph.study.trial.trial_files import task_values, with_tasks
 
 
 def run_tool(source: Path) -> ToolResult:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -15,12 +16,20 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Table
+from myomorph.model.series import Motion, Series, Table
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path import Paths, compile_paths
+from myomorph.report.trial.given import MusclePaths, ReportInput
 from myomorph.rigid.coordinates import Ints
+from myomorph.store import stored as store
 from myomorph.store.progress import progress
-from myomorph.store.results import ResultWriter, file_name
+from myomorph.store.results import ResultWriter, Stored, file_name
+from myomorph.store.settings import Differentiation
+from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.trial.steps.id import Torques, with_derivatives
+from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.study.trial.trial_signals import EXTREMES, Signals, all_drawn
 
 BLOCK = 512
 """Frames that are in memory at a time."""
@@ -186,3 +195,73 @@ def _arm_tables(motion: Motion, crossing: list[tuple[str, str]], arms: Any, fold
 
 def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:
     write_sto(Table(motion.time, names, values, facts=MappingProxyType({"name": title})), path)
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleLengths:
+    """Lengths and velocities of muscle-tendon paths; moment arms stay in the file.
+
+    Attributes
+    ----------
+    lengths, velocities : (frames, muscles) [m], [m/s]; None where they are in the file alone
+    """
+
+    lengths: Series | None = None
+    velocities: Series | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> MuscleLengths:
+    notes: tuple[str, ...] = ()
+    if torques is None:
+        motion, notes = with_derivatives(trial, poses.recorded)
+        store.put_derivatives(output.writer, motion, trial.model)
+    else:
+        motion = torques.motion
+    write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
+    return MuscleLengths(notes=notes)
+
+
+def _read(stored: Stored, options: OptionSet) -> MuscleLengths | None:
+    lengths = _by_muscle(stored, "muscle_length")
+    return None if lengths is None else MuscleLengths(lengths, _by_muscle(stored, "muscle_velocity"))
+
+
+def _by_muscle(stored: Stored, name: str) -> Series | None:
+    values = stored.values.get(name)
+    return None if values is None else Series(stored.time, stored.names["muscle"], values)
+
+
+def _show(given: ReportInput, stored: Stored) -> ReportInput:
+    crossed = tuple(dict.fromkeys(stored.names.get("crossing_coordinate", ())))
+    if not crossed and given.model is not None and given.model.muscles:
+        # No step wrote moment arms: the paths tell which coordinates at least one muscle crosses.
+        used = sorted(set(compile_paths(given.model).arm_coordinate.tolist()))
+        crossed = tuple(given.model.coordinate_names[j] for j in used)
+    shown = MusclePaths(_by_muscle(stored, "muscle_length"), _by_muscle(stored, "muscle_velocity"), crossed)
+    return replace(given, muscles=shown)
+
+
+def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
+    lengths = _by_muscle(stored, "muscle_length")
+    if lengths is None:
+        return ()
+    return (all_drawn("muscles", lengths, "_length", "m", EXTREMES, "muscle length [mm]", 1000.0),)
+
+
+STEP = Step(
+    name="muscles",
+    title="muscle paths",
+    gives=MuscleLengths,
+    needs=(Poses,),
+    uses=(Torques,),
+    options=(Differentiation,),
+    grows_with="muscles",
+    roles=("model", "markers", "tasks", "motion"),
+    run=_run,
+    read=_read,
+    show=_show,
+    signals=_signals,
+    large=("moment_arm",),
+    tables="muscles",
+)

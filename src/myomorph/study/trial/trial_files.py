@@ -1,8 +1,8 @@
-"""The files of one recording, opened into what the steps take."""
+"""The files of one recording, opened into what the steps trial."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,36 +13,28 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion, Trial
-from myomorph.motion.crossings import CrossingOptions
+from myomorph.model.series import Motion
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import (
-    Differentiation,
-    EmgUse,
-    Measured,
-    ReportOptions,
-    Side,
-    TensionTables,
-    TorqueTable,
-    plain_settings,
-    with_settings,
-)
+from myomorph.store.settings import Measured, ReportOptions, Side, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.take import Take
+from myomorph.study.trial.step import REPORT, STEPS, step_head
+from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
-    from myomorph.io.osim.tasks import IkTasks
+    from myomorph.io.osim.setup_parts import IkTasks
+    from myomorph.study.trial.contact_file import ContactPlan
 
 Settings = Mapping[str, Mapping[str, Any]]
 """What each step was told, by step and setting."""
 
 
 @dataclass(frozen=True)
-class FileTake:
+class TrialFiles:
     """The files of one recording of one subject.
 
     Attributes
@@ -87,8 +79,8 @@ class FileTake:
     condition: str = ""
 
 
-def open_take(files: FileTake, settings: Settings, model: Model | None = None) -> Take:
-    """Read the files of a recording and make of them what the steps take.
+def read_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
+    """Read the files of a recording and make of them what the steps trial.
 
     Parameters
     ----------
@@ -101,50 +93,52 @@ def open_take(files: FileTake, settings: Settings, model: Model | None = None) -
         where a file cannot be read, or does not fit the model
     """
     model = inputs.open_model(files.model) if model is None else model
-    take = _common(files, settings, model)
+    trial = _common(files, settings, model)
     if files.markers is None:
-        return take
+        return trial
     known = [marker.name for marker in model.markers]
     for name in files.labels.values():
         if name not in known:
             raise UnknownName("marker", name, known, "labels: the model")
-    trial = inputs.fitted_to(model, inputs.with_labels(inputs.open_trial(files.markers), files.labels))
-    assert trial.markers is not None
-    take = replace(
-        take,
-        markers=trial.markers,
-        events=trial.events,
-        time=inputs.cut_to(files.time, trial.markers, files.markers),
+    recording = inputs.fitted_to(model, inputs.with_labels(inputs.open_trial(files.markers), files.labels))
+    assert recording.markers is not None
+    trial = replace(
+        trial,
+        markers=recording.markers,
+        events=recording.events,
+        time=inputs.cut_to(files.time, recording.markers, files.markers),
         warnings=(
-            *take.warnings,
-            *(f"{files.markers.name}: {text}" for text in trial.warnings),
-            *_rate_doubts(take, trial.markers.time),
-            *_phase_doubts(files, trial.markers.time),
+            *trial.warnings,
+            *(f"{files.markers.name}: {text}" for text in recording.warnings),
+            *_rate_warnings(trial, recording.markers.time),
+            *_phase_warnings(files, recording.markers.time),
         ),
     )
+    assumed: tuple[str, ...] = ()
     if files.loads is None and files.plates:
-        take = replace(take, loads=_plate_loads(trial, files))
-    elif files.loads is None and trial.plates and feet_of(model):
-        told = "The force of each plate acts on the foot that is nearest to its center of pressure."
-        take = replace(take, loads=_nearest_loads(trial, model), assumed=(*take.assumed, told))
-    return replace(take, real=_real(files, take), plates=trial.plates, plate_time=trial.plate_time)
+        wrenches = inputs.recorded_wrenches(recording, files.plates)
+        trial = replace(trial, loads=lambda motion: wrenches)
+    elif files.loads is None and recording.plates and feet_of(model):
+        assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+        trial = replace(trial, loads=lambda motion: inputs.assigned_wrenches(recording, model, motion))
+    notes = TrialNotes(_real(files, trial), assumed)
+    return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
-def open_motion_take(files: FileTake, settings: Settings) -> tuple[Take, Motion]:
+def read_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
     model = inputs.open_model(files.model)
-    take = _common(files, settings, model)
-    given = inputs.open_motion(files.motion, model)
-    recorded, lacking = whole_motion(given, model)
-    warnings = (*take.warnings, *_rate_doubts(take, recorded.time))
+    trial = _common(files, settings, model)
+    recorded, lacking = whole_motion(inputs.open_motion(files.motion, model), model)
+    warnings = (*trial.warnings, *_rate_warnings(trial, recorded.time))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
-    take = replace(take, time=inputs.cut_to(files.time, recorded, files.motion), warnings=warnings)
-    return replace(take, real=_real(files, take)), recorded
+    time = inputs.cut_to(files.time, recorded, files.motion)
+    return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial))), Poses(recorded)
 
 
-def _phase_doubts(files: FileTake, time: Array) -> tuple[str, ...]:
+def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:
     """Phases that are told of times outside the recording."""
     start, stop = float(time[0]), float(time[-1])
     return tuple(
@@ -154,10 +148,10 @@ def _phase_doubts(files: FileTake, time: Array) -> tuple[str, ...]:
     )
 
 
-def _rate_doubts(take: Take, time: Array) -> tuple[str, ...]:
+def _rate_warnings(trial: TrialInputs, time: Array) -> tuple[str, ...]:
     """Whether EMG lasts so much longer or shorter than the whole motion that its rate is probably wrong."""
-    told = "" if take.emg is None else rate_against(take.emg, time)
-    return (told,) if told else ()
+    text = "" if trial.emg is None else rate_against(trial.emg, time)
+    return (text,) if text else ()
 
 
 def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
@@ -172,7 +166,7 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
     return Motion(motion.time, model.coordinate_names, values), lacking
 
 
-def _common(files: FileTake, settings: Settings, model: Model) -> Take:
+def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     used = (
         ("model", files.model),
         ("markers", files.markers),
@@ -191,43 +185,39 @@ def _common(files: FileTake, settings: Settings, model: Model) -> Take:
     if files.bodies or files.plates:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
-    given = None
+    options = options_of(settings)
+    found = None
     if files.emg is not None:
-        envelope = with_settings(EnvelopeOptions(), settings.get("tension", {}))
-        given = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
+        envelope = options[EnvelopeOptions]
+        found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
     if files.labels:
         sources.append(value_source("markers", "labels of markers", sorted(files.labels.items())))
     if files.emg_muscles or files.emg_side:
         sources.append(value_source("emg", "muscles of channels", sorted(files.emg_muscles.items()), files.emg_side))
-    return Take(
+    return TrialInputs(
         name=name,
         subject=files.subject or model.name,
         model=model,
+        options=options.having(
+            kinematics_options(files, options[InverseKinematicsOptions], model), *tension_parts(files, options)
+        ),
         loads=_file_loads(files, model),
-        emg=None if given is None else given.emg,
-        emg_muscles={} if given is None else given.muscles,
+        emg=None if found is None else found.emg,
+        emg_muscles={} if found is None else found.muscles,
         mass=files.mass,
-        kinematics=kinematics_options(files, settings.get("ik", {}), model),
-        crossings=with_settings(CrossingOptions(), settings.get("ik", {})),
-        derivatives=derivative_options(settings),
-        torque_table=with_settings(TorqueTable(), settings.get("id", {})),
-        tension=tension_options(settings),
-        **contact_parts(files, settings, model),
-        emg_use=with_settings(EmgUse(), settings.get("tension", {})),
-        tables=with_settings(TensionTables(), settings.get("tension", {})),
-        report=report_options(settings),
+        contacts=contact_plan(files, model),
         phases=files.phases,
         actuators=_actuators(files, model),
         sources=tuple(sources),
         warnings=(
             *(f"{files.model.name}: {text}" for text in model.warnings),
-            *(() if given is None else given.notes),
+            *(() if found is None else found.notes),
         ),
     )
 
 
-def contact_sources(files: FileTake) -> list[Source]:
+def contact_sources(files: TrialFiles) -> list[Source]:
     """What tells of contacts, as inputs by their hashes."""
     from myomorph.study.trial.contact_file import AUTO, contact_files
 
@@ -252,28 +242,18 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     return [file_source("load table", table) for table in tables]
 
 
-def _file_loads(files: FileTake, model: Model) -> Any:
+def _file_loads(files: TrialFiles, model: Model) -> Any:
     if files.loads is None:
         return None
     path, bodies, markers = files.loads, files.bodies, files.markers
     return lambda motion: inputs.open_loads(path, model, motion, bodies, markers)
 
 
-def _plate_loads(trial: Trial, files: FileTake) -> Any:
-    wrenches = inputs.recorded_wrenches(trial, files.plates)
-    return lambda motion: wrenches
-
-
-def _nearest_loads(trial: Trial, model: Model) -> Any:
-    return lambda motion: inputs.assigned_wrenches(trial, model, motion)
-
-
-def kinematics_options(files: FileTake, given: Mapping[str, Any], model: Model) -> InverseKinematicsOptions:
-    """Options of inverse kinematics from settings and, where there is one, a task set."""
-    options = with_settings(InverseKinematicsOptions(), given)
+def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
+    """Options of inverse kinematics with those of a task set, where there is one."""
     if files.tasks is None:
         return options
-    from myomorph.io.osim.tasks import read_ik_tasks
+    from myomorph.io.osim.setup_parts import read_ik_tasks
 
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
@@ -305,7 +285,7 @@ def with_tasks(
 
 
 def task_values(tasks: IkTasks, path: Path | None, model: Model, source: Path) -> Motion | None:
-    """The motion that coordinate tasks take their values from; None where none does, whatever file is named.
+    """The motion that coordinate tasks trial their values from; None where none does, whatever file is named.
 
     Raises
     ------
@@ -322,67 +302,67 @@ def task_values(tasks: IkTasks, path: Path | None, model: Model, source: Path) -
     return inputs.open_motion(path, model)
 
 
-def derivative_options(settings: Settings) -> Differentiation:
-    """The low-pass filter: one for all steps that differentiate, so the last that names it counts."""
-    options = Differentiation()
-    for step in ("id", "muscles", "tension"):
-        options = with_settings(options, settings.get(step, {}))
-    return options
+def options_of(settings: Settings) -> OptionSet:
+    """What a study file or a command says to the steps, as values of their options.
+
+    Options that several steps have, as the low-pass filter, are one for all: the last step that names one counts.
+    Steps to which nothing is said are not looked at, so that commands without them start faster.
+
+    Raises
+    ------
+    UnknownName
+        where the report is to use a preset that does not exist
+    """
+    found = OptionSet()
+    for name in (*STEPS, REPORT):
+        if settings.get(name):
+            own = step_head(name).options
+            found = found.having(*(with_settings(found[kind], settings[name]) for kind in own))
+    if found[ReportOptions].preset:
+        from myomorph.analysis.presets import preset_of
+
+        preset_of(found[ReportOptions].preset)
+    return found
 
 
-def tension_options(settings: Settings) -> Any:
-    """Options of muscle tensions, or None where nothing is said, so that commands without them start faster."""
-    if not settings.get("tension"):
+def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:
+    """What is known of contacts whose forces are to be estimated."""
+    if not files.contacts:
         return None
-    from myomorph.tension.solve import TensionOptions
+    from myomorph.study.trial.contact_file import read_contacts
 
-    return with_settings(TensionOptions(), settings["tension"])
-
-
-def report_options(settings: Settings) -> ReportOptions:
-    """How the report looks at motions; raises `UnknownName` where there is no such preset."""
-    from myomorph.analysis.presets import preset_of
-
-    options = with_settings(ReportOptions(), settings.get("report", {}))
-    if options.preset:
-        preset_of(options.preset)
-    return options
+    return read_contacts(files.contacts, model, files.measured)
 
 
-def contact_parts(files: FileTake, settings: Settings, model: Model) -> dict[str, Any]:
-    """Contacts and what the step of tensions is told of them and of EMG, as far as a recording has them."""
-    given = settings.get("tension", {})
-    parts: dict[str, Any] = {}
+def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
+    """Options of contacts and EMG, which count wherever a recording has contacts or EMG."""
     if files.contacts:
-        from myomorph.study.trial.contact_file import read_contacts
         from myomorph.tension.contacts import ContactOptions
 
-        parts["contacts"] = read_contacts(files.contacts, model, files.measured)
-        parts["contact_options"] = with_settings(ContactOptions(), given)
+        yield options[ContactOptions]
     if files.emg is not None:
         from myomorph.tension.emg_targets import EmgOptions
 
-        parts["emg_options"] = with_settings(EmgOptions(), given)
-    return parts
+        yield options[EmgOptions]
 
 
-def _actuators(files: FileTake, model: Model) -> tuple[Actuator, ...] | None:
+def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
     if files.actuators is None:
         return None
-    from myomorph.io.osim.actuator_files import read_actuators
+    from myomorph.io.osim.actuators import read_actuators
 
     with inputs.about(files.actuators):
         return read_actuators(files.actuators, model)
 
 
-def _real(files: FileTake, take: Take) -> tuple[str, ...]:
+def _real(files: TrialFiles, trial: TrialInputs) -> tuple[str, ...]:
     """What was recorded, as a sentence for the first lines of the report."""
     parts = []
     if files.markers is not None:
         parts.append(f"markers from {files.markers.name}")
     if files.motion is not None:
         parts.append(f"coordinates from {files.motion.name}")
-    if take.loads is not None:
+    if trial.loads is not None:
         parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
     if files.emg is not None:
         parts.append(f"EMG from {files.emg.name}")

@@ -11,7 +11,7 @@ from typing import Any
 from myomorph.model.errors import listing
 from myomorph.store.study_file import check_time, existing, matching
 from myomorph.study.plan.measures import Measures
-from myomorph.study.plan.step_settings import STEPS
+from myomorph.study.plan.step_settings import study_steps
 from myomorph.study.plan.subject_names import Named
 from myomorph.study.plan.subject_tables import SubjectTable, TrialTable, given_options
 from myomorph.study.subject.body_shape import BodyShape
@@ -19,7 +19,7 @@ from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.trial.companions import companion, plain_stem
 from myomorph.study.trial.contact_file import AUTO
-from myomorph.study.trial.takes import FileTake
+from myomorph.study.trial.trial_files import TrialFiles
 
 NEEDS_MASS = ("identify",)
 """Steps that hold what they find against the mass of the subject."""
@@ -71,7 +71,7 @@ def measured(one: Named, measures: Measures | None, source: str, notes: Notes) -
     return table.model_copy(update={name: value for name, value in told.items() if value is not None}), model
 
 
-def subject_files(one: Named, model: Path | None, takes: tuple[FileTake, ...], notes: Notes) -> SubjectFiles:
+def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...], notes: Notes) -> SubjectFiles:
     """What the steps on a subject need, and whether they come before the others.
 
     Parameters
@@ -93,21 +93,21 @@ def subject_files(one: Named, model: Path | None, takes: tuple[FileTake, ...], n
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
     shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
     return SubjectFiles(
-        one.name, source, table.mass, files["static"], shape, takes, bones, model_of=table.model_of or ""
+        one.name, source, table.mass, files["static"], shape, trials, bones, model_of=table.model_of or ""
     )
 
 
 def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
     for step in table.steps:
-        if step not in STEPS:
-            problems.append(f"{where}: unknown step '{step}': there are {listing(step, STEPS)}")
+        if step not in study_steps():
+            problems.append(f"{where}: unknown step '{step}': there are {listing(step, study_steps())}")
     for step in dict.fromkeys(table.steps):
         if table.steps.count(step) > 1:
             problems.append(f"{where}: steps: '{step}' is there twice")
     if "ik" not in table.steps:
         problems.append(f"{where}: steps lack 'ik', which every other step needs")
     for step in SUBJECT_STEPS:
-        later = STEPS[STEPS.index(step) + 1 :]
+        later = study_steps()[study_steps().index(step) + 1 :]
         before = table.steps[: table.steps.index(step)] if step in table.steps else []
         early = [one for one in before if one in later]
         if early:
@@ -119,9 +119,9 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
             problems.append(f"{where}: the step '{step}' needs the subject's 'mass' [kg]")
 
 
-def subject_takes(
+def subject_trials(
     one: Named, model: Path | None, left_out: Callable[[str, str], bool], notes: Notes
-) -> Iterator[tuple[FileTake, dict[str, dict[str, Any]]]]:
+) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
     """The trials of a subject, each with what its own table says of the steps.
 
     Parameters
@@ -138,7 +138,7 @@ def subject_takes(
     ]
     if not table.trials:
         problems.append(f"{where}: has no trials")
-    whole = FileTake(
+    whole = TrialFiles(
         model=model or shared["model"] or folder,
         subject=one.name,
         emg_muscles={channel: tuple(names) for channel, names in table.emg_muscles.items()},
@@ -156,7 +156,7 @@ def subject_takes(
     for trial, markers in _recordings(table, folder, where, problems):
         name = trial.name or plain_stem(markers)
         if not left_out(one.name, name):
-            yield _take(replace(whole, name=name, markers=markers), trial, folder, notes), given_options(trial)
+            yield _trial(replace(whole, name=name, markers=markers), trial, folder, notes), given_options(trial)
 
 
 def _recordings(
@@ -170,7 +170,7 @@ def _recordings(
             yield trial, markers
 
 
-def _take(whole: FileTake, trial: TrialTable, folder: Path, notes: Notes) -> FileTake:
+def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
     assert whole.markers is not None
@@ -201,7 +201,7 @@ def _take(whole: FileTake, trial: TrialTable, folder: Path, notes: Notes) -> Fil
     )
 
 
-def _companion(whole: FileTake, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
+def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
     """The forces or EMG of a trial: as given, or found by its stem."""
     assert whole.markers is not None
     if given is not None:

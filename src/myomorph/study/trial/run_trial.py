@@ -12,8 +12,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from myomorph.model.provenance import Provenance
 from myomorph.store.failures import failed
 from myomorph.store.netcdf_memory import HeldFile
@@ -33,14 +31,22 @@ from myomorph.store.results import (
 from myomorph.study.trial.ahead import compile_ahead
 from myomorph.study.trial.changes import NEVER, changes
 from myomorph.study.trial.kept_report import PAGE, keep_facts, report_is_made, told_the_same
-from myomorph.study.trial.steps import read_step, run_step, step_provenance
-from myomorph.study.trial.take import CHAIN, Found, Take
+from myomorph.study.trial.step import (
+    REPORT,
+    STEPS,
+    StepOutput,
+    StepResults,
+    large_variables,
+    run_step,
+    step_of,
+    step_provenance,
+)
 from myomorph.study.trial.tidy import write_trial_values
+from myomorph.study.trial.trial_inputs import TrialInputs
 
 PARTS = ".steps"
 PART = f"step{STORED}"
 VALUES = "values.csv"
-LEFT_OUT = ("moment_arm",)
 HELD_FRAMES = 1000
 """Steps of longer recordings go to disk as they are computed, however fast that is: they may not fit in memory."""
 HELD_SECONDS = 1.0
@@ -57,11 +63,11 @@ class _Earlier:
     made: Mapping[str, Provenance]
 
 
-def _earlier(take: Take, folder: Path) -> _Earlier:
-    whole = folder / f"{file_name(take.name)}{STORED}"
-    made = stored_provenance(whole)
+def _earlier(trial: TrialInputs, folder: Path) -> _Earlier:
+    whole = folder / f"{file_name(trial.name)}{STORED}"
+    made = {step: one for step, one in stored_provenance(whole).items() if step in STEPS}
     files = dict.fromkeys(made, whole)
-    for step in CHAIN:
+    for step in STEPS:
         part = folder / PARTS / step / PART
         found = stored_provenance(part).get(step)
         if found is not None:
@@ -69,7 +75,7 @@ def _earlier(take: Take, folder: Path) -> _Earlier:
     return _Earlier(files, made)
 
 
-def kept_steps(take: Take, steps: Sequence[str], folder: Path) -> dict[str, tuple[str, ...]]:
+def kept_steps(trial: TrialInputs, steps: Sequence[str], folder: Path) -> dict[str, tuple[str, ...]]:
     """Which steps a run would take over from results in a folder, and why it would compute the others.
 
     Parameters
@@ -80,28 +86,28 @@ def kept_steps(take: Take, steps: Sequence[str], folder: Path) -> dict[str, tupl
     -------
     by step: () where it would be taken over, else why it is computed, one line each
     """
-    earlier = _earlier(take, folder)
-    reasons = {step: _reasons(step, take, earlier) for step in CHAIN if step in steps}
-    if "report" in steps:
+    earlier = _earlier(trial, folder)
+    reasons = {step: _reasons(step, trial, earlier) for step in STEPS if step in steps}
+    if REPORT in steps:
         computed = any(reasons.values())
         told = ("its results are new",) if computed else ("what it tells has changed",)
-        reasons["report"] = () if not computed and report_is_made(folder, take, tuple(reasons)) else told
+        reasons[REPORT] = () if not computed and report_is_made(folder, trial, tuple(reasons)) else told
     return reasons
 
 
-def _reasons(step: str, take: Take, earlier: _Earlier) -> tuple[str, ...]:
+def _reasons(step: str, trial: TrialInputs, earlier: _Earlier) -> tuple[str, ...]:
     if step not in earlier.made:
         return (NEVER,)
-    made = step_provenance(step, take)
+    made = step_provenance(step_of(step), trial)
     return () if made.key == earlier.made[step].key else changes(earlier.made[step], made)
 
 
-def run_take(
-    take: Take,
+def run_trial(
+    trial: TrialInputs,
     steps: Sequence[str],
     folder: Path,
     fresh: bool = False,
-    found: Found | None = None,
+    results: StepResults | None = None,
     check: Callable[[], None] = lambda: None,
 ) -> Outcome:
     """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`.
@@ -112,7 +118,7 @@ def run_take(
     Parameters
     ----------
     fresh : compute every step, whatever is there
-    found : what is known before the first of the steps
+    results : what is known before the first of the steps
     check : called before each step; what it raises ends the trial
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -120,20 +126,20 @@ def run_take(
     parts = folder / PARTS
     if fresh:
         shutil.rmtree(parts, ignore_errors=True)
-    earlier = _Earlier({}, {}) if fresh else _earlier(take, folder)
-    wanted = [step for step in CHAIN if step in steps]
-    reasons = {step: _reasons(step, take, earlier) for step in wanted}
+    earlier = _Earlier({}, {}) if fresh else _earlier(trial, folder)
+    wanted = [step for step in STEPS if step in steps]
+    reasons = {step: _reasons(step, trial, earlier) for step in wanted}
     computed = [step for step in wanted if reasons[step]]
     changed = [text for step in computed for text in reasons[step] if text != NEVER]
-    outcome = Outcome(take.subject, take.name, folder, changed=tuple(dict.fromkeys(changed)))
-    chain = _Chain(take, found or Found(), earlier)
-    held = _Held(parts, _is_short(take) and not earlier.files and not _stored(take, folder).exists())
+    outcome = Outcome(trial.subject, trial.name, folder, changed=tuple(dict.fromkeys(changed)))
+    chain = _Chain(trial, results or StepResults(), earlier)
+    held = _Held(parts, _is_short(trial) and not earlier.files and not _stored(trial, folder).exists())
     ahead = compile_ahead(wanted) if computed else None
     try:
         for step in wanted:
             check()
             if step not in computed:
-                chain.take_over(step)
+                chain.reuse(step)
                 outcome = replace(outcome, done=(*outcome.done, step), kept=(*outcome.kept, step))
                 continue
             shutil.rmtree(parts / step, ignore_errors=True)
@@ -141,11 +147,13 @@ def run_take(
                 ahead.wait(step)
             started = time.monotonic()
             with whole_folder(parts / step) as temporary, held.writer(step, temporary) as writer:
-                chain.found = run_step(step, take, chain.reached(), writer, temporary)
+                one = step_of(step)
+                found = chain.having(*one.needs, *one.uses)
+                chain.results = run_step(one, trial, found, StepOutput(writer, temporary))
             timed = (*outcome.timed, (step, time.monotonic() - started))
             outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
         check()
-        chain.reached("ik")
+        chain.having(*(step.gives for step in map(step_of, STEPS) if step.outcome is not None))
     except Exception as error:
         outcome = failed(outcome, error, _next(wanted, outcome.done))
     except BaseException:
@@ -157,40 +165,40 @@ def run_take(
     if not outcome.done:
         return outcome
     try:
-        stored = _gather(take, earlier, held, outcome, steps)
-        outcome = with_numbers(outcome, chain.found)
+        stored = _gather(trial, earlier, held, outcome, steps)
+        outcome = with_results(outcome, chain.results)
         if outcome.timed or not (folder / VALUES).is_file():
-            write_trial_values(take, outcome, stored)
+            write_trial_values(trial, outcome, stored)
     except Exception as error:
         held.keep()
-        lost = () if _stored(take, folder).is_file() else held.lost
+        lost = () if _stored(trial, folder).is_file() else held.lost
         done = tuple(step for step in outcome.done if step not in lost)
         timed = tuple(one for one in outcome.timed if one[0] not in lost)
         return failed(replace(outcome, done=done, timed=timed), error, "results")
     except BaseException:
         held.keep()
         raise
-    return _report(take, outcome) if "report" in steps else outcome
+    return _report(trial, outcome) if REPORT in steps else outcome
 
 
 class _Chain:
-    """What the steps have found so far; results that are taken over are read only where a later step needs them."""
+    """What the steps have found so far; results of an earlier run are read only where a later step needs them."""
 
-    def __init__(self, take: Take, found: Found, earlier: _Earlier):
-        self.take, self.found, self.earlier = take, found, earlier
+    def __init__(self, trial: TrialInputs, results: StepResults, earlier: _Earlier):
+        self.trial, self.results, self.earlier = trial, results, earlier
         self.waiting: list[str] = []
 
-    def take_over(self, step: str) -> None:
+    def reuse(self, step: str) -> None:
         """Use what an earlier run found."""
         self.waiting.append(step)
 
-    def reached(self, only: str = "") -> Found:
-        """All that was found, or only what the step `only` adds to it."""
-        for step in [one for one in self.waiting if only in ("", one)]:
-            stored = read_result(self.earlier.files[step], leave_out=LEFT_OUT)
-            self.found = read_step(step, self.take, self.found, stored)
+    def having(self, *kinds: type) -> StepResults:
+        """What was found, results of these types included."""
+        for step in [one for one in self.waiting if step_of(one).gives in kinds]:
+            stored = read_result(self.earlier.files[step], leave_out=large_variables())
+            self.results = self.results.having(step_of(step).read(stored, self.trial.options))
             self.waiting.remove(step)
-        return self.found
+        return self.results
 
 
 class _Held:
@@ -239,12 +247,12 @@ class _Held:
         return tuple(step for step in self.files if not (self.parts / step / PART).is_file())
 
 
-def _is_short(take: Take) -> bool:
-    return take.markers is not None and len(take.markers) <= HELD_FRAMES
+def _is_short(trial: TrialInputs) -> bool:
+    return trial.markers is not None and len(trial.markers) <= HELD_FRAMES
 
 
-def _stored(take: Take, folder: Path) -> Path:
-    return folder / f"{file_name(take.name)}{STORED}"
+def _stored(trial: TrialInputs, folder: Path) -> Path:
+    return folder / f"{file_name(trial.name)}{STORED}"
 
 
 def clear_leftovers(folder: Path) -> None:
@@ -260,10 +268,12 @@ def clear_leftovers(folder: Path) -> None:
 
 
 def _next(wanted: Sequence[str], done: Sequence[str]) -> str:
-    return next((step for step in wanted if step not in done), "report")
+    return next((step for step in wanted if step not in done), REPORT)
 
 
-def _gather(take: Take, earlier: _Earlier, held: _Held, outcome: Outcome, steps: Sequence[str]) -> Stored | None:
+def _gather(
+    trial: TrialInputs, earlier: _Earlier, held: _Held, outcome: Outcome, steps: Sequence[str]
+) -> Stored | None:
     """Move the steps' tables up and put their values, and those taken over, into one file.
 
     Results of steps that nobody asks for now stay as long as they would come out the same.
@@ -275,27 +285,27 @@ def _gather(take: Take, earlier: _Earlier, held: _Held, outcome: Outcome, steps:
     -------
     what the file holds, where that was all in memory
     """
-    folder, wanted = outcome.folder, [step for step in CHAIN if step in steps]
-    parts, stored = folder / PARTS, _stored(take, folder)
+    folder, wanted = outcome.folder, [step for step in STEPS if step in steps]
+    parts, stored = folder / PARTS, _stored(trial, folder)
     fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
-    others = [step for step in earlier.files if step not in wanted and not _reasons(step, take, earlier)]
+    others = [step for step in earlier.files if step not in wanted and not _reasons(step, trial, earlier)]
     lost = [step for step in earlier.files if step not in outcome.done and step not in others]
-    if not fresh and not lost and told_the_same(folder, take, outcome.done):
+    if not fresh and not lost and told_the_same(folder, trial, outcome.done):
         return None
     whole = HeldFile() if held.allowed else None
     with new_result(stored) as writer:
         if whole is not None:
             whole.attributes |= WHOSE
             at_once = ResultWriter(whole)
-            keep_facts(at_once, take, outcome.done)
+            keep_facts(at_once, trial, outcome.done)
             for step in fresh:
                 at_once.take(held.files[step], (step,))
             writer.take(whole, fresh)
             # Before the file has its name: whoever finds it there finds the tables, too.
             _move_tables(fresh, parts, folder)
         else:
-            keep_facts(writer, take, outcome.done)
-            for step in [one for one in CHAIN if one in outcome.done or one in others]:
+            keep_facts(writer, trial, outcome.done)
+            for step in [one for one in STEPS if one in outcome.done or one in others]:
                 writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
         # A report and values of the results before must not stand beside those that come now.
         for name in (PAGE, VALUES):
@@ -313,32 +323,31 @@ def _gather(take: Take, earlier: _Earlier, held: _Held, outcome: Outcome, steps:
 def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
     """Move the tables of steps into a trial's folder."""
     for step in steps:
-        home = folder / "muscles" if step == "muscles" else folder
+        home = folder / step_of(step).tables
         home.mkdir(exist_ok=True)
         for path in sorted((parts / step).iterdir()):
             if path.name != PART:
                 os.replace(path, home / path.name)
 
 
-def with_numbers(outcome: Outcome, found: Found) -> Outcome:
-    """An outcome with its frames and marker errors."""
-    if found.recorded is not None:
-        outcome = replace(outcome, frames=len(found.recorded))
-    if found.fit is not None and np.isfinite(found.fit.errors).any():
-        rms, largest = float(np.nanmean(found.fit.rms)), float(np.nanmax(found.fit.largest))
-        outcome = replace(outcome, rms=rms, largest=largest)
+def with_results(outcome: Outcome, results: StepResults) -> Outcome:
+    """An outcome with what results tell of the trial, as its frames and marker errors."""
+    for step in map(step_of, STEPS):
+        found = results.get(step.gives)
+        if step.outcome is not None and found is not None:
+            outcome = step.outcome(outcome, found)
     return outcome
 
 
-def _report(take: Take, outcome: Outcome) -> Outcome:
+def _report(trial: TrialInputs, outcome: Outcome) -> Outcome:
     from myomorph.study.trial.reporting import report_folder
 
-    if not outcome.timed and report_is_made(outcome.folder, take, outcome.done):
-        return replace(outcome, done=(*outcome.done, "report"), kept=(*outcome.kept, "report"))
+    if not outcome.timed and report_is_made(outcome.folder, trial, outcome.done):
+        return replace(outcome, done=(*outcome.done, REPORT), kept=(*outcome.kept, REPORT))
     started = time.monotonic()
     try:
-        report_folder(outcome.folder, take)
+        report_folder(outcome.folder, trial)
     except Exception as error:
-        return outcome if outcome.error else failed(outcome, error, "report")
-    timed = (*outcome.timed, ("report", time.monotonic() - started))
-    return replace(outcome, done=(*outcome.done, "report"), timed=timed)
+        return outcome if outcome.error else failed(outcome, error, REPORT)
+    timed = (*outcome.timed, (REPORT, time.monotonic() - started))
+    return replace(outcome, done=(*outcome.done, REPORT), timed=timed)
