@@ -16,7 +16,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.mat import PARTS
+from myomorph.simulate.fighter import PARTS
 from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.simulate.plan import Kind
 from myomorph.tension.contacts import ContactOptions, ContactTask

@@ -22,6 +22,7 @@ from myomorph.simulate.laboratory import (
     BALL,
     BONES,
     ROD,
+    Noise,
     VirtualPlate,
     at_center,
     bone_of,
@@ -29,7 +30,6 @@ from myomorph.simulate.laboratory import (
     write_scans,
     write_swing_c3d,
 )
-from myomorph.simulate.recording import Noise
 from myomorph.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
 from myomorph.viscosity.study.calibration import PlateFiles, calibrate, read_picks
 

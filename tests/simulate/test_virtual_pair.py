@@ -22,8 +22,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate import pair as made
 from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.fighter import GRIP, Build, marker_points, segments
-from myomorph.simulate.mat import LAPEL, PARTS, compile_pair, fighter_text
+from myomorph.simulate.fighter import GRIP, LAPEL, PARTS, Build, compile_pair, fighter_text, marker_points, segments
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
 from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.emg import EmgTarget

@@ -18,9 +18,8 @@ from myomorph.model.paths import Path as MusclePath
 from myomorph.model.paths import PathWrap
 from myomorph.model.series import Motion
 from myomorph.muscles.path import muscle_kinematics
-from myomorph.simulate.files import specimen_mjcf, write_recording
-from myomorph.simulate.limb import HeldLimb, tendon_wraps, with_scaled_muscles
-from myomorph.simulate.recording import Noise, Sampled
+from myomorph.simulate.laboratory import Noise, Sampled, write_recording
+from myomorph.simulate.limb import HeldLimb, specimen_mjcf, tendon_wraps, with_scaled_muscles
 from myomorph.simulate.shoulder import (
     BASE,
     FIRST,

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+from benchmarks.mechanical_joint import moment_rows
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
-from myomorph.simulate.equations import moment_rows
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.trust.law import PassiveLaw, resistances
 

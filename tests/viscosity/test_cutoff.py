@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 
 from myomorph.model.errors import BadData
-from myomorph.simulate.joint import mechanical_joint
 from myomorph.viscosity.trust.cutoff import MAX_CUTOFF, MIN_CUTOFF, choice_of, residual_analysis, scan_cutoffs
 
 RATE = 200.0

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.filters import lowpass
-from myomorph.simulate.joint import mechanical_joint
 from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
 from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, effective_samples, law_columns
 from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws

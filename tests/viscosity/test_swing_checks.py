@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 from swung_limb import GRAVITY, LAWS, LIMB, released
 
-from myomorph.simulate.joint import mechanical_joint
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.trust.checks import condition_findings, plate_zero, recording_findings
 

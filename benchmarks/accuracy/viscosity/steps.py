@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from myomorph.simulate.joint import VirtualJoint, mechanical_joint
+from benchmarks.mechanical_joint import VirtualJoint, mechanical_joint
 from myomorph.viscosity.identification.identify import Condition, ViscosityOptions, identify_specimen
 
 Row = dict[str, object]

@@ -22,7 +22,7 @@ SLIP = {"elbow_flexion_r": np.deg2rad(5.0)}
 @lru_cache(maxsize=1)
 def _virtual() -> Any:
     """Specimen 1 of [S], three releases without muscles, its plate exact and on the markers' clock."""
-    from myomorph.simulate.recording import Noise
+    from myomorph.simulate.laboratory import Noise
     from myomorph.simulate.shoulder import virtual_specimen
 
     return virtual_specimen(1, seconds=SECONDS, noise=Noise(0.0, 0.0, 0.0))
@@ -33,9 +33,9 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
 
     `slip` is added to what the wires hold [rad].
     """
+    from myomorph.simulate.laboratory import Noise, measured_markers
     from myomorph.simulate.limb import HeldLimb
     from myomorph.simulate.marker_clusters import with_clusters
-    from myomorph.simulate.recording import Noise, measured_markers
     from myomorph.simulate.shoulder import HELD
     from myomorph.viscosity.specimen.model import SwingTrial
 

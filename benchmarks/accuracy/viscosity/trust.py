@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.mechanical_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
 from myomorph.model.paths import PathPoint
 from myomorph.motion.filters import differentiate
-from myomorph.simulate.joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
-from myomorph.simulate.recording import measured_markers, measured_wrench, simulate
+from myomorph.simulate.laboratory import measured_markers, measured_wrench, simulate
 from myomorph.simulate.shoulder import virtual_specimen
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.specimen.model import Specimen

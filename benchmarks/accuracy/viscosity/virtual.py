@@ -40,8 +40,8 @@ def joint_run(seed: int) -> JointRun:
 
     Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by up to 20 ms.
     """
-    from myomorph.simulate.joint import mechanical_joint
-    from myomorph.simulate.recording import Noise
+    from benchmarks.mechanical_joint import mechanical_joint
+    from myomorph.simulate.laboratory import Noise
     from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
     from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
     from myomorph.viscosity.tracking.rows import swing_recordings

@@ -71,7 +71,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
             measured="hidden",
         ),
         mass=model.mass,
-        notes=TrialNotes(simulated=told_of(pair)),
+        notes=TrialNotes(simulated=simulated_of(pair)),
         truth=MappingProxyType(known_of(truth, pair)),
         sources=(
             value_source("model", "demo:judo", *(np.append(body.mass_center, body.mass) for body in model.bodies)),
@@ -82,7 +82,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
     )
 
 
-def told_of(pair: VirtualPair) -> tuple[str, ...]:
+def simulated_of(pair: VirtualPair) -> tuple[str, ...]:
     """What is simulated, and how badly it is measured."""
     options = pair.options
     tori, uke = (model.mass for model in pair.models.values())

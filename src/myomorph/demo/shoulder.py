@@ -9,9 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.model.spatial import Transform
-from myomorph.simulate.files import specimen_mjcf, write_recording
-from myomorph.simulate.laboratory import ROD, VirtualPlate, write_rod, write_scans, write_swing_c3d
-from myomorph.simulate.recording import Noise, VirtualTrial
+from myomorph.simulate.laboratory import (
+    ROD,
+    Noise,
+    VirtualPlate,
+    VirtualTrial,
+    write_recording,
+    write_rod,
+    write_scans,
+    write_swing_c3d,
+)
+from myomorph.simulate.limb import specimen_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
 from myomorph.store.progress import progress
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
