@@ -15,7 +15,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
