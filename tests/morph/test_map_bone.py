@@ -72,7 +72,7 @@ def test_of_ways_that_fit_alike_one_that_keeps_the_frame_is_taken(seed):
     ours, theirs = (Surface(block.vertices + rng.normal(0.0, 2e-4, block.vertices.shape), block.faces) for _ in "ab")
     found = align_bones(ours, theirs)
     assert turned_by(found.similarity) < 5.0
-    assert "landmarks would tell" in found.doubts()[0]
+    assert "landmarks would tell" in found.warnings()[0]
 
 
 def test_landmarks_alone(bone):

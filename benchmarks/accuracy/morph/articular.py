@@ -20,10 +20,10 @@ from myomorph.morph.shapes.articular import (
     SphereFit,
     articular_cylinder,
     articular_sphere,
-    doubt,
     fit_cylinder,
     fit_sphere,
     spherical_patches,
+    warning_of,
 )
 from myomorph.morph.shapes.surface_points import Shape
 
@@ -110,7 +110,7 @@ def _against(name: str, head: SphereFit, center: np.ndarray, against: str) -> Ro
 
 
 def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np.ndarray, against: str) -> Row:
-    doubts = [told for one in (head, socket) if one is not None and (told := doubt(one))]
+    doubts = [told for one in (head, socket) if one is not None and (told := warning_of(one))]
     return {
         "joint": name,
         "head, radius [mm]": 1e3 * head.radius,
@@ -185,12 +185,12 @@ def _again(
     radius = whole.scale * fit.radius
     if isinstance(fit, SphereFit):
         sphere = articular_sphere(target, start, radius, fit.hollow)
-        if told := doubt(sphere):
+        if told := warning_of(sphere):
             raise BadData(told)
         return float(np.linalg.norm(sphere.center - part.apply(fit.center))), 0.0
     width = whole.scale * (fit.length + fit.radius)
     cylinder = articular_cylinder(target, start, whole.rotation @ fit.axis, radius, width)
-    if told := doubt(cylinder):
+    if told := warning_of(cylinder):
         raise BadData(told)
     beside = np.cross(cylinder.point - part.apply(fit.point), cylinder.axis)
     cosine = min(1.0, abs(float(cylinder.axis @ part.rotation @ fit.axis)))

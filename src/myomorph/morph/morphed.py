@@ -45,7 +45,7 @@ class MorphOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedPoint:
+class TransferredPoint:
     """One path point on its way.
 
     Attributes
@@ -129,7 +129,7 @@ class Morph:
     source: Model
     model: Model
     bones: Mapping[str, BoneMap]
-    points: tuple[CarriedPoint, ...]
+    points: tuple[TransferredPoint, ...]
     joints: tuple[RebuiltJoint, ...]
     muscles: tuple[MuscleChange, ...]
     options: MorphOptions = field(default_factory=MorphOptions)

@@ -15,7 +15,7 @@ from myomorph.morph.checks.moment_arms import CoordinatePair, CoordinateTable, c
 from myomorph.morph.checks.penetration import Poses, Solid, path_depths, range_poses
 from myomorph.morph.checks.warnings import CheckOptions, arm_warnings
 from myomorph.morph.maps.fields import BoneMap, muscle_sizes
-from myomorph.morph.morphed import CarriedPoint
+from myomorph.morph.morphed import TransferredPoint
 from myomorph.muscles.path import Paths, compile_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -201,9 +201,9 @@ def cleared(
     source: Model,
     target: Model,
     bones: Iterable[BoneMap],
-    points: Sequence[CarriedPoint],
+    points: Sequence[TransferredPoint],
     table: CoordinateTable | None = None,
-) -> tuple[Model, tuple[CarriedPoint, ...], tuple[str, ...]]:
+) -> tuple[Model, tuple[TransferredPoint, ...], tuple[str, ...]]:
     """The target with its paths out of the bones, its points where they are then, and what was done.
 
     Parameters

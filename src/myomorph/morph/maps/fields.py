@@ -107,7 +107,7 @@ def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> Point
     """The map through feature points, or nearest to them.
 
     Features at the same place are taken together. What the features do not tell (across the plane of flat ones) is
-    that of the similarity nearest to them; `feature_doubts` says when.
+    that of the similarity nearest to them; `feature_warnings` says when.
 
     Raises
     ------
@@ -125,23 +125,25 @@ def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> Point
     return affine if options.map == "affine" else fit_radial(source, target, affine, options.kernel, options.smoothing)
 
 
-def feature_doubts(features: FeaturePoints) -> tuple[str, ...]:
+def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
     """What feature points leave open, one line each: too few or flat ones, two at one place."""
-    doubts = []
+    warnings = []
     merged = _merged(features)
     if len(merged) < len(features):
-        doubts.append(f"{len(features) - len(merged)} of {len(features)} feature points share a place: taken together")
+        warnings.append(
+            f"{len(features) - len(merged)} of {len(features)} feature points share a place: taken together"
+        )
     if len(merged) == 4:
-        doubts.append("four feature points do not tell stretch from errors of picking: pick a fifth")
+        warnings.append("four feature points do not tell stretch from errors of picking: pick a fifth")
     if len(unknown_directions(merged.source)):
-        doubts.append(
+        warnings.append(
             f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as much as along it; "
             "pick one beside it"
         )
-    return tuple(doubts)
+    return tuple(warnings)
 
 
-def folded(mapping: PointMap, points: ArrayLike) -> NDArray[np.bool_]:
+def inverted(mapping: PointMap, points: ArrayLike) -> NDArray[np.bool_]:
     """(...) where a map turns space inside out: the determinant of its Jacobian is not positive."""
     inside_out: NDArray[np.bool_] = np.linalg.det(mapping.jacobian(points)) <= 0.0
     return inside_out

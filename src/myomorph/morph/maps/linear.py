@@ -134,11 +134,11 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
             other = procrustes(source[rest], target[rest], scale and len(names) > 4)
             apart = np.linalg.norm(other.apply(source) - target, axis=1)
             left_out[k], of_others[k] = apart[k], float(np.sqrt(np.mean(apart[rest] ** 2)))
-        notes = _doubts(names, source, target, scale, residuals, left_out, of_others)
+        notes = _warnings(names, source, target, scale, residuals, left_out, of_others)
     return PointFit(found, frozen_array(residuals), frozen_array(left_out), tuple(notes))
 
 
-def _doubts(
+def _warnings(
     names: Sequence[str],
     source: Array,
     target: Array,

@@ -20,7 +20,7 @@ from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.rigid import RoughFit, SurfaceOptions, register_surface, rough_fits
 from myomorph.morph.registration.smooth import Drift, MatchOptions, onto
-from myomorph.morph.shapes.articular import SphereFit, articular_sphere, doubt, spherical_patches
+from myomorph.morph.shapes.articular import SphereFit, articular_sphere, spherical_patches, warning_of
 from myomorph.morph.shapes.surface_points import Shape
 
 TURNED = 60.0
@@ -69,7 +69,7 @@ class Alignment:
     distance: float = float("nan")
     others: tuple[tuple[Similarity, float], ...] = ()
 
-    def doubts(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Another way to lie that may be the right one."""
         for other, distance in self.others:
             if distance < AMBIGUOUS * self.distance:
@@ -227,8 +227,8 @@ def automatic_landmarks(
     """
     if start is None:
         aligned = align_bones(source, target)
-        if aligned.doubts():
-            raise BadData(f"landmarks cannot be found by rules: {aligned.doubts()[0]}")
+        if aligned.warnings():
+            raise BadData(f"landmarks cannot be found by rules: {aligned.warnings()[0]}")
         start = aligned.similarity
     laid = Surface(start.inverse().apply(target.vertices), target.faces)
     length = float(np.linalg.norm(np.ptp(source.vertices, axis=0)))
@@ -296,7 +296,7 @@ def _steady(one: SphereFit, surface: Surface) -> SphereFit | None:
     """The sphere found from near another one; None where starts beside it lead elsewhere."""
     try:
         found = articular_sphere(surface, one.center, one.radius, one.hollow)
-        if doubt(found):
+        if warning_of(found):
             return None
         for shift in (*np.eye(3), *-np.eye(3)):
             beside = articular_sphere(surface, found.center + SHIFT * found.radius * shift, found.radius, one.hollow)

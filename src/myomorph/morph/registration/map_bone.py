@@ -17,9 +17,9 @@ from myomorph.morph.maps.fields import (
     FeaturePoints,
     MapOptions,
     PointMap,
-    feature_doubts,
+    feature_warnings,
     fit_map,
-    folded,
+    inverted,
 )
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.alignment import automatic_landmarks
@@ -105,8 +105,8 @@ def map_bone(
         features = _found_by_rules(body, source, target, placed, notes)
     told(1)
     features, mapping = _unfolded(features, landmarks, source, map_options)
-    notes += feature_doubts(features)
-    inside_out = float(np.mean(folded(mapping, features.source if source is None else source.vertices)))
+    notes += feature_warnings(features)
+    inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
     measures |= {"features": float(len(features)), "map folded": inside_out}
     if inside_out > 0:
         notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
@@ -184,7 +184,7 @@ def _unfolded(
     if source is None or len(features) == first:
         return features, mapping
     for _ in range(ROUNDS):
-        wrong = source.vertices[folded(mapping, source.vertices)]
+        wrong = source.vertices[inverted(mapping, source.vertices)]
         if not len(wrong):
             break
         near = cKDTree(features.source).query(wrong, 2)[1]

@@ -66,7 +66,7 @@ class MatchQuality:
             "area grown": self.grown,
         }
 
-    def doubts(self, tolerance: float) -> tuple[str, ...]:
+    def warnings(self, tolerance: float) -> tuple[str, ...]:
         """What looks wrong, one line each."""
         found = []
         if self.residual95 > tolerance:
@@ -208,7 +208,7 @@ def place_bone(
     mirrored = float("nan")
     if np.isfinite(found.distance):
         mirrored = mirrored_share(ours.surface, goal.surface, found.distance, options)
-    return PlacedBone(_between_units(found.similarity, ours.length, goal.length), mirrored, found.doubts())
+    return PlacedBone(_between_units(found.similarity, ours.length, goal.length), mirrored, found.warnings())
 
 
 def match_surfaces(
@@ -246,7 +246,7 @@ def match_surfaces(
         placed=placed,
         length=goal.length,
         quality=quality,
-        notes=(*placed.notes, *quality.doubts(options.match_tolerance)),
+        notes=(*placed.notes, *quality.warnings(options.match_tolerance)),
     )
 
 

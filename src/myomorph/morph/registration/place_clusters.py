@@ -39,7 +39,7 @@ class Picks:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedBone:
+class ScannedBone:
     """A CT bone laid on a model's bone, and where its markers come to lie.
 
     Attributes
@@ -89,14 +89,14 @@ def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
     return Surface(np.concatenate(vertices), np.concatenate(faces))
 
 
-def place_bone(
+def place_scanned_bone(
     body: str,
     scanned: Surface,
     modelled: Surface,
     markers: Mapping[str, Array],
     picks: Picks | None = None,
     options: SurfaceOptions | None = None,
-) -> PlacedBone:
+) -> ScannedBone:
     """Lay the surface of a bone in a CT on the bone of a model, picked points first.
 
     Parameters
@@ -126,12 +126,12 @@ def place_bone(
             )
             fit = other
     notes += [f"{body}: {line}" for line in fit.notes]
-    notes += _doubts(body, fit, scanned, markers)
+    notes += _warnings(body, fit, scanned, markers)
     frozen = {name: frozen_array(place, (3,)) for name, place in markers.items()}
-    return PlacedBone(body, fit, fitted, frozen, tuple(notes))
+    return ScannedBone(body, fit, fitted, frozen, tuple(notes))
 
 
-def _doubts(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]) -> list[str]:
+def _warnings(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]) -> list[str]:
     notes = []
     size = fit.similarity.scale
     if not 0.8 < size < 1.25:
@@ -147,7 +147,7 @@ def _doubts(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, 
 
 def place_cluster_markers(
     model: Model,
-    bones: Sequence[PlacedBone],
+    bones: Sequence[ScannedBone],
     resize: bool = True,
     path_lengths: Callable[[Model], Array] | None = None,
 ) -> Model:
@@ -183,7 +183,7 @@ def place_cluster_markers(
     return replace(model, markers=(*kept, *placed))
 
 
-def _on_body(bone: PlacedBone, place: Array, resize: bool) -> Array:
+def _on_body(bone: ScannedBone, place: Array, resize: bool) -> Array:
     """Place (3,) of a marker in the body's frame [m]."""
     similarity = bone.fit.similarity
     if resize:

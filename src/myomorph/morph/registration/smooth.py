@@ -218,14 +218,14 @@ def fit_smoothly(
     for step in range(ITERATIONS):
         here = laid + directions @ found
         if step % RENEWED == 0:
-            normals = carried_normals(given, fit.apply)
+            normals = moved_normals(given, fit.apply)
         pairs = _pairs(Samples(here, normals, given.rim), theirs, goal)
         found = _solved(pairs, directions, here - laid, laid, marks, STIFF * options.stiffness)
         fit = SmoothFit(before, centers, basis @ found, width, pairs.rms)
     return fit
 
 
-def carried_normals(samples: Samples, moves: Moves, step: float = 1e-4) -> Array:
+def moved_normals(samples: Samples, moves: Moves, step: float = 1e-4) -> Array:
     """Normals (n, 3) of a surface after it moved."""
     first = np.cross(samples.normals, np.eye(3)[np.argmin(np.abs(samples.normals), axis=1)])
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -107,10 +107,10 @@ __all__ = [
     "SphereFit",
     "articular_cylinder",
     "articular_sphere",
-    "doubt",
     "fit_cylinder",
     "fit_sphere",
     "spherical_patches",
+    "warning_of",
 ]
 
 REACH = 0.35
@@ -232,7 +232,7 @@ def articular_cylinder(
     return max(found, key=lambda one: one[0])[1]
 
 
-def doubt(fit: SphereFit | CylinderFit) -> str:
+def warning_of(fit: SphereFit | CylinderFit) -> str:
     """Why a fit should not be relied on, in words; "" where it may be."""
     if fit.rms > ROUGH * fit.radius:
         return f"the surface is not round: {_mm(fit.rms)} off at a radius of {_mm(fit.radius)}"
@@ -261,7 +261,7 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
 
     Returns
     -------
-    fits without `doubt`, those that cover most of their sphere first; none of them meets another's center
+    fits without `warning_of`, those that cover most of their sphere first; none of them meets another's center
     """
     corners = Corners.of(surface)
     length = float(np.ptp(corners.points, axis=0).max())
@@ -288,7 +288,7 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
             fit = _sphere(corners.within(center, 2.5 * radius), center, radius, hollow)
         except BadData:
             continue
-        if not doubt(fit) and all(np.linalg.norm(fit.center - one.center) > one.radius for one in found):
+        if not warning_of(fit) and all(np.linalg.norm(fit.center - one.center) > one.radius for one in found):
             found.append(fit)
     return tuple(sorted(found, key=lambda one: -one.coverage)[:most])
 

@@ -1,4 +1,4 @@
-"""A body's envelope grown around its skeleton, where nobody has a skin: every bone under flesh in its proportion.
+"""A body's envelope grown around its skeleton, where nobody has a skin: every bone under soft tissue in its proportion.
 
 Around each body of length L lies what is no further than c k L from the convex hull of its bones: k is the body's, or
 the same for all, c is 1 or follows from the volume that the whole shall have. It is no skin: it knows nothing of a
@@ -22,14 +22,14 @@ from myomorph.model.surface import Surface
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-FLESH = 0.1
-"""Thickness of the flesh over a bone as a share of its length, where nothing else is known."""
+SOFT_TISSUE = 0.1
+"""Thickness of the soft tissue over a bone as a share of its length, where nothing else is known."""
 
 THINNEST, THICKEST = 0.002, 1.0
-"""Shares of bone length between which flesh is looked for."""
+"""Shares of bone length between which soft tissue is looked for."""
 
 WIDEST = 4.0
-"""Flesh grows to no more than so many times what it is at first, to reach a volume."""
+"""Soft tissue grows to no more than so many times what it is at first, to reach a volume."""
 
 CELLS, COARSE = 128, 48
 """Cells along the longest side of the skeleton; of a first look."""
@@ -47,7 +47,7 @@ class Envelope:
     bodies : names
     owner : (points,) body of each
     spacing : edge of the cubes [m]
-    flesh : thickness over each body's bones, as a share of its length
+    soft_tissue : thickness over each body's bones, as a share of its length
     surface : of the whole, closed, in ground
     """
 
@@ -56,7 +56,7 @@ class Envelope:
     owner: np.ndarray
     spacing: float
     surface: Surface
-    flesh: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    soft_tissue: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def volume(self) -> float:
@@ -149,18 +149,18 @@ def grow_envelope(
     pose: Motion | None = None,
     *,
     volume: float | None = None,
-    flesh: float | Mapping[str, float] = FLESH,
+    soft_tissue: float | Mapping[str, float] = SOFT_TISSUE,
     together: Sequence[Sequence[str]] = (),
     cells: int = CELLS,
 ) -> Envelope:
-    """Flesh around the bones of a model, in one pose.
+    """Soft tissue around the bones of a model, in one pose.
 
     Parameters
     ----------
     bones : by body, in the bodies' frames [m]
     pose : its first frame; the model's default pose where it is not given
-    volume : that the whole shall have [m^3]; the flesh grows or shrinks everywhere in proportion
-    flesh : thickness as a share of bone length, for all or by body (`FLESH` for those not named)
+    volume : that the whole shall have [m^3]; the soft tissue grows or shrinks everywhere in proportion
+    soft_tissue : thickness as a share of bone length, for all or by body (`SOFT_TISSUE` for those not named)
     together : groups of bodies with a common hull, as those around a belly
     cells : of the grid along the longest side
 
@@ -170,7 +170,10 @@ def grow_envelope(
     UnknownName : a bone of a body that the model does not have
     """
     skeleton = Skeleton(model, bones, pose, together)
-    share = {name: flesh if isinstance(flesh, float) else flesh.get(name, FLESH) for name in skeleton.hulls}
+    share = {
+        name: soft_tissue if isinstance(soft_tissue, float) else soft_tissue.get(name, SOFT_TISSUE)
+        for name in skeleton.hulls
+    }
     level = 1.0
     if volume is not None:
         level = _level(*_fields(skeleton, share, COARSE, WIDEST)[::2], volume)
@@ -188,10 +191,10 @@ def grow_envelope(
     )
 
 
-def flesh_of(
+def soft_tissue_of(
     model: Model, bones: Mapping[str, Surface], density: float, *, together: Sequence[Sequence[str]] = ()
 ) -> dict[str, float]:
-    """Thickness of flesh over each body's bones, as a share of its length, that gives it the mass it has.
+    """Thickness of soft tissue over each body's bones, as a share of its length, that gives it the mass it has.
 
     Bodies that cannot have theirs (a mass that stands for parts without bones) come as near as `THICKEST` and their
     neighbors let them.
@@ -215,7 +218,7 @@ def flesh_of(
     some = np.flatnonzero((apart.min(axis=0) < THICKEST) | (fixed >= 0))
     apart, fixed = apart[:, some], fixed[some]
     wanted = np.array([model.body(name).mass for name in names]) / density / grid.spacing**3
-    share = np.full(len(names), FLESH)
+    share = np.full(len(names), SOFT_TISSUE)
     for _ in range(ROUNDS):
         ratio = apart / share[:, None]
         owner = np.where(fixed >= 0, fixed, ratio.argmin(axis=0))
@@ -247,13 +250,13 @@ def _corners(points: Array, name: str) -> np.ndarray:
     try:
         return np.asarray(ConvexHull(points).vertices)
     except QhullError:
-        raise BadData(f"the bone of '{name}' is flat or empty: it has no volume to grow flesh around") from None
+        raise BadData(f"the bone of '{name}' is flat or empty: it has no volume to grow soft tissue around") from None
 
 
 def _fields(
     skeleton: Skeleton, share: Mapping[str, float], cells: int, widest: float
 ) -> tuple[Array, np.ndarray, Grid]:
-    """Distance over flesh at each point of a grid, the least of all bodies, and the body that has it."""
+    """Distance over soft tissue at each point of a grid, the least of all bodies, and the body that has it."""
     reach = {name: widest * share[name] * skeleton.lengths[name] for name in skeleton.hulls}
     grid = skeleton.grid(cells, reach)
     values, owner = np.full(grid.size, np.inf), np.full(grid.size, -1, np.int64)
@@ -293,7 +296,7 @@ def _outside(corners: Array, points: Array) -> Array:
 
 
 def _level(values: Array, grid: Grid, volume: float) -> float:
-    """How many times the flesh has to be as thick for the whole to have a volume."""
+    """How many times the soft tissue has to be as thick for the whole to have a volume."""
     known, wanted = np.sort(values[np.isfinite(values)]), volume / grid.spacing**3
     inside, count = int((known <= 0.0).sum()), round(wanted)
     if count <= inside:
@@ -303,8 +306,8 @@ def _level(values: Array, grid: Grid, volume: float) -> float:
         )
     if count > len(known) or known[count - 1] > WIDEST:
         raise BadData(
-            f"mass and density need more than {WIDEST:g} times the usual flesh around these bones: is the mass that of "
-            "this skeleton?"
+            f"mass and density need more than {WIDEST:g} times the usual soft tissue around these bones: is the mass "
+            "that of this skeleton?"
         )
     return float(known[count - 1])
 

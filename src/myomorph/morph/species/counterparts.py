@@ -331,7 +331,7 @@ def seated(bone: BoneMap, body: str, pair: BoneHomology, number: int, there: Pos
     )
 
 
-def spread_points(
+def spread_over_targets(
     source: Model,
     parts: Mapping[str, tuple[str, ...]],
     bones: Mapping[str, BoneMap],

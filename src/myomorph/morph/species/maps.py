@@ -27,7 +27,7 @@ from myomorph.morph.species.counterparts import (
     part_name,
     riders,
     seated,
-    spread_points,
+    spread_over_targets,
 )
 from myomorph.morph.species.landmarks import landmarks_by_rules
 from myomorph.morph.transfer.model import graft_muscles
@@ -107,7 +107,7 @@ def species_bones(
                         for body, one in riders(first, bone, here).items()
                     }
             parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
-    spread = spread_points(source, parts, bones, there, target_surfaces) if parts else source
+    spread = spread_over_targets(source, parts, bones, there, target_surfaces) if parts else source
     return SpeciesBones(spread, bones, tuple(notes))
 
 

@@ -27,7 +27,7 @@ from myomorph.rigid.tree import compile_tree
 Tie = TypeVar("Tie", Loop, Bushing)
 
 
-def carried_body(body: Body, carrier: Carrier) -> Body:
+def transferred_body(body: Body, carrier: Carrier) -> Body:
     """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone spreads it.
 
     The second moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
@@ -40,7 +40,7 @@ def carried_body(body: Body, carrier: Carrier) -> Body:
         mass=mass,
         mass_center=carrier.points(body.mass_center),
         inertia=np.trace(second) * np.eye(3) - second,
-        meshes=tuple(carried_mesh(one, carrier) for one in body.meshes),
+        meshes=tuple(transferred_mesh(one, carrier) for one in body.meshes),
     )
 
 
@@ -60,26 +60,26 @@ def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
     return tuple(replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies)
 
 
-def carried_mesh(mesh: Mesh, carrier: Carrier) -> Mesh:
+def transferred_mesh(mesh: Mesh, carrier: Carrier) -> Mesh:
     """A mesh stretched along its own axes as its bone is: what can be shown where the target's bone has no file."""
     matrix = carrier.linear @ mesh.pose.rotation
     pose = Transform(nearest_rotation(matrix), carrier.points(mesh.pose.translation))
     return replace(mesh, pose=pose, scale=np.asarray(mesh.scale) * np.linalg.norm(matrix, axis=0))
 
 
-def carried_marker(marker: Marker, carriers: Carriers) -> Marker:
+def transferred_marker(marker: Marker, carriers: Carriers) -> Marker:
     """A marker, by its body's map."""
     carrier = carriers[marker.body]
     return replace(marker, body=carrier.body, location=carrier.points(marker.location))
 
 
-def carried_tie(tie: Tie, carriers: Carriers) -> Tie:
+def transferred_tie(tie: Tie, carriers: Carriers) -> Tie:
     """A closed loop or a bushing: both of its frames."""
     one, other = carriers[tie.body_1], carriers[tie.body_2]
     return replace(tie, body_1=one.body, body_2=other.body, pose_1=one.pose(tie.pose_1), pose_2=other.pose(tie.pose_2))
 
 
-def carried_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
+def transferred_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
     """Points and directions of an ideal actuator that are fixed to bodies."""
 
     def there(body: str, point: Array) -> Array:
@@ -96,7 +96,7 @@ def carried_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
     )
 
 
-def not_carried(model: Model) -> list[str]:
+def not_transferred(model: Model) -> list[str]:
     """One line on each kind of thing that a file keeps with geometry of its own, and that stays as it is."""
     placed = ("Contact", "Path", "Force")
     kinds: dict[str, int] = {}

@@ -17,7 +17,7 @@ from myomorph.model.paths import PassiveTorque
 from myomorph.model.scale import slides_freely, stretched
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.morph.morphed import RebuiltJoint
-from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, doubt
+from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, warning_of
 from myomorph.morph.transfer.carrier import Carrier, Carriers, nearest_rotation
 
 APART = 0.05
@@ -146,15 +146,15 @@ def _center(carrier: Carrier, place: Array, axis: Array, shape: Round, radius: f
     if shape == "sphere":
         ball = articular_sphere(source, place, radius, hollow)
         beside = place - ball.center
-        if doubt(ball) or np.linalg.norm(beside) > AGREES * ball.radius:
+        if warning_of(ball) or np.linalg.norm(beside) > AGREES * ball.radius:
             return None
         other = articular_sphere(target, carrier.points(ball.center), ball.radius * carrier.size, hollow)
-        if doubt(other) or _strays(carrier, other.center, carrier.points(ball.center), other.radius):
+        if warning_of(other) or _strays(carrier, other.center, carrier.points(ball.center), other.radius):
             return None
         return np.asarray(other.center + matrix @ beside)
     roller = articular_cylinder(source, place, axis, radius, hollow=hollow)
     beside = (place - roller.point) - (place - roller.point) @ roller.axis * roller.axis
-    if doubt(roller) or abs(roller.axis @ axis) < TILTED or np.linalg.norm(beside) > AGREES * roller.radius:
+    if warning_of(roller) or abs(roller.axis @ axis) < TILTED or np.linalg.norm(beside) > AGREES * roller.radius:
         return None
     along = matrix @ roller.axis
     size = carrier.size
@@ -163,7 +163,7 @@ def _center(carrier: Carrier, place: Array, axis: Array, shape: Round, radius: f
     )
     goal = carrier.points(place)
     center: Array = there.point + (goal - there.point) @ there.axis * there.axis + matrix @ beside
-    return None if doubt(there) or _strays(carrier, center, goal, there.radius) else center
+    return None if warning_of(there) or _strays(carrier, center, goal, there.radius) else center
 
 
 def _strays(carrier: Carrier, fitted: Array, mapped: Array, radius: float) -> bool:
@@ -171,7 +171,7 @@ def _strays(carrier: Carrier, fitted: Array, mapped: Array, radius: float) -> bo
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedJoints:
+class TransferredJoints:
     """A skeleton in other bones.
 
     Attributes
@@ -188,7 +188,7 @@ class CarriedJoints:
     notes: tuple[str, ...] = ()
 
 
-def carried_joints(model: Model, carriers: Carriers, centers: CenterFinder) -> CarriedJoints:
+def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) -> TransferredJoints:
     """All joints of a model, with the coordinates that slide in meters.
 
     A joint's center is where the child's joint frame is in the default pose. Parent and child carry it each by its own
@@ -213,14 +213,14 @@ def carried_joints(model: Model, carriers: Carriers, centers: CenterFinder) -> C
         _carried(joint, along, travel, defaults, carriers, centers)
         for joint, along in zip(anchored, stretches, strict=True)
     ]
-    return CarriedJoints(
+    return TransferredJoints(
         tuple(joint for joint, _ in found),
         tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
         tuple(_coupler(one, travel) for one in model.couplers),
         tuple(_torque(one, travel.get(one.coordinate, 1.0)) for one in model.passive_torques),
         MappingProxyType(travel),
         tuple(rebuilt for _, rebuilt in found),
-        tuple(note for joint, rebuilt in found for note in _doubts(joint, rebuilt, carriers)),
+        tuple(note for joint, rebuilt in found for note in _warnings(joint, rebuilt, carriers)),
     )
 
 
@@ -375,7 +375,7 @@ def _torque(torque: PassiveTorque, factor: float) -> PassiveTorque:
     return replace(torque, torque=stretched(torque.torque, 1.0, factor), damping=stretched(torque.damping, 1.0, factor))
 
 
-def _doubts(joint: Joint, rebuilt: RebuiltJoint, carriers: Carriers) -> list[str]:
+def _warnings(joint: Joint, rebuilt: RebuiltJoint, carriers: Carriers) -> list[str]:
     if not rebuilt.gap > furthest_gap(carriers[joint.parent], carriers[joint.child]):
         return []
     return [

@@ -16,23 +16,23 @@ from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.bodies import (
     bones_around,
-    carried_actuator,
-    carried_body,
-    carried_marker,
-    carried_mesh,
-    carried_tie,
     neighbor_notes,
-    not_carried,
+    not_transferred,
     of_mass,
     standing_poses,
     surrounded_map,
+    transferred_actuator,
+    transferred_body,
+    transferred_marker,
+    transferred_mesh,
+    transferred_tie,
     with_neighbors,
 )
 from myomorph.morph.transfer.carrier import Carrier, few
-from myomorph.morph.transfer.joints import CarriedJoints, CenterFinder, carried_joints
+from myomorph.morph.transfer.joints import CenterFinder, TransferredJoints, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
-from myomorph.morph.transfer.muscles import carried_muscles, path_lengths
-from myomorph.morph.transfer.paths import carried_strings
+from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
+from myomorph.morph.transfer.paths import transferred_lines
 from myomorph.muscles.scaling import default_path_lengths
 
 
@@ -70,26 +70,26 @@ def morph_model(
     options = options or MorphOptions()
     _check(model, bones)
     carriers = {body: Carrier(bone, body) for body, bone in with_neighbors(model, bones).items()}
-    joints = carried_joints(model, carriers, CenterFinder(carriers, options.joints == "fitted", together))
+    joints = transferred_joints(model, carriers, CenterFinder(carriers, options.joints == "fitted", together))
     carriers |= _virtual_links(model, _skeleton(model, joints), bones, carriers, surrounding)
-    strings = carried_strings(
+    strings = transferred_lines(
         model, model.muscles, model.ligaments, carriers, model.coordinates, joints.travel, options.surface_within
     )
-    bodies = of_mass(tuple(carried_body(body, carriers[body.name]) for body in model.bodies), mass)
+    bodies = of_mass(tuple(transferred_body(body, carriers[body.name]) for body in model.bodies), mass)
     moved = replace(
         _skeleton(model, joints),
         name=name or model.name,
         bodies=bodies,
         gravity=carriers[GROUND].rotation @ model.gravity,
-        markers=tuple(carried_marker(one, carriers) for one in model.markers),
+        markers=tuple(transferred_marker(one, carriers) for one in model.markers),
         muscles=strings.muscles,
         ligaments=strings.ligaments,
         wrap_objects=strings.wrap_objects,
-        actuators=tuple(carried_actuator(one, carriers) for one in model.actuators),
-        loops=tuple(carried_tie(one, carriers) for one in model.loops),
+        actuators=tuple(transferred_actuator(one, carriers) for one in model.actuators),
+        loops=tuple(transferred_tie(one, carriers) for one in model.loops),
         frames=tuple(replace(one, pose=carriers[one.body].pose(one.pose)) for one in model.frames),
-        ground_meshes=tuple(carried_mesh(one, carriers[GROUND]) for one in model.ground_meshes),
-        bushings=tuple(carried_tie(one, carriers) for one in model.bushings),
+        ground_meshes=tuple(transferred_mesh(one, carriers[GROUND]) for one in model.ground_meshes),
+        bushings=tuple(transferred_tie(one, carriers) for one in model.bushings),
         warnings=(),
     )
     solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
@@ -97,9 +97,9 @@ def morph_model(
     lengths = path_lengths(model, moved, paired_postures(model, moved), progress)
     ratio = moved.mass / model.mass if model.mass > 0.0 else 1.0
     source = {one.name: one for one in model.muscles}
-    muscles, changes, doubts = carried_muscles(moved.muscles, source, lengths, carriers, options, ratio)
+    muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
     found = {body: carrier.bone for body, carrier in carriers.items()}
-    notes = (*neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *doubts)
+    notes = (*neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
     return Morph(
         source=model,
         model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
@@ -108,7 +108,7 @@ def morph_model(
         joints=joints.rebuilt,
         muscles=changes,
         options=options,
-        notes=(*notes, *not_carried(model)),
+        notes=(*notes, *not_transferred(model)),
     )
 
 
@@ -120,7 +120,7 @@ def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
             raise UnknownName("body", body, model.body_names)
 
 
-def _skeleton(model: Model, joints: CarriedJoints) -> Model:
+def _skeleton(model: Model, joints: TransferredJoints) -> Model:
     """The model with its joints carried and nothing else."""
     return replace(
         model,
@@ -197,7 +197,7 @@ def graft_muscles(
     )
     ligaments = _whole_ligaments(source, carriers)
     known = (*source.coordinates, *target.coordinates)
-    strings = carried_strings(source, muscles, ligaments, carriers, known, {}, options.surface_within)
+    strings = transferred_lines(source, muscles, ligaments, carriers, known, {}, options.surface_within)
     moved = replace(
         target,
         name=name or target.name,
@@ -214,7 +214,7 @@ def graft_muscles(
     lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
     ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
     owners = {one.name: one for one in source.muscles}
-    grown, changes, doubts = carried_muscles(moved.muscles, owners, lengths, carriers, options, ratio)
+    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio)
     taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
     if beside:
         grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)
@@ -228,7 +228,7 @@ def graft_muscles(
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*_link_notes(found), *notes, *strings.notes, *clearing, *doubts),
+        notes=(*_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
         left_out=MappingProxyType(left_out),
     )
 
@@ -324,7 +324,7 @@ def _translated(
 def _markers(source: Model, target: Model, carriers: Mapping[str, Carrier]) -> tuple[Marker, ...]:
     """The source's markers on bodies that have a counterpart, unless the target has one of that name."""
     return tuple(
-        carried_marker(one, carriers)
+        transferred_marker(one, carriers)
         for one in source.markers
         if one.body in carriers and one.name not in target.marker_names
     )

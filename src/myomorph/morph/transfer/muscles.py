@@ -66,7 +66,7 @@ class Growth:
     shift: float
 
 
-def carried_muscles(
+def transferred_muscles(
     muscles: tuple[Muscle, ...],
     source: Mapping[str, Muscle],
     lengths: PathLengths,
@@ -74,7 +74,7 @@ def carried_muscles(
     options: MorphOptions,
     mass_ratio: float,
 ) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
-    """Muscles with the parameters that the target's bones ask for, what changed, and doubts.
+    """Muscles with the parameters that the target's bones ask for, what changed, and warnings.
 
     Parameters
     ----------

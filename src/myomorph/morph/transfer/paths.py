@@ -15,9 +15,9 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Coordinate, Model
 from myomorph.model.paths import Ligament, Muscle, PathWrap, WrapObject
 from myomorph.model.spatial import Transform
-from myomorph.morph.morphed import CarriedPoint
+from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.transfer.carrier import Carrier, Carriers, nearest_rotation
-from myomorph.morph.transfer.points import Setting, carried_paths
+from myomorph.morph.transfer.points import Setting, transferred_paths
 
 OUTSIDE = 1.001, 1.05
 """A point that was outside is left where the map puts it from the first of these levels on; one nearer comes back to
@@ -34,7 +34,7 @@ Pairs = Mapping[str, tuple[WrapObject, WrapObject]]
 
 
 def points_left_outside(
-    muscles: Iterable[Muscle], points: Iterable[CarriedPoint], wraps: Pairs
+    muscles: Iterable[Muscle], points: Iterable[TransferredPoint], wraps: Pairs
 ) -> tuple[dict[str, tuple[WrapObject, WrapObject]], list[str]]:
     """Wrap objects small enough to leave outside what was outside, and a line on those that are smaller for it.
 
@@ -99,7 +99,7 @@ _LATITUDES = np.arcsin(np.linspace(-0.8, 0.8, 5))
 _BALL = np.concatenate([np.cos(a) * _RING + [0.0, 0.0, np.sin(a)] for a in _LATITUDES])
 
 
-def carried_wrap(wrap: WrapObject, carrier: Carrier) -> WrapObject:
+def transferred_wrap(wrap: WrapObject, carrier: Carrier) -> WrapObject:
     """A wrap object that lies in the target's bone as it did in the source's.
 
     Points of its surface go where the map sends them. The affine map nearest to that gives the middle and how the
@@ -164,7 +164,7 @@ def _growth(points: Array, moved: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedStrings:
+class LinesOfAction:
     """Paths of muscles and ligaments in the target's bones; forces and fibers are still the source's.
 
     Attributes
@@ -175,11 +175,11 @@ class CarriedStrings:
     muscles: tuple[Muscle, ...]
     ligaments: tuple[Ligament, ...]
     wrap_objects: tuple[WrapObject, ...]
-    points: tuple[CarriedPoint, ...]
+    points: tuple[TransferredPoint, ...]
     notes: tuple[str, ...]
 
 
-def carried_strings(
+def transferred_lines(
     source: Model,
     muscles: Iterable[Muscle],
     ligaments: Iterable[Ligament],
@@ -187,7 +187,7 @@ def carried_strings(
     coordinates: Iterable[Coordinate],
     travel: Mapping[str, float],
     within: float,
-) -> CarriedStrings:
+) -> LinesOfAction:
     """Paths by the maps of the bodies that their points are fixed to, and the source's wrap objects on those bodies.
 
     Parameters
@@ -199,16 +199,16 @@ def carried_strings(
     """
     muscles, ligaments = tuple(muscles), tuple(ligaments)
     wraps = {
-        wrap.name: (wrap, carried_wrap(wrap, carriers[wrap.body]))
+        wrap.name: (wrap, transferred_wrap(wrap, carriers[wrap.body]))
         for wrap in source.wrap_objects
         if wrap.body in carriers
     }
     setting = Setting({one.name: one for one in coordinates}, travel, wraps)
     owned = [(one.name, one.path) for one in muscles] + [(one.name, one.path) for one in ligaments]
-    carried = carried_paths(owned, carriers, setting, within)
+    carried = transferred_paths(owned, carriers, setting, within)
     wraps, smaller = points_left_outside(muscles, carried.points, wraps)
     paths = iter(carried.paths)
-    return CarriedStrings(
+    return LinesOfAction(
         tuple(replace(one, path=next(paths)) for one in muscles),
         tuple(replace(one, path=next(paths)) for one in ligaments),
         tuple(after for _, after in wraps.values()),

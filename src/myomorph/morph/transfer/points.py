@@ -12,9 +12,10 @@ from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct,
 from myomorph.model.model import Coordinate
 from myomorph.model.paths import MovingPathPoint, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.scale import stretched
-from myomorph.morph.morphed import CarriedPoint
+from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.transfer.carrier import Carrier, Carriers, few
+from myomorph.morph.transfer.moving_points import piece_about
 
 DEEPER = 3.0
 """A height above the surface that the map makes so many times what the bone's size makes of it is not kept."""
@@ -129,7 +130,7 @@ MIDDLE_SAMPLES = 21
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedPaths:
+class TransferredPaths:
     """Paths in other bones.
 
     Attributes
@@ -139,7 +140,7 @@ class CarriedPaths:
     """
 
     paths: tuple[Path, ...]
-    points: tuple[CarriedPoint, ...]
+    points: tuple[TransferredPoint, ...]
     notes: tuple[str, ...] = ()
 
 
@@ -159,9 +160,9 @@ class Setting:
     wraps: Mapping[str, tuple[WrapObject, WrapObject]]
 
 
-def carried_paths(
+def transferred_paths(
     owned: Iterable[tuple[str, Path]], carriers: Carriers, setting: Setting, within: float
-) -> CarriedPaths:
+) -> TransferredPaths:
     """Paths of muscles or ligaments, every point by the map of the body that it is fixed to.
 
     A moving point is carried by the affine map nearest around the middle of its way, which is exact where the bone's
@@ -177,7 +178,7 @@ def carried_paths(
     bodies = [point.body for _, path in owned for point in path.points]
     owners = [(name, point.name) for name, path in owned for point in path.points]
     notes: list[str] = []
-    carried = _carried_points(owners, bodies, np.array(places).reshape(-1, 3), carriers, within, notes)
+    carried = _transferred_points(owners, bodies, np.array(places).reshape(-1, 3), carriers, within, notes)
     paths, first = [], 0
     for name, path in owned:
         here = carried[first : first + len(path.points)]
@@ -188,18 +189,18 @@ def carried_paths(
         )
         tendon = tuple(_side(one, carriers, setting) for one in path.wraps if isinstance(one, TendonWrap))
         paths.append(replace(path, points=points, wraps=tendon or path.wraps))
-    return CarriedPaths(tuple(paths), tuple(carried), tuple(dict.fromkeys(notes)))
+    return TransferredPaths(tuple(paths), tuple(carried), tuple(dict.fromkeys(notes)))
 
 
-def _carried_points(
+def _transferred_points(
     owners: list[tuple[str, str]],
     bodies: list[str],
     places: Array,
     carriers: Carriers,
     within: float,
     notes: list[str],
-) -> list[CarriedPoint]:
-    found: dict[int, CarriedPoint] = {}
+) -> list[TransferredPoint]:
+    found: dict[int, TransferredPoint] = {}
     by_body: dict[str, list[int]] = {}
     for i, body in enumerate(bodies):
         by_body.setdefault(body, []).append(i)
@@ -210,7 +211,7 @@ def _carried_points(
             notes.append(f"the target's bone of '{body}' has no surface near where points of these belong: {shown}")
         for k, i in enumerate(here):
             depths = float(put.depth_source[k]), float(put.depth_target[k])
-            found[i] = CarriedPoint(
+            found[i] = TransferredPoint(
                 *owners[i], body, carriers[body].body, places[i], put.points[k], float(put.lifted[k]), *depths
             )
     return [found[i] for i in range(len(bodies))]
@@ -234,7 +235,7 @@ def _way(function: Function, coordinate: Coordinate | None) -> Array:
 
 def _point(
     point: PathPoint | MovingPathPoint,
-    to: CarriedPoint,
+    to: TransferredPoint,
     carrier: Carrier,
     setting: Setting,
     user: str,
@@ -311,13 +312,7 @@ def _pieces_at(function: PiecewisePolynomial, breaks: Array) -> Array:
         return function.coefficients
     piece = np.clip(np.searchsorted(function.breaks, breaks, side="right") - 1, 0, None)
     piece[0] = max(0, int(np.searchsorted(function.breaks, breaks[0], side="left")) - 1)
-    rows = []
-    for at, k in zip(breaks, piece, strict=True):
-        moved = np.polynomial.Polynomial(function.coefficients[k])(
-            np.polynomial.Polynomial([at - function.breaks[k], 1.0])
-        )
-        rows.append(np.pad(moved.coef, (0, function.coefficients.shape[1] - len(moved.coef))))
-    return np.array(rows)
+    return np.array([piece_about(function, k, at) for at, k in zip(breaks, piece, strict=True)])
 
 
 def _side(wrap: TendonWrap, carriers: Carriers, setting: Setting) -> TendonWrap:

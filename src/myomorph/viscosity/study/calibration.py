@@ -20,10 +20,10 @@ from myomorph.model.surface import Surface
 from myomorph.morph.registration.clusters import NamedCluster, find_balls, name_cluster
 from myomorph.morph.registration.place_clusters import (
     Picks,
-    PlacedBone,
+    ScannedBone,
     bone_surface,
-    place_bone,
     place_cluster_markers,
+    place_scanned_bone,
 )
 from myomorph.morph.registration.rigid import SurfaceOptions
 from myomorph.muscles.scaling import default_path_lengths
@@ -88,7 +88,7 @@ class ScannedModel:
     """
 
     model: Model
-    bones: tuple[PlacedBone, ...]
+    bones: tuple[ScannedBone, ...]
     clusters: tuple[NamedCluster, ...]
     notes: tuple[str, ...]
 
@@ -123,7 +123,9 @@ def model_from_scans(
             cluster = name_cluster(balls, scan.markers, distances, near)
         with about(scan.surface):
             picks = _picks(model, scan, points, factor)
-            bones.append(place_bone(scan.bone, scanned, _modelled(model, scan), cluster.centers, picks, options))
+            bones.append(
+                place_scanned_bone(scan.bone, scanned, _modelled(model, scan), cluster.centers, picks, options)
+            )
         clusters.append(cluster)
     placed = place_cluster_markers(model, bones, resize, default_path_lengths if model.muscles else None)
     notes = [line for bone in bones for line in bone.notes]

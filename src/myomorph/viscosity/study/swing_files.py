@@ -16,7 +16,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
-from myomorph.morph.registration.place_clusters import PlacedBone
+from myomorph.morph.registration.place_clusters import ScannedBone
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.residual_map import residual_map
 from myomorph.report.page.section import Figure
@@ -99,7 +99,7 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
     return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
 
 
-def _fit_told(one: PlacedBone) -> str:
+def _fit_told(one: ScannedBone) -> str:
     return f"95 % of its places within {1e3 * one.fit.percentile(95.0):.2f} mm; scale {one.scale:.3f}"
 
 
