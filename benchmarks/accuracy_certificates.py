@@ -27,12 +27,12 @@ from myomorph.tension.certificates import (
     open_bounds,
     optimality,
 )
-from myomorph.tension.contacts import ContactTask
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.relaxation import Relaxation, RelaxationOptions, relaxations
 from myomorph.tension.simplex import extremes
 from myomorph.tension.solved import solved_frames
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactTask
 
 Row = dict[str, object]
 
@@ -108,7 +108,7 @@ def measure_programs(folder: Path) -> Iterator[Row]:
         options = CertificateOptions()
         dense = solved_frames(problem, tension, frames)
         lower, upper = open_bounds(problem, dense, options)
-        columns = problem.contacts.columns if problem.contacts is not None else None
+        columns = problem.contacts.generators if problem.contacts is not None else None
         assert columns is not None
         names = tuple(dict.fromkeys(one.group for one in columns.sites))
         members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in names]

@@ -23,8 +23,8 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
 from myomorph.viscosity.coordinate_damping import coordinate_damping, turning
 from myomorph.viscosity.joint_bushing import joint_bushing
 from myomorph.viscosity.murai_tables import MEAN

@@ -24,10 +24,10 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import ContactIntervals, contact_intervals
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 HANDS = ("hand_r", "hand_l")
 WAYS = {

@@ -28,9 +28,9 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 FOLDER = "opencap-subject4-multitask"
 CUTOFF = 6.0

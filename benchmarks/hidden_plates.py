@@ -31,8 +31,8 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.trial.inputs import force_table
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
 GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"

@@ -23,10 +23,10 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.actuators import free_coordinates
 from myomorph.tension.dual import solve_separable
-from myomorph.tension.separable import Separable, no_links, no_wells
+from myomorph.tension.separable import Separable, no_links, no_penalties
 from myomorph.tension.solve import TensionOptions, tension_problem
+from myomorph.tension.terms.actuators import free_coordinates
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
             frames.values[part],
             frames.right[part],
             targets[part],
-            no_wells(n),
+            no_penalties(n),
             no_links(),
             np.zeros(rows),
             x[part],

@@ -32,9 +32,9 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.problem import Balance, TensionProblem
 from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
 RATE = 100.0

@@ -27,11 +27,11 @@ from myomorph.tension.certificates import (
     open_bounds,
     optimality,
 )
-from myomorph.tension.contacts import ContactOptions, ContactTask
-from myomorph.tension.emg import EmgTarget
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solved import solved_frames
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
 from standing import WEIGHT, block, legs, standing_still
 
 EXACT = CertificateOptions(residual=0.0, reserve=0.0)
@@ -175,7 +175,7 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
     frames = np.arange(0, len(motion), 7)
     dense = solved_frames(problem, tension, frames)
     lower, upper = open_bounds(problem, dense, options)
-    columns = problem.contacts.columns
+    columns = problem.contacts.generators
     members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in found.groups]
     functions = group_functions(problem, dense, members)
     for k, frame in enumerate(frames):

@@ -10,8 +10,8 @@ from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 
 @pytest.fixture(scope="module")

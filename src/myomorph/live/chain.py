@@ -16,10 +16,10 @@ from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
 from myomorph.motion.steady_pose import BLEND, SteadyKinematics
 from myomorph.rigid.online import OnlineDynamics
-from myomorph.tension.actuators import floating_joints
 from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame
 from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.actuators import floating_joints
 
 GAP = 0.1
 """Time without a sample of force after which forces are unknown [s]."""

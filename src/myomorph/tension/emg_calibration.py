@@ -16,14 +16,14 @@ from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_fa
 from myomorph.motion.emg_delay import Delays, find_delays, shifted
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactTask
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.emg import EmgTarget
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_wells import emg_wells
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.terms.contacts import ContactTask
+from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.term import added_up
 
 MOST_FRAMES = 300
 """About how many frames of all trials together the gains are fitted on, evenly spread."""
@@ -158,7 +158,7 @@ class _Piece:
         emg = EmgTarget(self._muscles, np.where(self._told, target, np.nan), "soft", self._weight)
         problem = self._problem
         variables = problem.separable
-        problem.wells = emg_wells(emg, problem.assembly.tree.model.muscle_names, len(variables.weight), len(target))
+        problem.penalties = added_up([emg.penalties(problem.unknowns)], problem.unknowns, len(variables.weight))
         x, _, _, _, status = problem.solved(self._given)
         good = status == OPTIMAL
         x = x[good]

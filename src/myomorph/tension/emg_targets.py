@@ -14,7 +14,7 @@ from myomorph.model.series import Emg
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.emg_delay import USUAL, DelayOptions
 from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, uncalibrated
-from myomorph.tension.emg import EmgTarget
+from myomorph.tension.terms.emg import EmgTarget
 
 
 @dataclass(frozen=True)

@@ -79,14 +79,14 @@ def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Ar
     def part(start: int, stop: int) -> None:
         for k in range(start, stop):
             values, right = (np.repeat(one[k][None], many, axis=0) for one in (solved.values, solved.b))
-            wells = np.array(solved.wells[k])[None]
+            penalties = np.array(solved.penalties[k])[None]
             status = np.empty(many, np.int8)
             solve_separable(
                 solved.shared._replace(lower=bounds[0][k].copy(), upper=bounds[1][k].copy()),
                 values,
                 right,
                 targets[k],
-                wells,
+                penalties,
                 no_links(),
                 np.zeros(right.shape[1]),
                 x[k],

@@ -71,8 +71,8 @@ class OnlineTension:
         self.rows = self._problem.assembly.rows
         shared, muscles = self._problem.separable, len(self.muscles)
         self.lower, self.upper = shared.lower[:muscles], shared.upper[:muscles]
-        self._optimal_forces = self._problem.assembly.optimal_forces
-        self._warm = np.zeros(len(self._problem.assembly.rows))
+        self._optimal_forces = self._problem.actuators.optimal_forces
+        self._warm = np.zeros(len(self._problem.assembly.pattern.order))
 
     def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
         """Share the torques of a frame among muscles.

@@ -31,9 +31,9 @@ from myomorph.rigid.forward import balancing_multipliers, forward_accelerations,
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.actuators import default_reserves
 
 On = Literal["child", "parent"]
 

@@ -1,4 +1,4 @@
-"""The separable problem as arrays: pattern of A, what all frames share, wells and links."""
+"""The separable problem as arrays: pattern of A, what all frames share, interval penalties and links."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def no_links() -> Links:
     return Links(0, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), 1.0, 0, 0.0)
 
 
-def no_wells(variables: int) -> Array:
-    """Nothing that pulls a variable anywhere, (1, 3, variables)."""
+def no_penalties(variables: int) -> Array:
+    """No interval penalty, (1, 3, variables)."""
     return np.zeros((1, 3, variables))
 
 

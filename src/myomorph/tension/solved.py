@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.tree import Tree
-from myomorph.tension.contact_columns import GRAVITY
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.separable import Separable
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.cones import GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedFrames:
     """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.
 
-    Variables are activations, controls, amplitudes of contacts' edges, and those of the rows that contacts add.
+    Unknowns are activations, controls, amplitudes of contacts, and others that terms bring in.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class SolvedFrames:
     A, b : (frames, rows, variables), (frames, rows)
     x : (frames, variables), NaN where a frame was not solved
     shared : weights, exponents and bounds of all frames
-    wells : (frames, 3, variables) as of `solve_separable`
+    penalties : (frames, 3, variables) as of `solve_separable`
     values : entries of A as `TensionProblem.balance` gives them
-    muscles, controls, edges : where activations, controls, and amplitudes end among the variables
+    muscles, controls, amplitudes : where activations, controls, and amplitudes end among the variables
     """
 
     frames: NDArray[np.int64]
@@ -37,41 +37,41 @@ class SolvedFrames:
     b: Array
     x: Array
     shared: Separable
-    wells: Array
+    penalties: Array
     values: Array
     muscles: int
     controls: int
-    edges: int
+    amplitudes: int
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def of(self, places: NDArray[np.int64]) -> SolvedFrames:
         """Some of these frames."""
-        parts = {name: getattr(self, name)[places] for name in ("frames", "A", "b", "x", "wells", "values")}
+        parts = {name: getattr(self, name)[places] for name in ("frames", "A", "b", "x", "penalties", "values")}
         return replace(self, **parts)
 
     def cost(self, x: Array) -> Array:
         """Cost (frames, ...) of variables (frames, ..., n), smoothness between frames apart."""
-        wells = self.wells.reshape(len(self), 3, *(1,) * (x.ndim - 2), x.shape[-1])
-        below, above = np.maximum(wells[:, 0] - x, 0.0), np.maximum(x - wells[:, 1], 0.0)
-        pulled = np.where(wells[:, 2] > 0.0, wells[:, 2] * (below**2 + above**2), 0.0)
+        penalties = self.penalties.reshape(len(self), 3, *(1,) * (x.ndim - 2), x.shape[-1])
+        below, above = np.maximum(penalties[:, 0] - x, 0.0), np.maximum(x - penalties[:, 1], 0.0)
+        pulled = np.where(penalties[:, 2] > 0.0, penalties[:, 2] * (below**2 + above**2), 0.0)
         total: Array = (self.shared.weight * np.abs(x) ** self.shared.exponent + pulled).sum(axis=-1)
         return total
 
     def slope(self, x: Array) -> Array:
         """Gradient of the cost, (frames, variables)."""
         w, p = self.shared.weight, self.shared.exponent
-        drawn = np.where(x < self.wells[:, 0], x - self.wells[:, 0], np.maximum(x - self.wells[:, 1], 0.0))
-        pulled = np.where(self.wells[:, 2] > 0.0, 2.0 * self.wells[:, 2] * drawn, 0.0)
+        drawn = np.where(x < self.penalties[:, 0], x - self.penalties[:, 0], np.maximum(x - self.penalties[:, 1], 0.0))
+        pulled = np.where(self.penalties[:, 2] > 0.0, 2.0 * self.penalties[:, 2] * drawn, 0.0)
         found: Array = p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
         return found
 
     def curvature(self, x: Array) -> Array:
         """Second derivatives of the cost, (frames, variables), above 0."""
         w, p = self.shared.weight, self.shared.exponent
-        outside = (x <= self.wells[:, 0]) | (x >= self.wells[:, 1])
-        pulled = np.where((self.wells[:, 2] > 0.0) & outside, 2.0 * self.wells[:, 2], 0.0)
+        outside = (x <= self.penalties[:, 0]) | (x >= self.penalties[:, 1])
+        pulled = np.where((self.penalties[:, 2] > 0.0) & outside, 2.0 * self.penalties[:, 2], 0.0)
         # With p other than 2 the curvature at 0 is 0 or infinite: taken a little beside it.
         found: Array = p * (p - 1.0) * w * np.maximum(np.abs(x), 1e-6) ** (p - 2.0) + pulled
         return found
@@ -85,7 +85,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     tension : what the problem found, of all its frames
     frames : (frames,) which ones
     """
-    shared, muscles = problem.separable, len(tension.muscles)
+    shared = problem.separable
     n = len(shared.weight)
     # A run of frames at once, others one by one.
     together = len(frames) > 0 and int(frames[-1] - frames[0]) == len(frames) - 1
@@ -94,18 +94,18 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     values, b = (np.concatenate([getattr(one, name) for one in given]) for name in ("values", "right"))
     A = np.zeros((len(frames), b.shape[1], n))
     A[:, shared.row, np.repeat(np.arange(n), np.diff(shared.start))] = values
-    x = np.zeros((len(frames), n))
+    muscles, first = len(tension.muscles), len(problem.unknowns)
     controls = muscles + tension.reserves.shape[1]
-    edges = controls + problem.amplitudes.shape[1]
+    # What the result says counts, and the unknowns of rows follow from the others.
+    x = np.concatenate([problem.x[frames, :first], np.zeros((len(frames), n - first))], axis=1)
     x[:, :muscles] = tension.activations[frames]
-    x[:, muscles:controls] = tension.reserves[frames] / problem.assembly.optimal_forces
-    x[:, controls:edges] = problem.amplitudes[frames]
-    if problem.contacts is not None:
+    x[:, muscles:controls] = tension.reserves[frames] / problem.actuators.optimal_forces
+    if problem.rows:
         left = np.einsum("frn,fn->fr", A, x) - b
-        x[:, edges:] = left[:, problem.assembly.extra_row] / problem.contacts.extra.unit
-    wells = problem.wells[frames]
-    wells = np.broadcast_to(wells, (len(frames), 3, n))
-    return SolvedFrames(frames, A, b, x, shared, wells, values, muscles, controls, edges)
+        x[:, first:] = left[:, problem.assembly.extra_row] / np.concatenate([one.unit for one in problem.rows])
+    penalties = np.broadcast_to(problem.penalties[frames], (len(frames), 3, n))
+    amplitudes = controls + problem.amplitudes.shape[1]
+    return SolvedFrames(frames, A, b, x, shared, penalties, values, muscles, controls, amplitudes)
 
 
 def subject_weight(tree: Tree, body: str) -> float:

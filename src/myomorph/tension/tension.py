@@ -11,8 +11,10 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData
 from myomorph.muscles.hill import Convention
-from myomorph.tension.actuators import RESIDUAL
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
+
+RESERVE, RESIDUAL = "reserve_", "residual_"
+"""With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
 
 
 @dataclass(frozen=True)

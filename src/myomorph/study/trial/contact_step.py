@@ -23,7 +23,7 @@ from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.study.trial.contact_file import FOREVER, ContactPlan
 from myomorph.study.trial.sound_plan import heard_contacts
 from myomorph.study.trial.stairs_file import Stairs, stairs_contacts
-from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
 

@@ -355,7 +355,7 @@ def contact_parts(files: FileTake, settings: Settings, model: Model) -> dict[str
     parts: dict[str, Any] = {}
     if files.contacts:
         from myomorph.study.trial.contact_file import read_contacts
-        from myomorph.tension.contacts import ContactOptions
+        from myomorph.tension.terms.contacts import ContactOptions
 
         parts["contacts"] = read_contacts(files.contacts, model, files.measured)
         parts["contact_options"] = with_settings(ContactOptions(), given)

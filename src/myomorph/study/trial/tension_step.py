@@ -22,11 +22,11 @@ from myomorph.study.trial.emg_step import EMG_TABLE, ToldByEmg, emg_takes_part, 
 from myomorph.study.trial.motion_steps import solve_dynamics
 from myomorph.study.trial.step_tables import torque_table
 from myomorph.study.trial.take import Found, Take
-from myomorph.tension.actuators import default_reserves
-from myomorph.tension.contacts import ContactOptions
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
+from myomorph.tension.terms.contacts import ContactOptions
 
 if TYPE_CHECKING:
     from myomorph.report.trial.given import Situation
