@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from benchmarks.accuracy_hidden_plates import LOADED
 from benchmarks.accuracy_pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
-from myomorph.contact.strengths import leans
+from myomorph.contact.states import leans
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
-from myomorph.contact.paws_on_steps import paws_on_steps, stair_wrenches
+from myomorph.contact.feet_on_steps import paws_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site

@@ -10,12 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
-from myomorph.contact.held_objects import find_holds, needed_wrench
-from myomorph.contact.raised import raised_contacts
+from myomorph.contact.held_objects import find_holds, needed_wrench, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, strengths
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions

@@ -13,8 +13,7 @@ import numpy as np
 from myomorph.contact.shared import assign_feet
 from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts, steady
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, steady, strengths
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model

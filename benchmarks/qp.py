@@ -126,7 +126,7 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
     count, n = len(frames.values), len(frames.separable.weight)
     rows = frames.right.shape[1]
     x, y = np.empty((count, n)), np.empty((count, rows))
-    imbalance, iterations, status = np.empty(count), np.empty(count, np.int64), np.empty(count, np.int8)
+    residual, iterations, status = np.empty(count), np.empty(count, np.int64), np.empty(count, np.int8)
     targets = np.zeros((count, n))
     parts = [slice(0, count)] if warm else [slice(k, k + 1) for k in range(count)]
     for part in parts:
@@ -140,7 +140,7 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
             np.zeros(rows),
             x[part],
             y[part],
-            imbalance[part],
+            residual[part],
             iterations[part],
             status[part],
         )

@@ -19,8 +19,7 @@ from benchmarks.qp import QuadraticFrames, by_clarabel, by_dual, by_piqp, by_pro
 from benchmarks.size import simulated
 from benchmarks.timing import alternate
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import find_contacts, strengths
 from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc

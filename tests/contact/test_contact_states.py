@@ -12,13 +12,16 @@ from measured_walk import measured_walk
 from myomorph.contact.site_motion import SiteMotion, floor_under, site_motion
 from myomorph.contact.states import (
     ContactStateOptions,
+    StrengthOptions,
     by_kinematics,
+    fade,
     find_contacts,
     hysteresis,
+    leans,
     merge_contacts,
     steady,
+    strengths,
 )
-from myomorph.contact.strengths import StrengthOptions, fade, leans, strengths
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.paws_on_steps import paws_on_steps, shared_stairs, stair_wrenches
+from myomorph.contact.feet_on_steps import paws_on_steps, shared_stairs, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, StairOptions, Step, loadings, step_loads
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData

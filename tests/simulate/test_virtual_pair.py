@@ -25,8 +25,8 @@ from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import GRIP, Build, marker_points, segments
 from myomorph.simulate.mat import LAPEL, PARTS, compile_pair, fighter_text
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
-from myomorph.tension.parts import tension_of
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import tension_of
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 

@@ -251,7 +251,7 @@ def test_a_frame_that_contacts_cannot_carry_is_marked_and_the_rest_goes_on(walke
             "not converged": 0,
             "missing input": 0,
         }
-        assert found.imbalance[4] > 100.0
+        assert found.equilibrium_residual[4] > 100.0
 
 
 def test_missing_coordinates_do_not_spread(walker):

@@ -25,7 +25,7 @@ def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lo
 
 
 def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=None, penalties=None):
-    """Frames (torques (frames, rows)) through the kernel: x, status, imbalance, multipliers, iterations."""
+    """Frames (torques (frames, rows)) through the kernel: x, status, residual, multipliers, iterations."""
     torques = np.atleast_2d(torques)
     rows, columns = np.nonzero(directions)
     shape = pattern(rows, columns, directions.shape)
@@ -35,15 +35,15 @@ def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=No
     values = np.empty((frames, len(rows)))
     values[:, shape.place] = directions[rows, columns]
     x, y = np.empty((frames, count)), np.empty((frames, n))
-    imbalance, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
+    residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
     targets = np.zeros((frames, count)) if targets is None else targets
     right = np.ascontiguousarray(torques[:, shape.order])
     penalties = no_penalties(count) if penalties is None else penalties
     warm = np.zeros(n)
-    solve_separable(fixed, values, right, targets, penalties, no_links(), warm, x, y, imbalance, iterations, status)
+    solve_separable(fixed, values, right, targets, penalties, no_links(), warm, x, y, residual, iterations, status)
     multipliers = np.empty_like(y)
     multipliers[:, shape.order] = y
-    return x, status, imbalance, multipliers, iterations
+    return x, status, residual, multipliers, iterations
 
 
 @pytest.mark.parametrize("reserve", [0.0, 1.0, 50.0])
@@ -52,7 +52,7 @@ def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
     piqp = pytest.importorskip("piqp")
     for seed in range(6):
         directions, low, high, torques = muscles(seed, reserve=reserve, lower=lower)
-        x, status, imbalance, _, _ = solve(directions, low, high, torques)
+        x, status, residual, _, _ = solve(directions, low, high, torques)
         solver = piqp.DenseSolver()
         solver.settings.eps_abs = solver.settings.eps_rel = 1e-12
         count = len(low)
@@ -60,7 +60,7 @@ def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
         solver.setup(H, np.zeros(count), np.asfortranarray(directions), torques, None, None, None, low, high)
         assert solver.solve() == piqp.PIQP_SOLVED
         assert status[0] == OPTIMAL
-        assert imbalance[0] < 1e-6
+        assert residual[0] < 1e-6
         np.testing.assert_allclose(x[0], solver.result.x, atol=1e-6)
 
 
@@ -73,11 +73,11 @@ def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
 def test_the_conditions_of_an_optimum_hold_for_any_exponent(seed, exponent, reserve):
     directions, low, high, torques = muscles(seed, rows=8, count=30, reserve=reserve)
     weights = np.random.default_rng(seed).uniform(0.2, 5.0, len(low))
-    x, status, imbalance, y, _ = solve(directions, low, high, torques, exponent, weights)
+    x, status, residual, y, _ = solve(directions, low, high, torques, exponent, weights)
     assert status[0] == OPTIMAL
     scale = 1.0 + np.abs(torques).max()
-    assert np.abs(directions @ x[0] - torques).max() == pytest.approx(imbalance[0], abs=1e-9)
-    assert imbalance[0] < 1e-8 * scale
+    assert np.abs(directions @ x[0] - torques).max() == pytest.approx(residual[0], abs=1e-9)
+    assert residual[0] < 1e-8 * scale
     assert np.all(x[0] >= low)
     assert np.all(x[0] <= high)
     slope = weights * exponent * np.sign(x[0]) * np.abs(x[0]) ** (exponent - 1.0)
@@ -100,9 +100,9 @@ def test_torques_beyond_all_strength_are_called_infeasible_and_missed_least():
     from scipy.optimize import lsq_linear
 
     directions, low, high, torques = muscles(1, reserve=0.0)
-    x, status, imbalance, _, _ = solve(directions, low, high, 4.0 * torques)
+    x, status, residual, _, _ = solve(directions, low, high, 4.0 * torques)
     assert status[0] == INFEASIBLE
-    assert imbalance[0] > 10.0
+    assert residual[0] > 10.0
     least = lsq_linear(directions, 4.0 * torques, (low, high)).x
     missed = np.linalg.norm(directions @ x[0] - 4.0 * torques)
     assert missed < 1.1 * np.linalg.norm(directions @ least - 4.0 * torques)
@@ -113,10 +113,10 @@ def test_frames_with_missing_input_are_marked_and_do_not_spread():
     frames = np.tile(torques, (4, 1))
     frames[1, 3] = np.nan
     frames[2, 0] = np.inf
-    x, status, imbalance, _, _ = solve(directions, low, high, frames)
+    x, status, residual, _, _ = solve(directions, low, high, frames)
     np.testing.assert_array_equal(status, [OPTIMAL, MISSING, MISSING, OPTIMAL])
     assert np.all(np.isnan(x[1:3]))
-    assert np.all(np.isnan(imbalance[1:3]))
+    assert np.all(np.isnan(residual[1:3]))
     np.testing.assert_allclose(x[3], x[0], atol=1e-9)
 
 

@@ -9,7 +9,7 @@ from walking import task, walk
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
 from myomorph.tension.terms.emg import EmgTarget
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from measured_walk import measured_walk
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, strengths
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.solve import solve_tension

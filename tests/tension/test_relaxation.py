@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import find_contacts, strengths
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, Site

@@ -23,7 +23,7 @@ from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.store.settings import Differentiation, EmgUse, Measured, Side, TensionTables
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.solve import Tension, TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
 

@@ -22,7 +22,7 @@ from myomorph.store.settings import Differentiation, ReportOptions
 from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.run_take import run_take
 from myomorph.study.trial.take import CHAIN, Take
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_calibration import EmgOptions
 
 CUTOFF = 6.0
 """Low-pass of motion and of the true forces [Hz]."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.contact.online_feet import OnlineFeet
+from myomorph.contact.assign import OnlineFeet
 from myomorph.live.sources import Source
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData

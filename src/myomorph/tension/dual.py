@@ -18,13 +18,13 @@ import numpy as np
 from numba import njit
 
 from myomorph.rigid.vectors import inner
-from myomorph.tension.cholesky import back_substitute, factorize
+from myomorph.tension.separable import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
 STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 
 TOLERANCE = 1e-9
-"""Imbalance, relative to 1 + max |b|, at which a frame is solved."""
+"""Equilibrium residual, relative to 1 + max |b|, at which a frame is solved."""
 
 PATIENCE = 25
 """Passes over linked frames without a new least change, after which they are no longer over-relaxed."""
@@ -236,7 +236,7 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
 
 @inner
 def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row, M):
-    """One frame from the multipliers y: imbalance, iterations and status; x and y are filled.
+    """One frame from the multipliers y: equilibrium residual, iterations and status; x and y are filled.
 
     A frame that the plain iteration does not settle is solved again with a large slack that then
     shrinks; where no slack can be small, the frame is infeasible and x misses the balance least.
@@ -285,7 +285,7 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
             if k == 0:
                 y[j] = 0.0
         if k > 0:
-            # Less slack, but the same imbalance: nothing is left that could take it.
+            # Less slack, but the same residual: nothing is left that could take it.
             stuck = settled and worst > 0.5 * before
             before = worst
         k, most = k + 1, 150
@@ -313,7 +313,7 @@ def _drawn(S, links, frame, status, penalties, penalty):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, imbalance, iterations, status):
+def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, residual, iterations, status):
     """Solve frame after frame, each starting from the multipliers of the one before.
 
     Where frames are linked, the solution of each alone is where passes over all of them begin, each frame given
@@ -328,7 +328,7 @@ def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, i
     penalties : (1 or frames, 3, variables) l, h and k; a k of 0 leaves l and h unread
     warm : (rows,) multipliers to begin with, zero for none; afterwards those of the last frame
     x, y : (frames, variables), (frames, rows) filled with the solution and its multipliers
-    imbalance, iterations, status : (frames,) filled; imbalance is max |b - A x|
+    residual, iterations, status : (frames,) filled; the equilibrium residual is max |b - A x|
     """
     frames, n, variables = balance.shape[0], balance.shape[1], x.shape[1]
     M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((5, n))
@@ -356,7 +356,7 @@ def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, i
             else:
                 continue
             if sweep < 2 or drift[frame] > 0.1 * links.tolerance:
-                imbalance[frame], more, status[frame] = _solve_frame(
+                residual[frame], more, status[frame] = _solve_frame(
                     S,
                     values[frame],
                     balance[frame],

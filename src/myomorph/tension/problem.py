@@ -286,7 +286,7 @@ class TensionProblem:
             reserves=controls * self.actuators.optimal_forces,
             coordinates=self.assembly.rows,
             torques=self._balanced,
-            imbalance=self._residual,
+            equilibrium_residual=self._residual,
             status=self._status,
             iterations=self._iterations,
             lower=self.muscles.lower,

@@ -21,8 +21,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.tension.dual import MISSING
 from myomorph.tension.problem import TensionProblem
-from myomorph.tension.relaxation_program import Roots, smallest_relaxation
-from myomorph.tension.relaxation_words import Allowance, what_lacks, what_would_do
+from myomorph.tension.relaxation_program import Allowance, Roots, smallest_relaxation, what_lacks, what_would_do
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import floating_joints
 

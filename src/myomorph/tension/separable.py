@@ -1,4 +1,4 @@
-"""The separable problem as arrays: pattern of A, what all frames share, interval penalties and links."""
+"""The separable problem as arrays: pattern of A, what all frames share, links, and Cholesky factors in an envelope."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from myomorph.model.arrays import Array
+from myomorph.rigid.vectors import inner
 
 
 class Separable(NamedTuple):
@@ -105,3 +107,34 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
     place[sorted_entries] = np.arange(len(rows))
     start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(np.int64)
     return Pattern(start, rank[rows][sorted_entries], first, order, place)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def factorize(M, first, floor):
+    """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
+    n = M.shape[0]
+    for i in range(n):
+        for j in range(first[i], i):
+            total = M[i, j]
+            for k in range(max(first[i], first[j]), j):
+                total -= M[i, k] * M[j, k]
+            M[i, j] = total / M[j, j]
+        total = M[i, i]
+        for k in range(first[i], i):
+            total -= M[i, k] * M[i, k]
+        M[i, i] = np.sqrt(max(total, floor[i]))
+
+
+@inner
+def back_substitute(M, first, z):
+    """Solve with the factor M, in place of z."""
+    n = M.shape[0]
+    for i in range(n):
+        total = z[i]
+        for k in range(first[i], i):
+            total -= M[i, k] * z[k]
+        z[i] = total / M[i, i]
+    for i in range(n - 1, -1, -1):
+        z[i] /= M[i, i]
+        for k in range(first[i], i):
+            z[k] -= M[i, k] * z[i]

@@ -119,5 +119,5 @@ def _sequential(
         contacts=found.contacts,
         status=worst,
         iterations=found.iterations + tension.iterations,
-        imbalance=np.maximum(found.imbalance, tension.imbalance),
+        equilibrium_residual=np.maximum(found.equilibrium_residual, tension.equilibrium_residual),
     )

@@ -37,7 +37,7 @@ def step_options() -> dict[str, tuple[type, ...]]:
     from myomorph.motion.crossings import CrossingOptions
     from myomorph.motion.envelope import EnvelopeOptions
     from myomorph.motion.ik import InverseKinematicsOptions
-    from myomorph.tension.emg_targets import EmgOptions
+    from myomorph.tension.emg_calibration import EmgOptions
     from myomorph.tension.solve import TensionOptions
     from myomorph.tension.terms.contacts import ContactOptions
 

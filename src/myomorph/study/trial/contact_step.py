@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.held_objects import find_holds
-from myomorph.contact.paws_on_steps import shared_stairs
-from myomorph.contact.raised import raised_contacts
+from myomorph.contact.feet_on_steps import shared_stairs
+from myomorph.contact.held_objects import find_holds, raised_contacts
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, strengths
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError

@@ -13,8 +13,7 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.motion.emg_gain import EmgCalibration
 from myomorph.study.trial.take import Take
-from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.solve import TensionOptions
 from myomorph.tension.terms.contacts import ContactTask
 from myomorph.tension.terms.emg import EmgTarget

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, FiniteFloat
 
-from myomorph.contact.paws_on_steps import PawsOnSteps, Unmeasured, paws_on_steps, stair_wrenches
+from myomorph.contact.feet_on_steps import PawsOnSteps, Unmeasured, paws_on_steps, stair_wrenches
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.stairs import StairOptions, Step, StepLoads, step_loads
 from myomorph.io.channels import read_channels

@@ -20,7 +20,7 @@ from myomorph.store.settings import Differentiation, EmgUse, ReportOptions, Tens
 if TYPE_CHECKING:
     from myomorph.model.contacts import Contacts
     from myomorph.study.trial.contact_file import ContactPlan
-    from myomorph.tension.emg_targets import EmgOptions
+    from myomorph.tension.emg_calibration import EmgOptions
     from myomorph.tension.solve import Tension, TensionOptions
     from myomorph.tension.terms.contacts import ContactOptions
 

@@ -360,7 +360,7 @@ def contact_parts(files: FileTake, settings: Settings, model: Model) -> dict[str
         parts["contacts"] = read_contacts(files.contacts, model, files.measured)
         parts["contact_options"] = with_settings(ContactOptions(), given)
     if files.emg is not None:
-        from myomorph.tension.emg_targets import EmgOptions
+        from myomorph.tension.emg_calibration import EmgOptions
 
         parts["emg_options"] = with_settings(EmgOptions(), given)
     return parts
