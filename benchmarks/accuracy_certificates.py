@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from benchmarks.accuracy_hidden_plates import LOADED
 from benchmarks.accuracy_pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
-from myomorph.contact.states import leans
+from myomorph.contact.states import preferred_directions
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
@@ -52,7 +52,9 @@ def solved(
     hidden: Hidden, change: Callable[[ContactTask], ContactTask] = lambda task: task
 ) -> tuple[TensionProblem, Tension]:
     """The problem of a recording with its plates hidden, all settings defaults, solved."""
-    task = ContactTask(hidden.sites, hidden.strengths, leans=leans(hidden.model, hidden.motion, hidden.sites))
+    task = ContactTask(
+        hidden.sites, hidden.strengths, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
+    )
     torques = inverse_dynamics(hidden.model, hidden.motion)
     problem, names = tension_problem(hidden.model, hidden.motion, torques, contacts=change(task))
     over_frames(problem.solve, len(hidden.motion), None, problem.window)
@@ -256,7 +258,7 @@ def _with_cone(task: ContactTask, foot: str, **change: float) -> ContactTask:
         replace(one, cone=replace(one.cone, **change)) if one.group == foot else one  # type: ignore[arg-type]
         for one in task.sites
     )
-    return replace(task, sites=sites, leans=None)
+    return replace(task, sites=sites, preferred=None)
 
 
 Lacking = Callable[[np.ndarray, np.ndarray], np.ndarray]

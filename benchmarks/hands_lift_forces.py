@@ -13,7 +13,13 @@ from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
 from myomorph.contact.held_objects import find_holds, needed_wrench, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    strengths,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
@@ -125,7 +131,7 @@ def soles_of(model: Model, motion: Motion) -> tuple[tuple[Site, ...], Array, Arr
     feet, floor = rest_on_floor(model, motion, foot_sites(model))
     touches = find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
     ready = strengths(model, motion, feet, touches, StrengthOptions(floor=floor.height))
-    return feet, np.array(ready.values), leans(model, motion, feet)
+    return feet, np.array(ready.values), preferred_directions(model, motion, feet)
 
 
 @lru_cache(maxsize=16)

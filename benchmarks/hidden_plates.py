@@ -13,7 +13,14 @@ import numpy as np
 from myomorph.contact.shared import assign_feet
 from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, steady, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    steady,
+    strengths,
+)
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.io.loads import read_external_loads
 from myomorph.io.models import read_model
@@ -250,7 +257,7 @@ def estimated(
         ready or hidden.strengths,
         shared,
         ContactOptions(formulation=formulation),
-        leans(hidden.model, hidden.motion, hidden.sites),
+        preferred_directions(hidden.model, hidden.motion, hidden.sites),
     )
     torques = inverse_dynamics(hidden.model, hidden.motion, known)
     return solve_tension(hidden.model, hidden.motion, torques, contacts=task)

@@ -17,8 +17,8 @@ from myomorph.contact.states import (
     fade,
     find_contacts,
     hysteresis,
-    leans,
     merge_contacts,
+    preferred_directions,
     steady,
     strengths,
 )
@@ -226,7 +226,7 @@ def test_forces_lean_to_a_point_above_the_center_of_mass(walk):
     """All lines through the sites along their leaning forces meet in one point."""
     model, motion, sites, _, _ = walk
     frame = 60
-    way = leans(model, motion, sites, 0.3)[frame] + np.array([0.0, 1.0, 0.0])
+    way = preferred_directions(model, motion, sites, 0.3)[frame] + np.array([0.0, 1.0, 0.0])
     moving = site_motion(model, motion, sites)
     points = moving.places[frame]
     across = np.stack([np.eye(3) - np.outer(one, one) / (one @ one) for one in way])

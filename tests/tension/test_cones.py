@@ -134,12 +134,12 @@ def test_a_force_along_the_direction_costs_its_square_however_it_is_divided(data
 
 @pytest.mark.parametrize("torsion", [0.0, 0.02])
 @pytest.mark.parametrize("points", [1, 3])
-def test_a_force_that_leans_as_wanted_costs_least_and_no_more(data, torsion, points):
+def test_a_force_along_the_preferred_direction_costs_least_and_no_more(data, torsion, points):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model, 1)
     site = Site("sole", "calcn_r", FOOT[:points], Cone(torsion=torsion))
     lean = np.array([0.15, 0.0, -0.1])
-    task = ContactTask((site,), full(motion, [site]), leans=lean[None, None])
+    task = ContactTask((site,), full(motion, [site]), preferred=lean[None, None])
     terms = ContactTerm(compile_tree(model), motion.time, task)
     columns, size = terms.generators, terms.amounts[0] / terms.generators.weight[0]
     # min sum c z^2 with a force of 1 along the direction: z = size / c, scaled.

@@ -18,6 +18,7 @@ from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.motion.sync import refuse_other_times
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -177,11 +178,7 @@ def by_plates(
     BadData : the plates' times are not the motion's
     """
     options = options or ContactStateOptions()
-    if len(plates) != len(moving.time) or np.max(np.abs(plates.time - moving.time), initial=0.0) > 1e-6:
-        raise BadData(
-            f"forces of plates have {len(plates)} frames, the motion {len(moving.time)}: resample them to its times "
-            "first"
-        )
+    refuse_other_times("forces of plates", plates.time, moving.time)
     names = tuple(one.name for one in sites)
     groups = tuple(dict.fromkeys(one.group for one in sites))
     weight = model.weight
@@ -321,11 +318,11 @@ def strengths(
     return Series(motion.time, names, values)
 
 
-def leans(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT) -> Array:
-    """Which way forces at sites on the ground lean most readily: to a pivot above the subject's center of mass.
+def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT) -> Array:
+    """Preferred directions of forces at sites on the ground: to a pivot above the subject's center of mass.
 
     What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground forces meet
-    near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a force that leans to it costs
+    near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a force towards it costs
     least.
 
     Parameters

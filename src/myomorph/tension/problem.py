@@ -13,6 +13,7 @@ from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
+from myomorph.motion.sync import refuse_other_times
 from myomorph.muscles.passive import joint_forces
 from myomorph.rigid.closed_motion import loop_slopes, refuse_open
 from myomorph.rigid.dynamics import rates_of
@@ -75,11 +76,7 @@ def tension_problem(
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
-    if len(torques) != len(motion) or np.max(np.abs(torques.time - motion.time), initial=0.0) > 1e-6:
-        raise BadData(
-            f"torques have {len(torques)} frames from {torques.time[:1]} s, the motion {len(motion)} from "
-            f"{motion.time[:1]} s: both must have the same times"
-        )
+    refuse_other_times("torques", torques.time, motion.time)
     needed = set(free_coordinates(tree.model))
     columns = {name: i for i, name in enumerate(torques.names)}
     found = np.zeros((len(motion), len(tree.model.coordinates)))

@@ -12,7 +12,13 @@ from myomorph.contact.held_objects import find_holds, raised_contacts
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, leans, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    strengths,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError
@@ -99,7 +105,7 @@ def set_contacts(
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.blows if exact is None else _beside(exact, heard.blows)
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
-    task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
+    task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
 
 
@@ -119,7 +125,9 @@ def _on_stairs(
         ready = without_measured(model, ready, paws.sites, exact)
         pairs = ((step.name, site.body) for step in paws.steps for site in paws.sites)
         known = {step for step, body in pairs if f"{step}_{body}" in exact.names}
-    task = ContactTask(paws.sites, ready, shared_stairs(paws, known), options, leans(model, motion, paws.sites))
+    task = ContactTask(
+        paws.sites, ready, shared_stairs(paws, known), options, preferred_directions(model, motion, paws.sites)
+    )
     return ContactSetting(task, contacts, exact, paws.notes)
 
 

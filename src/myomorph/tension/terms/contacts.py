@@ -20,6 +20,7 @@ from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND
 from myomorph.model.series import Series
+from myomorph.motion.sync import refuse_other_times
 from myomorph.rigid.tree import Tree
 from myomorph.tension.terms.cones import ConeGenerators, compile_cones
 from myomorph.tension.terms.term import Columns, Frames, Smoothing, Term, Unknowns, Variables
@@ -67,7 +68,7 @@ class ContactTask:
     strengths : (frames, sites) in 0..1 at the motion's times: 0 for no contact, between for a contact that
         is only beginning, or not sure
     measured : forces known for some sites together
-    leans : (frames, sites, 3) in ground: force across a cone's direction, per force along it, that costs least;
+    preferred : (frames, sites, 3) in ground: force across a cone's direction, per force along it, that costs least;
         None for a force along the direction. Of cones whose direction is fixed in ground
     """
 
@@ -75,12 +76,13 @@ class ContactTask:
     strengths: Series
     measured: tuple[SharedWrench, ...] = ()
     options: ContactOptions = field(default_factory=ContactOptions)
-    leans: Array | None = None
+    preferred: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", tuple(self.sites))
-        if self.leans is not None:
-            object.__setattr__(self, "leans", frozen_array(self.leans, (len(self.strengths), len(self.sites), 3)))
+        if self.preferred is not None:
+            shape = (len(self.strengths), len(self.sites), 3)
+            object.__setattr__(self, "preferred", frozen_array(self.preferred, shape))
         names = tuple(one.name for one in self.sites)
         if self.strengths.names != names:
             raise BadData(f"strengths are of the sites {self.strengths.names}, but the contacts have {names}")
@@ -205,11 +207,7 @@ class ContactTerm(Term):
 
 def _refuse_unfit(time: Array, task: ContactTask) -> None:
     strengths = task.strengths
-    if len(strengths) != len(time) or np.max(np.abs(strengths.time - time), initial=0.0) > 1e-6:
-        raise BadData(
-            f"strengths of contacts have {len(strengths)} frames from {strengths.time[:1]} s, the motion {len(time)} "
-            f"from {time[:1]} s: both must have the same times"
-        )
+    refuse_other_times("strengths of contacts", strengths.time, time)
     if not np.all((strengths.values >= 0.0) & (strengths.values <= 1.0)):
         frame, site = np.argwhere(~((strengths.values >= 0.0) & (strengths.values <= 1.0)))[0]
         raise BadData(
@@ -229,7 +227,7 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
     which do not lean, share the force, the others lean the more. The cone stays as it is.
     """
     shares = np.ones((len(task.strengths), len(generators)))
-    if task.leans is None:
+    if task.preferred is None:
         return shares
     for k, site in enumerate(task.sites):
         cone = site.cone
@@ -237,7 +235,7 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
             continue
         own = np.flatnonzero((generators.site == k) & (generators.normal != 0.0))
         across = (generators.arrays.push[own] - cone.direction) / cone.friction
-        lean = np.nan_to_num(task.leans[:, k]) * len(own) / np.any(np.abs(across) > 1e-12, axis=1).sum()
+        lean = np.nan_to_num(task.preferred[:, k]) * len(own) / np.any(np.abs(across) > 1e-12, axis=1).sum()
         size = np.linalg.norm(lean, axis=1, keepdims=True)
         lean = lean * np.minimum(1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12))
         shares[:, own] = 1.0 + 2.0 / cone.friction * lean @ across.T
