@@ -22,9 +22,9 @@ from myomorph.contact.states import (
     strengths,
 )
 from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.contacts import Contacts, SharedWrench, Site

@@ -23,9 +23,7 @@ def test_it_moves_along_with_the_root() -> None:
     for name, by in zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), shift, strict=True):
         shifted[:, movement.names.index(name)] += by
     there = centroid(body, Motion(movement.time, movement.names, shifted)).values
-    assert there - centroid(body, movement).values == pytest.approx(
-        np.tile(shift, (len(movement), 1)), abs=1e-12
-    )
+    assert there - centroid(body, movement).values == pytest.approx(np.tile(shift, (len(movement), 1)), abs=1e-12)
 
 
 def test_a_frame_without_a_pose_has_none() -> None:

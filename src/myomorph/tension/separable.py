@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from myomorph.model.arrays import Array
-from myomorph.rigid.vectors import inner
+from myomorph.rigid.kernels import inner
 
 
 class Separable(NamedTuple):
@@ -109,7 +108,7 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
     return Pattern(start, rank[rows][sorted_entries], first, order, place)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@inner(fastmath={"reassoc", "contract"})
 def factorize(M, first, floor):
     """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
     n = M.shape[0]
