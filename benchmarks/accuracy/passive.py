@@ -24,8 +24,8 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
 from myomorph.viscosity.cohort import MEAN
 from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
 from myomorph.viscosity.specimen.muscles import fig1_muscles

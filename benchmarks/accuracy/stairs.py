@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
-from myomorph.contact.paws_on_steps import paws_on_steps, stair_wrenches
+from myomorph.contact.feet_on_steps import feet_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
@@ -159,7 +159,7 @@ def recovered(made: Climb, axes: int, read: Series, away: float = 0.0, given: Ar
     loads = step_loads(steps, read, made.model.weight)
     shift = away / np.sqrt(3.0) * np.ones(3)
     sites = tuple(replace(one, points=one.points + shift) for one in made.sites)
-    return stair_wrenches(paws_on_steps(made.model, made.motion, sites, loads), "zero")[0]
+    return stair_wrenches(feet_on_steps(made.model, made.motion, sites, loads), "zero")[0]
 
 
 def measure(folder: Path) -> Iterator[Row]:

@@ -23,7 +23,7 @@ from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import REPORT, STEPS, large_variables
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_calibration import EmgOptions
 
 CUTOFF = 6.0
 """Low-pass of motion and of the true forces [Hz]."""

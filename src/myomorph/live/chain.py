@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.contact.online_feet import OnlineFeet
+from myomorph.contact.assign import OnlineFeet
 from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
 from myomorph.model.arrays import Array
@@ -18,10 +18,10 @@ from myomorph.motion.measurements import default_markers
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.steady_pose import BLEND, SteadyFrame, SteadyKinematics
 from myomorph.rigid.online import OnlineDynamics
-from myomorph.tension.actuators import floating_joints
 from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame
 from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.actuators import floating_joints
 
 KEPT = 2.0
 """Forces that no frame has asked for are kept so long [s]."""

@@ -190,7 +190,7 @@ class LiveRecord:
         row[part["torques"]], row[part["activations"]] = frame.torques, shared.activations
         row[part["forces"]], row[part["reserves"]] = shared.forces, shared.reserves
         row[part["balanced"]], row[part["wrenches"]] = shared.balanced, frame.wrenches.ravel()
-        row[part["imbalance"]], row[part["status"]] = shared.imbalance, shared.status
+        row[part["imbalance"]], row[part["status"]] = shared.equilibrium_residual, shared.status
         row[part["error"]], row[part["seen"]], row[part["owed"]] = frame.error, frame.seen, frame.owed
         self._filled += 1
         if self._filled == BLOCK:
@@ -280,7 +280,7 @@ class LiveRecord:
             reserves=np.array(rows[:, part["reserves"]]),
             coordinates=solver.rows,
             torques=np.array(rows[:, part["balanced"]]),
-            imbalance=np.array(rows[:, part["imbalance"]][:, 0]),
+            equilibrium_residual=np.array(rows[:, part["imbalance"]][:, 0]),
             status=rows[:, part["status"]][:, 0].astype(np.int8),
             iterations=np.zeros(len(rows), np.int64),
             lower=np.array(solver.lower),

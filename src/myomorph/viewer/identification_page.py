@@ -16,7 +16,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from myomorph.analysis.segment_words import plain_words, segment_words
+from myomorph.analysis.presets import plain_words, segment_words
 from myomorph.identify.online import OnlineState
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model

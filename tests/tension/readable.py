@@ -1,27 +1,27 @@
-"""Terms of the tension problem, and the one problem they add up to.
+"""One frame of the tension problem as a quadratic program with full matrices, for solvers that know nothing of ours.
 
     minimise  1/2 x^T H x + c^T x   subject to  A x = b,  G x <= h,  lower <= x <= upper
 
-A cost term gives (H, c), a constraint gives (A, b) or (G, h); a new term is a new function here
-or in a file of its own, and nothing else changes. Diagonal H is kept as a vector: without
-inequalities the problem then separates, and the solver of `myomorph.tension.dual` takes it.
+Where the package adds unknowns to stay separable (`terms.measured`, `terms.emg`), this form has full cost matrices and
+inequalities; both have one solution. Smoothness between frames has no place in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+import piqp
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone
-from myomorph.model.errors import BadData
-from myomorph.tension.contact_columns import tangents
-from myomorph.tension.dual import INFEASIBLE, OPTIMAL, STALLED, STATUS_NAMES, solve_separable
-from myomorph.tension.separable import Separable, no_links, no_wells, pattern
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.terms.cones import tangents
+from myomorph.tension.terms.emg import STIFFNESS, EmgTarget
+from myomorph.tension.terms.measured import MEASURED_COST
 
 Cost: TypeAlias = tuple[Array, Array]
 """(H, c): H (n,) its diagonal or (n, n), c (n,)."""
@@ -113,8 +113,8 @@ def most(direction: ArrayLike, greatest: float, forces: ArrayLike) -> Constraint
 def friction_cone(cone: Cone, forces: ArrayLike) -> Constraint:
     """Faces of the linearised cone of a force f = forces x (3, n), in the axes of the cone's frame.
 
-    m_k . t . f <= friction cos(pi / edges) d . f for the outward normals m_k between two edges. The tension problem
-    itself keeps a cone by its edges (`contact_columns.cone_edges`); both are one cone.
+    m_k . t . f <= friction cos(pi / edges) d . f for the outward normals m_k between two generators. The package
+    keeps a cone by its generators (`terms.cones.cone_generators`); both are one cone.
     """
     if cone.direction is None:
         return np.zeros((0, np.shape(forces)[1])), np.zeros(0)
@@ -153,31 +153,6 @@ class Program:
     rows: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """What a solver found, and how well it fulfils the conditions of an optimum.
-
-    Attributes
-    ----------
-    x : (n,)
-    multipliers : (rows,) of A x = b
-    status : "optimal", "infeasible" or "not converged"
-    violation : greatest violation of a constraint
-    stationarity : greatest |gradient of the Lagrangian| that no bound explains
-    """
-
-    x: Array
-    multipliers: Array
-    status: str
-    violation: float
-    stationarity: float = field(default=0.0)
-
-    @property
-    def optimal(self) -> bool:
-        """Whether the solver reached its tolerance."""
-        return self.status == STATUS_NAMES[OPTIMAL]
-
-
 def program(
     costs: Sequence[Cost],
     equalities: Sequence[Constraint] = (),
@@ -185,19 +160,8 @@ def program(
     lower: ArrayLike = -np.inf,
     upper: ArrayLike = np.inf,
 ) -> Program:
-    """Add terms up.
-
-    Raises
-    ------
-    BadData
-        without any cost, or where terms differ in the number of variables
-    """
-    if not costs:
-        raise BadData("a tension problem needs at least one cost term, such as effort(...)")
+    """Add terms up."""
     n = len(costs[0][1])
-    widths = [len(c) for _, c in costs] + [A.shape[1] for A, _ in (*equalities, *inequalities)]
-    if set(widths) != {n}:
-        raise BadData(f"terms of the tension problem have {sorted(set(widths))} variables: all must have the same")
     dense = any(H.ndim == 2 for H, _ in costs)
     H = sum((np.diag(one) if dense and one.ndim == 1 else one for one, _ in costs), np.zeros((n, n) if dense else n))
     stacked = [np.vstack([A for A, _ in group] or [np.zeros((0, n))]) for group in (equalities, inequalities)]
@@ -207,79 +171,91 @@ def program(
     return Program(H, c, stacked[0], right[0], stacked[1], right[1], low, high)
 
 
-def solve_program(problem: Program) -> Solution:
-    """The least cost within the constraints.
-
-    A diagonal, positive H without inequalities goes to the separable dual solver; everything else
-    to piqp (Schwan, Jiang, Kuhn and Jones 2023), an interior-point method for dense problems.
-    """
-    separable = problem.H.ndim == 1 and len(problem.G) == 0 and bool(np.all(problem.H > 0.0))
-    return _certified(problem, *(_separable(problem) if separable else _general(problem)))
-
-
-def _separable(problem: Program) -> tuple[Array, Array, Array, int]:
-    rows, columns = np.nonzero(problem.A)
-    shape = pattern(rows, columns, problem.A.shape)
-    count, n = len(problem.b), len(problem.c)
-    fixed = Separable(
-        shape.start, shape.row, shape.first, 0.5 * problem.H, np.full(n, 2.0), problem.lower, problem.upper
-    )
-    values = np.empty((1, len(rows)))
-    values[0, shape.place] = problem.A[rows, columns]
-    x, y, warm = np.empty((1, n)), np.empty((1, count)), np.zeros(count)
-    imbalance, iterations, status = np.empty(1), np.empty(1, np.int64), np.empty(1, np.int8)
-    target = -(problem.c / problem.H)[None]
-    right = problem.b[None, shape.order]
-    wells, links = no_wells(n), no_links()
-    solve_separable(fixed, values, right, target, wells, links, warm, x, y, imbalance, iterations, status)
-    multipliers = np.empty(count)
-    multipliers[shape.order] = y[0]
-    return x[0], multipliers, np.zeros(0), int(status[0])
-
-
-def _general(problem: Program) -> tuple[Array, Array, Array, int]:
-    try:
-        import piqp
-    except ImportError:
-        raise BadData("this tension problem has a full cost matrix or inequalities: install piqp to solve it") from None
-
+def solve_program(problem: Program) -> Array:
+    """The x of least cost within the constraints, by piqp (Schwan, Jiang, Kuhn and Jones 2023), an interior point."""
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-10
     solver.settings.eps_duality_gap_abs = solver.settings.eps_duality_gap_rel = 1e-10
     H = np.diag(problem.H) if problem.H.ndim == 1 else problem.H
     A, G = (np.asfortranarray(one) if len(one) else None for one in (problem.A, problem.G))
-    solver.setup(
-        np.asfortranarray(H),
-        problem.c,
-        A,
-        problem.b if A is not None else None,
-        G,
-        None,
-        problem.h if G is not None else None,
-        problem.lower,
-        problem.upper,
-    )
-    found = solver.solve()
-    status = {piqp.PIQP_SOLVED: OPTIMAL, piqp.PIQP_PRIMAL_INFEASIBLE: INFEASIBLE}.get(found, STALLED)
-    return np.array(solver.result.x), -np.array(solver.result.y), np.array(solver.result.z_u), status
+    b, h = (one if len(one) else None for one in (problem.b, problem.h))
+    solver.setup(np.asfortranarray(H), problem.c, A, b, G, None, h, problem.lower, problem.upper)
+    assert solver.solve() == piqp.PIQP_SOLVED
+    return np.array(solver.result.x)
 
 
-def _certified(problem: Program, x: Array, y: Array, z: Array, status: int) -> Solution:
-    """The solution with residuals that do not rely on the solver's own; z are the multipliers of G x <= h."""
-    curvature = problem.H * x if problem.H.ndim == 1 else problem.H @ x
-    gradient = curvature + problem.c - problem.A.T @ y + problem.G.T @ z
-    violated = np.concatenate(
-        [
-            np.abs(problem.A @ x - problem.b),
-            np.maximum(problem.G @ x - problem.h, 0.0),
-            np.maximum(problem.lower - x, 0.0),
-            np.maximum(x - problem.upper, 0.0),
-        ]
+def frame_program(problem: TensionProblem, frame: int) -> Program:
+    """The quadratic program of one frame.
+
+    Returns
+    -------
+    Program whose variables are the activations, the controls of reserves and residuals, the amplitudes of contacts'
+    edges [weights of the body], and the excess of each activation that an EMG equality tells of; its rows are the
+    equations of motion [N m or N].
+
+    """
+    assert problem.options.exponent == 2.0, "no quadratic program"
+    muscles, contacts, fast = problem.assembly.tree.model.muscle_names, problem.contacts, problem.separable
+    matrix, right, sums, measured = _matrices(problem, frame)
+    names = list(muscles) + [one.name for one in problem.actuators.actuators]
+    controls = len(names)
+    names += [] if contacts is None else contacts.generators.names
+    known = next((one for one in problem.terms if isinstance(one, EmgTarget)), None)
+    emg = _emg(problem, known, frame)
+    equality = known is not None and known.mode == "equality"
+    base = len(names)
+    if equality:
+        names += [f"{muscles[m]} excess" for m in np.flatnonzero(np.isfinite(emg))]
+    n = len(names)
+
+    def widened(values: Array, fill: float = 0.0) -> Array:
+        return np.concatenate([values, np.full(n - len(values), fill)])
+
+    def spread(rows: Array) -> Array:
+        return np.hstack([rows, np.zeros((len(rows), n - rows.shape[1]))])
+
+    costs: list[Cost] = [effort(widened(fast.weight[:controls]))]
+    limits: list[Constraint] = []
+    if contacts is not None:
+        cost = np.concatenate([np.zeros(controls), contacts.generators.cost])
+        costs.append(contact_regularisation(contacts.task.options.compliance, widened(cost)))
+        told = np.array([one.measured for one in problem.rows for _ in one.names], dtype=bool)
+        unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.rows)])
+        if told.any():
+            costs.append(shared_wrench(spread(sums[told]), measured[told], unit[told], MEASURED_COST))
+        bound = unit[~told]
+        limits += [(spread(sums[~told]), bound), (-spread(sums[~told]), bound)]
+    if known is not None and equality:
+        limits.append(emg_equality(emg, known.slack, base, n))
+        costs.append(effort(np.where(np.arange(n) >= base, STIFFNESS, 0.0)))
+    elif known is not None:
+        costs.append(emg_target(emg, known.weight, n))
+    whole = program(
+        costs,
+        [balance(spread(matrix), right)],
+        limits,
+        widened(fast.lower[:base], -np.inf),
+        widened(fast.upper[:base], np.inf),
     )
-    # On a bound the gradient may point out of it.
-    near = 1e-7 * (1.0 + np.abs(x))
-    inward = np.where(x <= problem.lower + near, np.minimum(gradient, 0.0), gradient)
-    inward = np.where(x >= problem.upper - near, np.maximum(inward, 0.0), inward)
-    return Solution(
-        x, y, STATUS_NAMES[status], float(violated.max(initial=0.0)), float(np.abs(inward).max(initial=0.0))
-    )
+    return replace(whole, variables=tuple(names), rows=problem.assembly.rows)
+
+
+def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:
+    """A and b of the equations of motion, and S and what it should add up to of the rows that contacts add."""
+    given = problem.balance(frame, frame + 1)
+    pattern, extra = problem.assembly.pattern, problem.assembly.extra_row
+    variables = len(problem.separable.weight)
+    matrix = np.zeros((len(pattern.order), variables))
+    matrix[pattern.row, np.repeat(np.arange(variables), np.diff(pattern.start))] = given.values[0]
+    shared = variables - len(extra)
+    mine = problem.assembly.coordinate_row
+    return matrix[mine, :shared], given.right[0, mine], matrix[extra, :shared], given.right[0, extra]
+
+
+def _emg(problem: TensionProblem, emg: EmgTarget | None, frame: int) -> Array:
+    """(muscles,) what EMG tells of a frame, NaN where it tells nothing."""
+    names = problem.assembly.tree.model.muscle_names
+    told = np.full(len(names), np.nan)
+    if emg is not None:
+        told[[names.index(one) for one in emg.muscles]] = emg.activations[frame]
+    return told

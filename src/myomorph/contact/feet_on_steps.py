@@ -23,7 +23,7 @@ LEAST_NOISE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class PawsOnSteps:
+class FeetOnSteps:
     """Loads of the steps at the times of a motion, and the sites that stand on each.
 
     Attributes
@@ -49,16 +49,16 @@ class PawsOnSteps:
     notes: tuple[str, ...] = ()
 
 
-def paws_on_steps(
+def feet_on_steps(
     model: Model, motion: Motion, sites: Sequence[Site], loads: StepLoads, options: StairOptions | None = None
-) -> PawsOnSteps:
+) -> FeetOnSteps:
     """Give the load of each step to the sites that stand on it.
 
     A site is on the step that it is nearest to, within reach, and stands there while it is slow.
 
     Parameters
     ----------
-    sites : of paws (or feet) that may stand on steps
+    sites : of feet that may stand on steps
     loads : of the steps, on their own clock
 
     Raises
@@ -67,7 +67,7 @@ def paws_on_steps(
     """
     options = options or StairOptions()
     if not sites:
-        raise BadData("no paw is given that might stand on a step")
+        raise BadData("no foot is given that might stand on a step")
     moving = site_motion(model, motion, sites)
     away = np.stack([_distances(step, moving.places) for step in loads.steps], axis=1)
     nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
@@ -75,7 +75,7 @@ def paws_on_steps(
     near = own & (away <= options.reach * moving.height)
     loaded = _interpolated(loads.time, loads.loaded.astype(np.float64), motion.time) > 0.5
     slow = np.linalg.norm(moving.velocities, axis=2) < options.still * moving.pace
-    # A paw that swings past a step does not stand on it, unless nobody else is there.
+    # A foot that swings past a step does not stand on it, unless nobody else is there.
     calm = near & slow[:, None, :]
     standing = np.where(calm.any(axis=2, keepdims=True), calm, near) & loaded[:, :, None]
     standing = _throughout(standing, loaded)
@@ -86,7 +86,7 @@ def paws_on_steps(
     for one, measured in ((forces, loads.forces), (moments, loads.moments)):
         one[:, np.isnan(measured).all(axis=0)] = np.nan
     notes = [*loads.notes, *_doubts(motion.time, loads.steps, sites, loaded, standing)]
-    return PawsOnSteps(
+    return FeetOnSteps(
         motion.time,
         loads.steps,
         tuple(sites),
@@ -147,7 +147,7 @@ def _doubts(
         if alone.any():
             found.append(
                 f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at {time[alone][0]:.3f} s, "
-                "with no paw near it: its force is on nobody"
+                "with no foot near it: its force is on nobody"
             )
         several = bodies.sum(axis=1) > 1
         if several.any():
@@ -163,10 +163,10 @@ def _bodies(sites: Sequence[Site]) -> list[str]:
     return list(dict.fromkeys(site.body for site in sites))
 
 
-def stair_wrenches(paws: PawsOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:
+def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:
     """External forces on bodies, for inverse dynamics, and what they leave open.
 
-    A force acts at the center of pressure where the cell measures moments, else where the paw is. Two bodies on a step
+    A force acts at the center of pressure where the cell measures moments, else where the foot is. Two bodies on a step
     share its force so that the center of pressure is kept, or evenly where it is not known.
 
     Parameters
@@ -178,10 +178,10 @@ def stair_wrenches(paws: PawsOnSteps, unmeasured: Unmeasured = "unknown") -> tup
     -------
     wrenches named `step_body`, and notes
     """
-    notes = list(paws.notes)
+    notes = list(feet.notes)
     columns: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
-    for k, step in enumerate(paws.steps):
-        missing = [axis for i, axis in enumerate("xyz") if np.isnan(paws.forces[:, k, i]).all()]
+    for k, step in enumerate(feet.steps):
+        missing = [axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, k, i]).all()]
         if missing and unmeasured == "unknown":
             notes.append(
                 f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse dynamics goes without "
@@ -190,24 +190,24 @@ def stair_wrenches(paws: PawsOnSteps, unmeasured: Unmeasured = "unknown") -> tup
             continue
         if missing:
             notes.append(f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for zero")
-        columns |= {(step.name, body): part for body, part in _parts(paws, k).items()}
-    frames = len(paws.time)
+        columns |= {(step.name, body): part for body, part in _parts(feet, k).items()}
+    frames = len(feet.time)
     values = [np.zeros((frames, len(columns), 3)) for _ in range(3)]
     for j, parts in enumerate(columns.values()):
         for table, values_of in zip(values, parts, strict=True):
             table[:, j] = values_of
     names = tuple(f"{step}_{body}" for step, body in columns)
-    return Wrenches(paws.time, names, tuple(body for _, body in columns), *values), tuple(notes)
+    return Wrenches(feet.time, names, tuple(body for _, body in columns), *values), tuple(notes)
 
 
-def _parts(paws: PawsOnSteps, k: int) -> dict[str, tuple[Array, Array, Array]]:
+def _parts(feet: FeetOnSteps, k: int) -> dict[str, tuple[Array, Array, Array]]:
     """Force, point and free torque (frames, 3) of a step on each body that stands on it."""
-    step = paws.steps[k]
-    force = np.nan_to_num(paws.forces[:, k])
-    bodies = [body for body in _bodies(paws.sites) if paws.standing[:, k, _of(paws, body)].any()]
-    where = {body: _place(paws, k, body) for body in bodies}
-    here = {body: np.asarray(paws.standing[:, k, _of(paws, body)].any(axis=1)) for body in bodies}
-    center, torque = _center_of_pressure(step, force, paws.moments[:, k])
+    step = feet.steps[k]
+    force = np.nan_to_num(feet.forces[:, k])
+    bodies = [body for body in _bodies(feet.sites) if feet.standing[:, k, _of(feet, body)].any()]
+    where = {body: _place(feet, k, body) for body in bodies}
+    here = {body: np.asarray(feet.standing[:, k, _of(feet, body)].any(axis=1)) for body in bodies}
+    center, torque = _center_of_pressure(step, force, feet.moments[:, k])
     shares = _shares(bodies, here, where, center)
     found = {}
     for body in bodies:
@@ -218,19 +218,19 @@ def _parts(paws: PawsOnSteps, k: int) -> dict[str, tuple[Array, Array, Array]]:
     return found
 
 
-def _of(paws: PawsOnSteps, body: str) -> list[int]:
-    return [i for i, site in enumerate(paws.sites) if site.body == body]
+def _of(feet: FeetOnSteps, body: str) -> list[int]:
+    return [i for i, site in enumerate(feet.sites) if site.body == body]
 
 
-def _place(paws: PawsOnSteps, k: int, body: str) -> Array:
+def _place(feet: FeetOnSteps, k: int, body: str) -> Array:
     """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0 where none does."""
-    members = _of(paws, body)
-    on = paws.standing[:, k, members][..., None]
-    mean = np.where(on, paws.places[:, members], 0.0).sum(axis=1) / np.maximum(on.sum(axis=1), 1)
-    pose = paws.steps[k].pose
+    members = _of(feet, body)
+    on = feet.standing[:, k, members][..., None]
+    mean = np.where(on, feet.places[:, members], 0.0).sum(axis=1) / np.maximum(on.sum(axis=1), 1)
+    pose = feet.steps[k].pose
     inside = pose.inverse().apply(mean)
     inside[:, 2] = 0.0
-    half = 0.5 * np.array(paws.steps[k].size)
+    half = 0.5 * np.array(feet.steps[k].size)
     inside[:, :2] = np.clip(inside[:, :2], -half, half)
     return pose.apply(inside)
 
@@ -266,7 +266,7 @@ def _shares(
     return shares
 
 
-def shared_stairs(paws: PawsOnSteps, leave_out: Collection[str] = ()) -> tuple[SharedWrench, ...]:
+def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[SharedWrench, ...]:
     """What the cells measured, for the sites on each step together; unmeasured components stay open.
 
     Frames in which other sites stand on a step make a wrench of their own, NaN in all others. Muscle tensions find the
@@ -277,25 +277,25 @@ def shared_stairs(paws: PawsOnSteps, leave_out: Collection[str] = ()) -> tuple[S
     leave_out : steps whose force is known otherwise
     """
     found = []
-    for k, step in enumerate(paws.steps):
+    for k, step in enumerate(feet.steps):
         if step.name in leave_out:
             continue
         groups: dict[tuple[int, ...], list[int]] = {}
-        for frame in np.flatnonzero(paws.standing[:, k].any(axis=1)):
-            groups.setdefault(tuple(np.flatnonzero(paws.standing[frame, k]).tolist()), []).append(int(frame))
+        for frame in np.flatnonzero(feet.standing[:, k].any(axis=1)):
+            groups.setdefault(tuple(np.flatnonzero(feet.standing[frame, k]).tolist()), []).append(int(frame))
         for number, (members, frames) in enumerate(groups.items()):
-            forces, moments = np.full((2, len(paws.time), 3), np.nan)
-            force = paws.forces[frames, k]
+            forces, moments = np.full((2, len(feet.time), 3), np.nan)
+            force = feet.forces[frames, k]
             forces[frames] = force
             # About the ground's origin a moment needs the forces across it.
             middle = np.array(step.pose.translation)
             arm = np.array([[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]], [-middle[1], middle[0], 0]])
             used = np.abs(arm) > 1e-12
             open_ = (used[None] & np.isnan(force)[:, None, :]).any(axis=2)
-            moved = paws.moments[frames, k] + np.nan_to_num(force) @ arm.T
+            moved = feet.moments[frames, k] + np.nan_to_num(force) @ arm.T
             moments[frames] = np.where(open_, np.nan, moved)
-            sd = max(float(paws.noise[k]), LEAST_NOISE * paws.weight)
+            sd = max(float(feet.noise[k]), LEAST_NOISE * feet.weight)
             name = step.name if len(groups) == 1 else f"{step.name}_{number + 1}"
-            sites = tuple(paws.sites[i].name for i in members)
+            sites = tuple(feet.sites[i].name for i in members)
             found.append(SharedWrench(name, sites, forces, moments, sd, sd * 0.5 * max(step.size)))
     return tuple(found)

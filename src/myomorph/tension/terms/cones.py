@@ -1,8 +1,8 @@
-"""Columns of contacts: the generalized forces of every edge of every contact cone.
+"""Friction cones by their generators, and the generalized forces of every generator of every contact.
 
-A linearised cone is kept by its edges, the vertex form: a force inside it is a sum of edges with amplitudes z >= 0,
-so that a cone is no more than a bound. The column of an edge is J^T (f; m) at a point of a body, less the same on
-what it touches where that is a body: force and reaction act at one place.
+A linearised cone is kept by its generators (its edges): a force inside it is a sum of generators with amplitudes
+z >= 0, so that a cone is no more than a bound. The column of a generator is J^T (f; m) at a point of a body, less the
+same on what it touches where that is a body: force and reaction act at one place.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ GRAVITY = 9.80665
 """Where a model has no gravity, what its bodies would weigh [m/s^2]."""
 
 
-class ContactArrays(NamedTuple):
-    """Contact points and the edges of their cones, as the kernel reads them.
+class ConeArrays(NamedTuple):
+    """Contact points and the generators of their cones, as the kernel reads them.
 
     Attributes
     ----------
     body : (points,) numbers in the tree
     place : (points, 3) in the body's frame [m]
-    start : (points + 1,) edges of point i are start[i] ... start[i + 1] - 1
-    frame : (edges,) body whose axes an edge is given in
-    push, turn : (edges, 3) force and moment of one unit of an edge [1], [m]
+    start : (points + 1,) generators of point i are start[i] ... start[i + 1] - 1
+    frame : (generators,) body whose axes a generator is given in
+    push, turn : (generators, 3) force and moment of one unit of a generator [1], [m]
     reach : (points + 1,) axes that a force at point i has power on are reach[i] ... reach[i + 1] - 1
     axis, sign : (reached,) number of the axis; 1 below the body, -1 below what it touches
-    slot : (reached, 2) which of an edge's entries the axis's coordinates are, -1 for none
-    first : (edges + 1,) entries of edge g are first[g] ... first[g + 1] - 1
+    slot : (reached, 2) which of a generator's entries the axis's coordinates are, -1 for none
+    first : (generators + 1,) entries of generator g are first[g] ... first[g + 1] - 1
     coordinate : (entries,)
     """
 
@@ -58,22 +58,22 @@ class ContactArrays(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactColumns:
-    """Edges of all sites.
+class ConeGenerators:
+    """Generators of the cones of all sites.
 
     Attributes
     ----------
-    site, point : (edges,) whose edge it is; points are numbered over all sites
-    normal : (edges,) force along the cone's direction of one unit of the edge
-    lower : (edges,) least amplitude: 0, or -inf where the opposite edge is allowed too
-    cost : (edges,) of amplitude^2, so that one unit of force along the direction costs 1 in all
-    names : (edges,) such as "heel_r point 0 edge 3"
+    site, point : (generators,) whose generator it is; points are numbered over all sites
+    normal : (generators,) force along the cone's direction of one unit of the generator
+    lower : (generators,) least amplitude: 0, or -inf where the opposite generator is allowed too
+    cost : (generators,) of amplitude^2, so that one unit of force along the direction costs 1 in all
+    names : (generators,) such as "heel_r point 0 generator 3"
     weight : (sites,) of the body that the site belongs to, unit of its amplitudes [N]
     """
 
     tree: Tree
     sites: tuple[Site, ...]
-    arrays: ContactArrays
+    arrays: ConeArrays
     site: NDArray[np.int64]
     point: NDArray[np.int64]
     normal: Array
@@ -86,7 +86,7 @@ class ContactColumns:
         return len(self.site)
 
     def evaluate(self, coordinates: Array) -> tuple[Array, Array, Array, Array]:
-        """Columns of all edges, and where and how they push.
+        """Columns of all generators, and where and how they push.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class ContactColumns:
         -------
         entries : (frames, entries) generalized forces of one unit of force, on `arrays.coordinate`
         places : (frames, points, 3) in ground [m]
-        pushes, turns : (frames, edges, 3) force and moment about the place, in ground [1], [m]
+        pushes, turns : (frames, generators, 3) force and moment about the place, in ground [1], [m]
         """
         frames, arrays = len(coordinates), self.arrays
         entries = np.empty((frames, len(arrays.coordinate)))
@@ -114,19 +114,19 @@ def tangents(direction: Array) -> tuple[Array, Array]:
     return one, np.cross(direction, one)
 
 
-def cone_edges(cone: Cone) -> tuple[Array, Array, Array, Array]:
-    """Edges of a cone at one point, in the axes of its frame.
+def cone_generators(cone: Cone) -> tuple[Array, Array, Array, Array]:
+    """Generators of a cone at one point, in the axes of its frame.
 
-    A friction pyramid has the edges d + mu t_k; what may slide any way besides, as in a half-space, has free
+    A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a half-space, has free
     tangents; a cone without a direction has three free axes. Torsional friction adds d with a moment of +-torsion
     about d: friction across and about the direction share what the normal force allows (Howe and Cutkosky 1996,
     whose ellipsoid this lies inside).
 
     Returns
     -------
-    push, turn : (edges, 3)
-    lower : (edges,) least amplitude
-    share : (edges,) cost of amplitude^2, with which the least cost of a force along d is its square
+    push, turn : (generators, 3)
+    lower : (generators,) least amplitude
+    share : (generators,) cost of amplitude^2, with which the least cost of a force along d is its square
     """
     if cone.direction is None:
         return np.eye(3), np.zeros((3, 3)), np.full(3, -np.inf), np.ones(3)
@@ -150,8 +150,8 @@ def cone_edges(cone: Cone) -> tuple[Array, Array, Array, Array]:
     return np.array(push), np.array(turn), lower, share
 
 
-def compile_contacts(tree: Tree, sites: Sequence[Site]) -> ContactColumns:
-    """Edges of all sites as flat arrays; a site's grip is added to its first point.
+def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
+    """Generators of all sites as flat arrays; a site's grip is added to its first point.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def compile_contacts(tree: Tree, sites: Sequence[Site]) -> ContactColumns:
             raise BadModel(f"two contact sites are named '{name}': give one of them another name")
     points: list[_Point] = [one for k, site in enumerate(sites) for one in _points(tree, k, site)]
     edges = [(i, one, e) for i, one in enumerate(points) for e in range(len(one.push))]
-    arrays = ContactArrays(
+    arrays = ConeArrays(
         body=np.array([one.body for one in points], np.int64),
         place=_rows([one.place for one in points]),
         start=_ends([len(one.push) for one in points]),
@@ -180,7 +180,7 @@ def compile_contacts(tree: Tree, sites: Sequence[Site]) -> ContactColumns:
         first=_ends([len(one.coordinates) for _, one, _ in edges]),
         coordinate=np.array([j for _, one, _ in edges for j in one.coordinates], np.int64),
     )
-    return ContactColumns(
+    return ConeGenerators(
         tree=tree,
         sites=tuple(sites),
         arrays=arrays,
@@ -189,13 +189,13 @@ def compile_contacts(tree: Tree, sites: Sequence[Site]) -> ContactColumns:
         normal=np.array([one.normal[e] for _, one, e in edges], dtype=np.float64),
         lower=np.array([one.lower[e] for _, one, e in edges], dtype=np.float64),
         cost=np.array([one.cost[e] for _, one, e in edges], dtype=np.float64),
-        names=tuple(f"{one.label} edge {e}" for _, one, e in edges),
+        names=tuple(f"{one.label} generator {e}" for _, one, e in edges),
         weight=np.array([_weight(tree, site) for site in sites], dtype=np.float64),
     )
 
 
 class _Point(NamedTuple):
-    """One point of a site: where it is, its edges, and the axes it has power on."""
+    """One point of a site: where it is, its generators, and the axes it has power on."""
 
     site: int
     label: str
@@ -218,7 +218,7 @@ def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
     axes, signs, coordinates, slots = _reached(tree, site)
     found = []
     for j, place in enumerate(site.points):
-        push, turn, lower, cost = cone_edges(site.cone)
+        push, turn, lower, cost = cone_generators(site.cone)
         # What one unit of force along the direction costs does not depend on how many points share it.
         cost = cost * len(site.points)
         if j == 0 and site.cone.grip > 0.0:
@@ -276,11 +276,11 @@ def _weight(tree: Tree, site: Site) -> float:
 
 @kernel
 def contact_columns(T, P, coordinates, entries, places, pushes, turns):
-    """Fill what `ContactColumns.evaluate` returns, frame by frame.
+    """Fill what `ConeGenerators.evaluate` returns, frame by frame.
 
     Parameters
     ----------
-    T, P : arrays of the tree, `ContactArrays`
+    T, P : arrays of the tree, `ConeArrays`
     coordinates : (frames, coordinates) consistent values
     """
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]

@@ -1,4 +1,4 @@
-"""Ideal actuators: the generalized forces of unit controls, and reserves where none are given."""
+"""Ideal actuators as a term: controls, generalized forces of unit controls, and reserves where none are given."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.model import GROUND, Actuator, Joint, Model
+from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
 from myomorph.motion.body_size import length_unit
 from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
+from myomorph.tension.tension import RESERVE, RESIDUAL
+from myomorph.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
 
 TORQUE, POINT, POINT_TO_POINT = 0, 1, 2
 _KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
-
-RESERVE, RESIDUAL = "reserve_", "residual_"
 
 
 class BodyActuators(NamedTuple):
@@ -255,3 +255,57 @@ def _floats(joint: Joint, free: set[str]) -> bool:
     used = {name for axis in moving for name in axis.coordinates}
     rotations = sum(axis.kind == "rotation" for axis in moving)
     return len(moving) == 6 and rotations == 3 and used == set(joint.coordinates) and len(used) == 6 and used <= free
+
+
+NEAR_ZERO_COST = 1e-6
+"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no curvature to step by."""
+
+
+class ActuatorTerm(Term):
+    """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's own actuators.
+
+    Attributes
+    ----------
+    actuators : in the order of their controls
+    optimal_forces : (actuators,) [N or N m]
+    """
+
+    def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):
+        self.actuators = tuple(actuators)
+        self.optimal_forces = np.array([one.optimal_force for one in actuators], dtype=np.float64)
+        self._tree, self._exponent = tree, exponent
+        self._on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
+        self._bodies = compile_body_actuators(tree, [actuators[i] for i in self._on_bodies])
+
+    def variables(self) -> Variables:
+        """Controls, with their effort."""
+        count, names = len(self.actuators), tuple(one.name for one in self.actuators)
+        lower, upper = np.array([[one.min_control, one.max_control] for one in self.actuators]).reshape(-1, 2).T
+        return Variables(names, np.ones(count), np.full(count, self._exponent), lower, upper)
+
+    def entries(self) -> Sequence[tuple[int, int]]:
+        """Of actuators on bodies first, then one of each actuator on a coordinate."""
+        names, bodies = self._tree.model.coordinate_names, self._bodies
+        owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
+        found = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
+        return found + [
+            (i, index_of("coordinate", one.coordinate, names))
+            for i, one in enumerate(self.actuators)
+            if one.kind == "coordinate"
+        ]
+
+    def columns(self, frames: Frames) -> Columns:
+        """Generalized forces of unit forces, and the optimal forces."""
+        filled = np.empty((len(frames), len(self._bodies.coordinate)))
+        if filled.shape[1]:
+            body_directions(self._tree.arrays, self._bodies, frames.coordinates, filled)
+        ones = np.ones((len(frames), len(self.actuators) - len(self._on_bodies)))
+        forces = np.broadcast_to(self.optimal_forces, (len(frames), len(self.actuators)))
+        return Columns(np.hstack([filled, ones]), forces)
+
+    def penalties(self, unknowns: Unknowns) -> Penalties | None:
+        """A curvature at 0 where the exponent leaves none."""
+        if self._exponent <= 2.0:
+            return None
+        own, zero = unknowns.of(self), np.zeros((1, len(self.actuators)))
+        return Penalties(range(own.start, own.stop), zero, zero, np.full_like(zero, NEAR_ZERO_COST))

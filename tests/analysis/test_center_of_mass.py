@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from myomorph.analysis.centroid import centroid
+from myomorph.analysis.center_of_mass import centroid
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from walker import model, motion

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from readable import friction_cone
 from scipy.optimize import nnls
 from walking import full
 
@@ -15,10 +16,8 @@ from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.contact_columns import compile_contacts, cone_edges, tangents
-from myomorph.tension.contact_rows import contact_terms
-from myomorph.tension.contacts import ContactTask
-from myomorph.tension.terms import friction_cone
+from myomorph.tension.terms.cones import compile_cones, cone_generators, tangents
+from myomorph.tension.terms.contacts import ContactTask, ContactTerm
 
 FOOT = [[0.0, 0.0, -0.02], [0.0, 0.0, 0.02], [0.17, 0.0, 0.0]]
 
@@ -54,10 +53,10 @@ def test_columns_do_the_work_that_inverse_dynamics_finds(data, name, against):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model)
     sites = (Site("sole", "calcn_r", FOOT, CONES[name], against), Site("hand", "hand_l", [[0.0, -0.1, 0.0]]))
-    terms = contact_terms(compile_tree(model), motion.time, ContactTask(sites, full(motion, sites, 0.7)))
+    terms = ContactTerm(compile_tree(model), motion.time, ContactTask(sites, full(motion, sites, 0.7)))
     rng = np.random.default_rng(1)
-    amplitudes = rng.uniform(-1.0, 1.0, (len(motion), len(terms.columns)))
-    amplitudes = np.maximum(amplitudes, terms.columns.lower)
+    amplitudes = rng.uniform(-1.0, 1.0, (len(motion), len(terms.generators)))
+    amplitudes = np.maximum(amplitudes, terms.generators.lower)
     coordinates = compile_tree(model).coordinates_of(motion)
     forces, points, torques = terms.forces_of(slice(None), coordinates, amplitudes)
     on, sign = (0, 1), (1.0, 1.0)
@@ -81,7 +80,7 @@ def test_what_two_bodies_hang_on_does_not_feel_them_touch(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model)
     tree = compile_tree(model)
-    columns = compile_contacts(tree, [Site("knees", "tibia_r", [[0.0, -0.1, 0.05]], against="tibia_l")])
+    columns = compile_cones(tree, [Site("knees", "tibia_r", [[0.0, -0.1, 0.05]], against="tibia_l")])
     touched = {model.coordinate_names[j] for j in columns.arrays.coordinate}
     assert not any(name.startswith("pelvis") for name in touched)
     assert {"hip_flexion_r", "hip_flexion_l", "knee_angle_r"} <= touched
@@ -97,7 +96,7 @@ def test_what_two_bodies_hang_on_does_not_feel_them_touch(data):
 )
 def test_edges_and_faces_are_one_cone_inside_the_round_one(edges, friction, direction, seed):
     cone = Cone(direction=direction, friction=friction, edges=edges)
-    push, turn, lower, _ = cone_edges(cone)
+    push, turn, lower, _ = cone_generators(cone)
     assert np.all(lower == 0.0)
     assert np.all(turn == 0.0)
     d = cone.direction
@@ -123,7 +122,7 @@ def test_the_first_tangent_lies_along_the_axis_that_the_direction_leaves_free():
 @pytest.mark.parametrize("points", [1, 3])
 def test_a_force_along_the_direction_costs_its_square_however_it_is_divided(data, cone, points):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
-    columns = compile_contacts(compile_tree(model), [Site("sole", "calcn_r", FOOT[:points], cone)])
+    columns = compile_cones(compile_tree(model), [Site("sole", "calcn_r", FOOT[:points], cone)])
     pressing = columns.normal > 0.0
     # min sum c z^2 with sum n z = 1 is 1 / sum(n^2 / c), and its force has no part across the direction.
     z = columns.normal[pressing] / columns.cost[pressing]
@@ -135,14 +134,14 @@ def test_a_force_along_the_direction_costs_its_square_however_it_is_divided(data
 
 @pytest.mark.parametrize("torsion", [0.0, 0.02])
 @pytest.mark.parametrize("points", [1, 3])
-def test_a_force_that_leans_as_wanted_costs_least_and_no_more(data, torsion, points):
+def test_a_force_along_the_preferred_direction_costs_least_and_no_more(data, torsion, points):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model, 1)
     site = Site("sole", "calcn_r", FOOT[:points], Cone(torsion=torsion))
     lean = np.array([0.15, 0.0, -0.1])
-    task = ContactTask((site,), full(motion, [site]), leans=lean[None, None])
-    terms = contact_terms(compile_tree(model), motion.time, task)
-    columns, size = terms.columns, terms.amounts[0] / terms.columns.weight[0]
+    task = ContactTask((site,), full(motion, [site]), preferred=lean[None, None])
+    terms = ContactTerm(compile_tree(model), motion.time, task)
+    columns, size = terms.generators, terms.amounts[0] / terms.generators.weight[0]
     # min sum c z^2 with a force of 1 along the direction: z = size / c, scaled.
     z = size / columns.cost
     z /= size @ z
@@ -152,7 +151,7 @@ def test_a_force_that_leans_as_wanted_costs_least_and_no_more(data, torsion, poi
 
 def test_a_site_weighs_what_the_heavier_of_both_bodies_trees_does(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
-    columns = compile_contacts(compile_tree(model), [Site("sole", "calcn_r", FOOT)])
+    columns = compile_cones(compile_tree(model), [Site("sole", "calcn_r", FOOT)])
     weight = sum(body.mass for body in model.bodies) * np.linalg.norm(model.gravity)
     assert columns.weight[0] == pytest.approx(weight)
 
@@ -161,8 +160,8 @@ def test_sites_that_do_not_fit_are_refused_by_name(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     tree = compile_tree(model)
     with pytest.raises(UnknownName, match="foot"):
-        compile_contacts(tree, [Site("sole", "foot", FOOT)])
+        compile_cones(tree, [Site("sole", "foot", FOOT)])
     with pytest.raises(UnknownName, match="thigh"):
-        compile_contacts(tree, [Site("sole", "calcn_r", FOOT, Cone(frame="thigh"))])
+        compile_cones(tree, [Site("sole", "calcn_r", FOOT, Cone(frame="thigh"))])
     with pytest.raises(BadModel, match="two contact sites are named 'sole'"):
-        compile_contacts(tree, [Site("sole", "calcn_r", FOOT), Site("sole", "calcn_l", FOOT)])
+        compile_cones(tree, [Site("sole", "calcn_r", FOOT), Site("sole", "calcn_l", FOOT)])

@@ -1,4 +1,4 @@
-"""The center of gravity of the whole body over time."""
+"""The center of mass of the whole body over time."""
 
 from __future__ import annotations
 
