@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from made_bodies import AXES, made_body
 
+from made_bodies import AXES, made_body
 from myomorph.identify.body.weights import nearest_weights
 from myomorph.identify.consistency import consistency
 from myomorph.io.models import read_model

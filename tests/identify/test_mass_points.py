@@ -1,9 +1,9 @@
 import numpy as np
 import piqp
 import pytest
-from made_bodies import MASS, filled, made_body, measured, random_links
 from scipy.optimize import nnls
 
+from made_bodies import MASS, filled, made_body, measured, random_links
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.body.weights import bone_weights, cog_weights, nearest_weights
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points

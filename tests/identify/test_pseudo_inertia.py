@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 import scs
-from made_bodies import MASS, made_body, measured
 from scipy import sparse
 
+from made_bodies import MASS, made_body, measured
 from myomorph.identify.pseudo_inertia import (
     PseudoInertiaOptions,
     equivalent_ellipsoids,

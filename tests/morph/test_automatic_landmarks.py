@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from scans import made_scan
 
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
@@ -13,6 +12,7 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.landmarks import automatic_landmarks
 from myomorph.morph.procrustes import Similarity
+from scans import made_scan
 
 
 def thorny() -> Surface:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from scans import joined, sharper
 
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
@@ -14,6 +13,7 @@ from myomorph.model.surface import Surface
 from myomorph.model.surface_parts import border_of, distinct_faces, signed_volume
 from myomorph.morph.bone_checks import bone_length, check_bone, mirrored_surface, repaired_bone
 from myomorph.morph.procrustes import Similarity
+from scans import joined, sharper
 
 EMPTY = Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64))
 BONE = sharper(EMPTY)

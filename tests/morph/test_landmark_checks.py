@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scans import sharper
 
 from myomorph.io.landmarks import read_landmarks
 from myomorph.io.mesh import read_mesh
@@ -14,6 +13,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.fields import FeaturePoints
 from myomorph.morph.landmark_checks import check_landmarks, matched_landmarks
 from myomorph.morph.procrustes import Similarity
+from scans import sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))
 THERE = Similarity(rotation_from_euler_xyz((0.4, -1.0, 2.2)), np.array([0.1, -0.5, 0.2]), 0.9)

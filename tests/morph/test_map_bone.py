@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 from made_bones import deformed, made_target, real_bone
-from scans import joined
 
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
@@ -14,6 +13,7 @@ from myomorph.morph.alignment import align_bones, turned_by
 from myomorph.morph.fields import FeaturePoints, MapOptions
 from myomorph.morph.map_bone import STEPS, map_bone
 from myomorph.morph.nonrigid import MatchOptions
+from scans import joined
 
 QUICK = MatchOptions(match_points=800, feature_count=400)
 CORNERS = np.array([0, 250, 500, 800, 1100])

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scans import made_scan, sharper
 
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
@@ -14,6 +13,7 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.procrustes import Similarity, fit_points, procrustes
 from myomorph.morph.registration import SurfaceOptions, register_surface
+from scans import made_scan, sharper
 
 GEOMETRY = "shoulder-thoracoscapular/model_cmc/Geometry"
 POINTS = np.array([[0.0, 0, 0], [0.3, 0.02, 0.0], [0.28, -0.03, 0.02], [0.02, 0.03, 0.01], [0.01, -0.02, 0.03]])

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browser import Browser, browser_program
 from lxml import etree
-from walker import everything
 
+from browser import Browser, browser_program
 from myomorph.report.trial.trial_page import report_page
+from walker import everything
 
 
 @pytest.fixture(scope="module")

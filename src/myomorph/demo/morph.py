@@ -15,7 +15,7 @@ import numpy as np
 from myomorph.morph.checks import PARTS, check_morph
 from myomorph.morph.postures import COUNT
 from myomorph.morph.transfer import morph_model
-from myomorph.report.page.head import Note
+from myomorph.report.page.parts import Note
 from myomorph.simulate.deformed_leg import (
     AMPLITUDE,
     LANDMARKS,

@@ -17,9 +17,9 @@ from myomorph.morph.moment_arm_table import compare_moment_arms, compared_coordi
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.procrustes import procrustes
 from myomorph.morph.transfer import morph_model
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.charts.dots import dot_plot
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 
 WRITTEN = "as written"
 DENSE: Mapping[MapKind, str] = {"rbf": "RBF, dense", "ssd": "SSD, dense"}

@@ -16,7 +16,7 @@ from myomorph.identify.online import OnlineState
 from myomorph.model.arrays import Array
 from myomorph.model.segments import SEGMENTS, Segment
 from myomorph.model.sides import split_side
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.scene.image import level_color
 
 BAR = 18

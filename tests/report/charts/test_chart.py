@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from myomorph.model.series import Event
+from myomorph.report.charts.axis import number, scaled_unit, ticks
 from myomorph.report.charts.bars import bar_plot
-from myomorph.report.charts.chart import Limit, Line, Panel, decimate, envelope, number, scaled_unit, ticks, time_plot
+from myomorph.report.charts.chart import Limit, Line, Panel, decimate, envelope, time_plot
 from myomorph.report.charts.maps import floor_plot, heat_map, pooled
 from myomorph.report.scene.image import HEAT, png
 

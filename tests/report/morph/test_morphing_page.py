@@ -13,8 +13,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.morph.checks import check_morph
 from myomorph.report.morph.morph_page import morph_page
 from myomorph.report.morph.tables import morphing_tables
-from myomorph.report.page.head import Note
-from myomorph.report.page.section import Section
+from myomorph.report.page.parts import Note, Section
 
 MADE = Provenance("morph", (Source("bone", "/home/me/bones/thigh.obj", "ab" * 32),), {"map": "ssd", "exponent": 4.0})
 

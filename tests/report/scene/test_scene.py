@@ -11,8 +11,7 @@ from myomorph.model.paths import MovingPathPoint, Path, PathPoint
 from myomorph.model.series import Series
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.report.scene.pictures import pictures
-from myomorph.report.scene.player import HIDDEN, MOST_TRIANGLES, frames_to_play, player
+from myomorph.report.scene.pictures import HIDDEN, MOST_TRIANGLES, frames_to_play, pictures, player
 from myomorph.report.scene.raster import FAR, Canvas, View
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.scene.shapes import coarser, normals, primitive, stick

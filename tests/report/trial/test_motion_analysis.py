@@ -19,7 +19,7 @@ from myomorph.report.charts.strip import even_times, picture_strip, pictures_bes
 from myomorph.report.charts.tracks import Backdrop
 from myomorph.report.scene.pictures import pictures, proportion
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.estimated_forces import (
     acting_forces,
     contact_verdicts,

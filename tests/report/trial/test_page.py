@@ -7,7 +7,7 @@ import pytest
 from lxml import etree, html
 
 from myomorph.model.series import Emg, Event, Series, Wrenches
-from myomorph.report.page.head import Note
+from myomorph.report.page.parts import Note
 from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.trial_page import report_page
 from walker import everything

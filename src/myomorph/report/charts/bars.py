@@ -8,7 +8,8 @@ from html import escape
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.report.charts.chart import Frame, Limit, heading, number, ticks
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, Limit, heading
 
 
 def bar_plot(

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event
+from myomorph.report.charts.axis import number, ticks
 
 MOST_POINTS = 420
 """Bins of a drawn line; each keeps its smallest and largest value."""
@@ -78,54 +79,6 @@ class Panel:
     name_events: bool = False
     second: tuple[float, str] | None = None
     margin: int = 8
-
-
-def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
-    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m.
-
-    Values of ordinary size keep their unit.
-    """
-    finite = [np.abs(one[np.isfinite(one)]) for one in values]
-    peak = max((float(one.max()) for one in finite if one.size), default=0.0)
-    for floor, factor, prefix in ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ")):
-        if peak >= floor or peak == 0.0:
-            return factor, prefix + unit
-    return 1.0, unit
-
-
-def ticks(low: float, high: float, count: int = 4) -> Array:
-    """Round numbers within [low, high], about `count` of them."""
-    if not (np.isfinite(low) and np.isfinite(high)) or high <= low:
-        return np.array([low])
-    raw = (high - low) / max(count, 1)
-    power = 10.0 ** np.floor(np.log10(raw))
-    step = power * next(one for one in (1.0, 2.0, 2.5, 5.0, 10.0) if one * power >= raw * 0.8)
-    # Adding zero turns the -0.0 that ceil leaves into 0.0.
-    values: Array = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0
-    return values
-
-
-def number(value: float, step: float | None = None) -> str:
-    """A value for print: about three digits, or as many as a tick of `step` needs; a true minus sign."""
-    if not np.isfinite(value):
-        return "–"
-    if step is None:
-        size = abs(value)
-        if size != 0.0 and (size >= 1e6 or size < 1e-3):
-            mantissa, power = f"{value:.1e}".split("e")
-            return f"{mantissa}·10{_raised(int(power))}".replace("-", "−")
-        digits = 0 if size >= 100 or size == 0.0 else 1 if size >= 10 else 2 if size >= 1 else 3
-        text = f"{value:,.{digits}f}".replace(",", "\u202f")
-    else:
-        digits = max(0, -int(np.floor(np.log10(step) + 1e-9))) if step > 0 else 0
-        if step > 0 and abs(step * 10**digits - round(step * 10**digits)) > 1e-6:
-            digits += 1
-        text = f"{value:,.{digits}f}".replace(",", "\u202f")
-    return text.replace("-", "−")
-
-
-def _raised(power: int) -> str:
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def decimate(time: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from myomorph.analysis.groups import CurveDifference, ScalarDifference
 from myomorph.model.arrays import Array
-from myomorph.report.charts.chart import Frame, heading, number, path_data, ticks
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, heading, path_data
 
 STYLES = ("left", "right")
 """Of the first group and of the second."""

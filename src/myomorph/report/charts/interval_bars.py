@@ -10,7 +10,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.estimate import Estimate
-from myomorph.report.charts.chart import Frame, heading, number, ticks
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, heading
 
 
 @dataclass(frozen=True, eq=False)

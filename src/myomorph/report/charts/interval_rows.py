@@ -8,7 +8,8 @@ from html import escape
 import numpy as np
 
 from myomorph.model.estimate import Estimate
-from myomorph.report.charts.chart import Frame, heading, number, ticks
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, heading
 from myomorph.report.charts.interval_bars import Beside, Level
 
 ROW = 17.0

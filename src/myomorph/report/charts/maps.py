@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event
-from myomorph.report.charts.chart import Frame, heading, number, path_data, ticks
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, heading, path_data
 from myomorph.report.scene.image import HEAT, data_uri, png
 
 MOST_COLUMNS = 700

@@ -8,7 +8,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.surface import Surface
-from myomorph.report.charts.chart import heading, number
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.chart import heading
 from myomorph.report.scene.image import Bytes, data_uri, png
 from myomorph.report.scene.raster import Canvas, View
 from myomorph.report.scene.shapes import normals

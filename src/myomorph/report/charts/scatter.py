@@ -9,7 +9,8 @@ from html import escape
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.report.charts.chart import Frame, heading, number, ticks
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, heading
 
 MOST = 700
 """Points drawn; more of them would only darken the cloud."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
 from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import pictures, proportion

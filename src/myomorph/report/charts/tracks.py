@@ -11,18 +11,8 @@ import numpy as np
 from myomorph.analysis.phase import Phase
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event
-from myomorph.report.charts.chart import (
-    Frame,
-    Limit,
-    Line,
-    Panel,
-    decimate,
-    envelope,
-    number,
-    path_data,
-    ticks,
-    value_range,
-)
+from myomorph.report.charts.axis import number, ticks
+from myomorph.report.charts.chart import Frame, Limit, Line, Panel, decimate, envelope, path_data, value_range
 
 WIDTH, LEFT, RIGHT = 1040, 190, 12
 AXIS = 24

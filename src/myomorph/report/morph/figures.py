@@ -18,7 +18,8 @@ from myomorph.morph.checks import distinct_bones, target_surface
 from myomorph.morph.moment_arm_table import MomentArms
 from myomorph.morph.morphed import Morph
 from myomorph.morph.surface_points import Shape
-from myomorph.report.charts.chart import heading, number, path_data
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.chart import heading, path_data
 from myomorph.report.charts.residual_map import residual_map
 from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import pictures

@@ -11,12 +11,11 @@ import numpy as np
 from myomorph.model.provenance import Provenance
 from myomorph.morph.checks import MorphChecks
 from myomorph.morph.morphed import Morph
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.morph.sections import morphing_sections
-from myomorph.report.page.head import Note, PageHead, SourceFile, Step
 from myomorph.report.page.page import Tile, rendered
+from myomorph.report.page.parts import Note, PageHead, Section, SourceFile, Step
 from myomorph.report.page.references import MORPHING
-from myomorph.report.page.section import Section
 
 __all__ = ["morph_page"]
 

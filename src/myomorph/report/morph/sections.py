@@ -8,7 +8,7 @@ from myomorph.morph.bone_map import muscle_sizes
 from myomorph.morph.checks import MorphChecks
 from myomorph.morph.moment_arm_table import MomentArms
 from myomorph.morph.morphed import Morph
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.charts.dots import dot_plot
 from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures
 from myomorph.report.morph.tables import (
@@ -20,7 +20,7 @@ from myomorph.report.morph.tables import (
     penetration_rows,
     point_rows,
 )
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 
 KINDS = {
     "bone": "Path through bone",

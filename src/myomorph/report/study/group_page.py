@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.analysis.groups import Comparison, CurveDifference
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.charts.group_charts import STYLES, cycle_chart, effect_chart, effect_rows
-from myomorph.report.page.head import Note, PageHead
 from myomorph.report.page.page import Tile, rendered
+from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section
 from myomorph.report.page.references import group_references
-from myomorph.report.page.section import Figure, Grid, Section
 
 MOST_OPEN = 24
 """Curves of a family that are shown at once; the rest is folded away."""

@@ -11,14 +11,13 @@ from myomorph.analysis.groups import Comparison
 from myomorph.analysis.outliers import FAR
 from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.model.sides import split_side
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.charts.condition_charts import condition_chart, styled
 from myomorph.report.charts.dots import rank_plot
 from myomorph.report.charts.group_charts import cycle_chart, effect_rows
-from myomorph.report.page.head import Note, PageHead
 from myomorph.report.page.page import Tile, rendered
+from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Section
 from myomorph.report.page.references import study_references
-from myomorph.report.page.section import Figure, Grid, Link, Section
 from myomorph.report.study.group_page import curve_grid, scalar_grid
 from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
 

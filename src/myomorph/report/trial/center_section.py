@@ -6,10 +6,11 @@ import numpy as np
 
 from myomorph.analysis.periodicity import Periodicity
 from myomorph.model.arrays import Array
-from myomorph.report.charts.chart import Line, number
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.chart import Line
 from myomorph.report.charts.maps import floor_plot
 from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, leveled, person_legend, person_styles
 from myomorph.report.trial.prepared import Prepared
 

@@ -9,10 +9,11 @@ import numpy as np
 from myomorph.analysis.subjects import Subject
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
-from myomorph.report.charts.chart import Limit, Line, number
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.chart import Limit, Line
 from myomorph.report.charts.maps import floor_plot
 from myomorph.report.charts.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
 from myomorph.report.trial.figures import axis_names
 from myomorph.report.trial.given import ReportInput

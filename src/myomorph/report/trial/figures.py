@@ -12,8 +12,9 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
+from myomorph.report.charts.axis import scaled_unit
 from myomorph.report.charts.bars import bar_plot
-from myomorph.report.charts.chart import Limit, Line, Panel, scaled_unit, time_plot
+from myomorph.report.charts.chart import Limit, Line, Panel, time_plot
 from myomorph.report.charts.maps import floor_plot, heat_map
 from myomorph.report.trial.tables import MARKER_LARGEST, MARKER_RMS, RESIDUAL_FORCE, RESIDUAL_MOMENT
 

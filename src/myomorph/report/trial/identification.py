@@ -10,14 +10,12 @@ from myomorph.analysis.segment_words import plain_words, segment_words
 from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import Motion
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.charts.dots import dot_plot, rank_plot
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.scene.image import LEVEL, data_uri, level_color, png
 from myomorph.report.scene.pictures import pictures
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.calibration_section import calibration_section
-from myomorph.report.trial.cross_validation import STYLES, validation_section
 from myomorph.report.trial.identification_tables import (
     ATHLETES,
     Cell,
@@ -30,6 +28,7 @@ from myomorph.report.trial.identification_tables import (
     spine_sheet,
 )
 from myomorph.report.trial.identified import COMPONENTS, UNITS, IdentificationInput, IdentifiedBase
+from myomorph.report.trial.validation import STYLES, calibration_section, validation_section
 
 WELL_KNOWN = 0.1
 """Relative standard deviation under which a base parameter counts as well known."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.analysis.contact_states import Limb, limb_states, measured_contacts, solved_contacts
 from myomorph.analysis.lagged import Correlations, correlate
 from myomorph.analysis.limb_muscles import named_muscles
 from myomorph.analysis.locking import Locking, lock
@@ -17,7 +18,6 @@ from myomorph.analysis.subjects import Subject, centroids, lowest_joint, standin
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts
 from myomorph.model.series import Motion, Series
-from myomorph.report.charts.contact_graph import Limb, limb_states, measured_contacts, solved_contacts
 from myomorph.report.trial.figures import axis_names, weighted
 from myomorph.report.trial.prepared import Prepared
 

@@ -25,9 +25,9 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Series
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.page.parts import Note, SourceFile, Step
 from myomorph.report.trial.given import ReportInput, Truth
-from myomorph.report.trial.length_section import analysed_lengths
+from myomorph.report.trial.muscle_sections import analysed_lengths
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import contact_store

@@ -10,8 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.estimate import Estimate
-from myomorph.report.page.head import Note, SourceFile, Step
-from myomorph.report.page.section import Figure
+from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
 from myomorph.viscosity.swings import SwingRecording
 from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity

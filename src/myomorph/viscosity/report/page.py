@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from myomorph.report.charts.interval_bars import Level
-from myomorph.report.page.head import Note, PageHead
 from myomorph.report.page.page import Tile, rendered
+from myomorph.report.page.parts import Note, PageHead, Section
 from myomorph.report.page.references import viscosity_references
-from myomorph.report.page.section import Section
 from myomorph.viscosity.cohort import CohortLine, cohort
 from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY
 from myomorph.viscosity.report.given import ViscosityInput

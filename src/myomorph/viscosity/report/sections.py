@@ -8,11 +8,12 @@ import numpy as np
 
 from myomorph.model.estimate import Estimate
 from myomorph.model.series import Event
-from myomorph.report.charts.chart import Line, Panel, number, time_plot
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.chart import Line, Panel, time_plot
 from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
 from myomorph.report.charts.interval_rows import interval_rows
 from myomorph.report.charts.scatter import Cloud, xy_plot
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identified import COMPONENTS, UNITS
 from myomorph.viscosity.report.given import (
     ArmSpread,

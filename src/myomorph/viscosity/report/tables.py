@@ -8,8 +8,8 @@ from dataclasses import fields
 import numpy as np
 
 from myomorph.model.estimate import Estimate
-from myomorph.report.charts.chart import number
-from myomorph.report.page.section import Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import Grid, Section
 from myomorph.viscosity import murai_tables
 from myomorph.viscosity.cohort import QUANTITIES, CohortLine, Quantity, cohort
 from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY, PublishedSpecimen

@@ -12,7 +12,7 @@ from myomorph import __version__
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Provenance, Source
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.page.parts import Note, SourceFile, Step
 from myomorph.store.progress import Advance, progress
 from myomorph.store.results import file_name, file_source, provenance_of, whole_folder
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput

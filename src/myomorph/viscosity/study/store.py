@@ -13,8 +13,7 @@ import numpy as np
 
 from myomorph.model.errors import BadFile
 from myomorph.model.estimate import Estimate
-from myomorph.report.page.head import Note, SourceFile, Step
-from myomorph.report.page.section import Figure
+from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.report import given as shown
 from myomorph.viscosity.report.given import ViscosityInput
 from myomorph.viscosity.report.page import viscosity_page

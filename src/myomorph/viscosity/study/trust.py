@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.viscosity.arm_sensitivity import ArmOptions, arm_sensitivity
 from myomorph.viscosity.cutoff import SCANNED, scan_cutoffs
 from myomorph.viscosity.passive_models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws

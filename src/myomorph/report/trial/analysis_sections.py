@@ -4,21 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.analysis.contact_states import graph_rows
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
-from myomorph.report.charts.chart import Limit, Line, scaled_unit
-from myomorph.report.charts.contact_graph import contact_graph, graph_rows
+from myomorph.report.charts.axis import scaled_unit
+from myomorph.report.charts.chart import Limit, Line
+from myomorph.report.charts.contact_graph import contact_graph
 from myomorph.report.charts.strip import even_times, fitting, nearest_frames, picture_strip
 from myomorph.report.charts.tracks import WIDTH, Backdrop, Track, draw_track, phase_names, time_axis
-from myomorph.report.page.section import Figure, Section
+from myomorph.report.page.parts import Figure, Section
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.contact_panel import between_tracks
+from myomorph.report.trial.center_section import center_section
+from myomorph.report.trial.contact_panel import between_tracks, contact_force_section
 from myomorph.report.trial.estimated_forces import acting_forces
 from myomorph.report.trial.figures import STYLE
-from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, column_name, person_legend, person_styles
+from myomorph.report.trial.motion_analysis import (
+    MotionAnalysis,
+    Person,
+    analyse,
+    column_name,
+    person_legend,
+    person_styles,
+)
 from myomorph.report.trial.muscle_sections import emg_of
 from myomorph.report.trial.prepared import Prepared
-from myomorph.report.trial.relation_tables import cut_words
+from myomorph.report.trial.relation_tables import cut_words, phase_section, relation_section
 
 MUSCLE_ROW = 31
 TOPS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
@@ -148,3 +158,37 @@ def _top(series: Series) -> float:
     """Top of the muscles' rows: a round number over the largest activation, 1 or less where they are activations."""
     largest = float(np.nanmax(series.values, initial=0.0)) if np.isfinite(series.values).any() else 1.0
     return next((one for one in TOPS if one >= largest), largest)
+
+
+LONGEST_SCORE = 120.0
+MOST_STRIPES = 60
+
+
+def analysis_sections(prepared: Prepared) -> list[Section]:
+    """The panels of the motion's preset that what was given allows."""
+    analysis = analyse(prepared)
+    if analysis is None:
+        return []
+    behind = _backdrop(prepared, analysis)
+    found: list[Section | None] = []
+    for panel in analysis.preset.panels:
+        if panel == "score":
+            found.append(score_section(prepared, analysis, behind))
+        elif panel == "center":
+            found.append(center_section(prepared, analysis, behind))
+        elif panel == "phases":
+            found.append(phase_section(analysis))
+        elif panel == "contact forces":
+            found.append(contact_force_section(prepared, behind, analysis.who))
+        else:
+            found.append(relation_section(analysis))
+    return [one for one in found if one is not None]
+
+
+def _backdrop(prepared: Prepared, analysis: MotionAnalysis) -> Backdrop:
+    """The whole motion, or of a very long one the part that other charts show."""
+    long = prepared.span[1] - prepared.span[0] > LONGEST_SCORE
+    span = prepared.detail if long else prepared.span
+    phases = tuple(one for one in analysis.cutting.phases if one.stop > span[0] and one.start < span[1])
+    events = prepared.events if analysis.cutting.by in ("events", "given") else ()
+    return Backdrop(span, phases if len(phases) <= MOST_STRIPES else (), events)
