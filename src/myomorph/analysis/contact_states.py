@@ -109,7 +109,7 @@ def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
     """One row a site that touches the ground, one a surface that is struck, feet and hands of a side together."""
     rows: dict[tuple[str, str], list[Touch]] = {}
     for touch in given.touches:
-        struck = touch.surface != GROUND and _is_stroke(touch)
+        struck = touch.surface != GROUND and is_stroke(touch)
         key = ("", touch.surface) if struck else (touch.site, touch.surface)
         rows.setdefault(key, []).append(touch)
     for site in given.sites:
@@ -137,7 +137,8 @@ def row_label(site: str, who: Sequence[Subject] = ()) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _is_stroke(touch: Touch) -> bool:
+def is_stroke(touch: Touch) -> bool:
+    """Whether a contact is an impact: heard, or too short to be drawn as a line."""
     return touch.source == "sound" or touch.stop - touch.start < SHORTEST_LINE
 
 

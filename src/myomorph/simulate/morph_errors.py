@@ -18,7 +18,7 @@ from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.procrustes import procrustes
 from myomorph.morph.transfer import morph_model
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.dots import dot_plot
+from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
 
 WRITTEN = "as written"

@@ -14,8 +14,7 @@ from myomorph.analysis.contact_states import (
 )
 from myomorph.analysis.subjects import Subject
 from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
-from myomorph.report.charts.contact_graph import contact_graph
-from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
+from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop, contact_graph
 from walker import GRAVITY, steps
 
 UP = np.array([0.0, 1.0, 0.0])

@@ -15,7 +15,7 @@ from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.report.charts.strip import even_times, picture_strip, pictures_beside
+from myomorph.report.charts.pictures import even_times, picture_strip, pictures_beside
 from myomorph.report.charts.tracks import Backdrop
 from myomorph.report.scene.pictures import pictures, proportion
 from myomorph.report.scene.scene import make_scene

@@ -109,7 +109,7 @@ def number(value: float, step: float | None = None) -> str:
     """A value for print: about three digits, or as many as a tick of `step` needs; a true minus sign."""
     if not np.isfinite(value):
         return "–"
-    if step is None:
+    if step is None or 0.0 < step < 1e-6:
         size = abs(value)
         if size != 0.0 and (size >= 1e6 or size < 1e-3):
             mantissa, power = f"{value:.1e}".split("e")

@@ -103,6 +103,11 @@ def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str
     return f"{opened}><title>{escape(under)}</title></{tag}>" if under else f"{opened}/>"
 
 
+def rect(kind: str, x: float, y: float, width: float, height: float, under: str = "", **further: str) -> str:
+    """A filled box."""
+    return mark("rect", kind, under, x=x, y=y, width=width, height=height, **further)
+
+
 def text(x: float, y: float, content: str, kind: str = "tick", under: str = "", turned: bool = False) -> str:
     """Words at a position, `turned` upwards along an upright axis."""
     position = f'transform="translate({x:.1f} {y:.1f}) rotate(-90)"' if turned else f'x="{x:.1f}" y="{y:.1f}"'
@@ -208,7 +213,7 @@ def levels_across(area: Frame, levels: Sequence[Level]) -> str:
         if one.spread > 0.0:
             top, bottom = (float(area.y.cut(one.value + k * one.spread)) for k in (1, -1))
             wide = area.x.stop - area.x.start
-            parts.append(mark("rect", f"spread {one.style}", x=area.x.start, y=top, width=wide, height=bottom - top))
+            parts.append(rect(f"spread {one.style}", area.x.start, top, wide, bottom - top))
         parts += [across(area, y, kind), text(area.x.stop - 3, y - 3, one.label, kind) if one.label else ""]
     return "".join(parts)
 
@@ -220,7 +225,9 @@ def levels_up(area: Frame, levels: Sequence[Level]) -> str:
         if area.x.low <= one.value <= area.x.high:
             kind, x, top = _level_class(one), float(area.x.at(one.value)), area.y.stop - 3
             parts.append(mark("path", kind, d=f"M{x:.1f} {top:.1f}V{area.y.start:.1f}"))
-            parts.append(text(x + 3, top - 10 * (row % 2), one.label, f"{kind} start"))
+            # Labels lie towards the middle, so that none leaves the drawing.
+            aside, anchor = (3, " start") if 2 * x < area.x.start + area.x.stop else (-3, "")
+            parts.append(text(x + aside, top - 10 * (row % 2), one.label, kind + anchor))
     return "".join(parts)
 
 

@@ -9,7 +9,7 @@ from myomorph.morph.checks import MorphChecks
 from myomorph.morph.moment_arm_table import MomentArms
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.dots import dot_plot
+from myomorph.report.charts.rows import dot_plot
 from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures
 from myomorph.report.morph.tables import (
     Cell,

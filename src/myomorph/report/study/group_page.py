@@ -7,11 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.analysis.groups import Comparison, CurveDifference
+from myomorph.model.estimate import Estimate
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.group_charts import STYLES, cycle_chart, effect_chart, effect_rows
+from myomorph.report.charts.curves import CycleCurve, cycle_chart
+from myomorph.report.charts.rows import interval_rows
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section
 from myomorph.report.page.references import group_references
+
+STYLES = ("left", "right")
+"""Of the first group and of the second."""
+
+MAX_EFFECT = 10.0
+"""Effect sizes along the cycle are drawn up to this."""
 
 MOST_OPEN = 24
 """Curves of a family that are shown at once; the rest is folded away."""
@@ -90,8 +98,44 @@ def _scalar_sections(found: Comparison) -> list[Section]:
             " p by relabelling animals; Holm’s correction holds the chance of any false call among the parameters, q "
             "the share of false ones among those called."
         )
-    figure = Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
+    figure = effect_figure(found)
     return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(found),))]
+
+
+def effect_figure(found: Comparison) -> Figure:
+    """Effect size of every parameter with its interval, filled where the corrected p is small."""
+    drawn = interval_rows(
+        "Effect size",
+        "Hedges’ g",
+        [one.name for one in found.scalars],
+        [Estimate(one.g, one.g_low, one.g_high) for one in found.scalars],
+        solid=[one.holm < found.options.alpha for one in found.scalars],
+        signed=True,
+    )
+    return Figure(drawn, "wide", "Filled where Holm’s p is small.")
+
+
+def difference_chart(one: CurveDifference, unit: str, labels: tuple[str, str], styles: tuple[str, str] = STYLES) -> str:
+    """Both groups' means with their intervals, every animal's own curve, and bars below where they differ."""
+    curves = [
+        CycleCurve(group.mean, style, label, (group.low, group.high), each=each)
+        for group, style, label, each in zip((one.first, one.second), styles, labels, one.each, strict=True)
+    ]
+    shown = [*one.each[0], *one.each[1], *(end for group in (one.first, one.second) for end in (group.low, group.high))]
+    return cycle_chart(one.name, unit, curves, shown, _regions(one))
+
+
+def effect_chart(one: CurveDifference) -> str:
+    """Hedges' g along the cycle with its interval."""
+    curve = CycleCurve(one.g, "middle", "g", (one.g_low, one.g_high))
+    shown = [np.clip(one.g_low, -MAX_EFFECT, MAX_EFFECT), np.clip(one.g_high, -MAX_EFFECT, MAX_EFFECT), np.zeros(1)]
+    return cycle_chart(one.name, "Hedges’ g", [curve], shown, _regions(one), 190)
+
+
+def _regions(one: CurveDifference) -> list[tuple[float, float, str]]:
+    """Where the groups differ, with what is shown under the pointer."""
+    p = f"smallest p {number(one.least_p)}"
+    return [(start, stop, f"differs from {start:.0f} to {stop:.0f} %, {p}") for start, stop in one.regions]
 
 
 def scalar_grid(found: Comparison, title: str = "") -> Grid:
@@ -119,8 +163,8 @@ def _family_section(found: Comparison, family: str) -> Section:
     unit = unit.removesuffix("]")
     order = sorted(curves, key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0))
     shown = order if found.tested else list(curves)
-    figures = [Figure(cycle_chart(one, unit, found.names)) for one in shown[:MOST_OPEN]]
-    figures += [Figure(cycle_chart(one, unit, found.names), folded=one.name) for one in shown[MOST_OPEN:]]
+    figures = [Figure(difference_chart(one, unit, found.names)) for one in shown[:MOST_OPEN]]
+    figures += [Figure(difference_chart(one, unit, found.names), folded=one.name) for one in shown[MOST_OPEN:]]
     figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MOST_OPEN]]
     lead = (
         f"Mean of the animals’ means over the cycle from strike to strike, with {100 * found.options.confidence:.0f} % "

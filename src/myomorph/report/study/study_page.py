@@ -12,17 +12,19 @@ from myomorph.analysis.outliers import FAR
 from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.model.sides import split_side
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.condition_charts import condition_chart, styled
-from myomorph.report.charts.dots import rank_plot
-from myomorph.report.charts.group_charts import cycle_chart, effect_rows
+from myomorph.report.charts.curves import CycleCurve, cycle_chart
+from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Section
 from myomorph.report.page.references import study_references
-from myomorph.report.study.group_page import curve_grid, scalar_grid
+from myomorph.report.study.group_page import curve_grid, difference_chart, effect_figure, scalar_grid
 from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
 
 MOST_OPEN, MOST_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
+STYLES = ("right", "left", "third", "second", "fourth", "middle")
+"""Of the conditions in their order; more of them take these again."""
+
 MOST_DIFFERENT = 12
 """Curves of a comparison that are drawn."""
 LONG = 60
@@ -226,6 +228,25 @@ def _family(given: StudyInput, family: str) -> Section:
     return Section(f"curves-{key}", f"{what[:1].upper()}{what[1:]}", lead, legend, tuple(figures))
 
 
+def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
+    """One curve in all conditions: its mean, the interval of it, and fainter one standard deviation."""
+    drawn = []
+    for style, one in styled(conditions):
+        curves = one.curves.get(family)
+        if curves is not None and name in curves.names:
+            k = curves.names.index(name)
+            mean, deviation = curves.mean[:, k], curves.deviation[:, k]
+            spread = mean - deviation, mean + deviation
+            drawn.append(CycleCurve(mean, style, one.name, (curves.low[:, k], curves.high[:, k]), spread))
+    shown = [part for one in drawn for part in (one.mean, *(one.spread or ()))]
+    return cycle_chart(name, family.partition(" [")[2].removesuffix("]"), drawn, shown)
+
+
+def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
+    """Conditions with the style of their lines."""
+    return [(STYLES[k % len(STYLES)], one) for k, one in enumerate(conditions)]
+
+
 def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
     """Names of a family's curves: usual coordinates and leg muscles first, the others by how far they move."""
     reach: dict[str, float] = {}
@@ -279,9 +300,7 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         least = found.floor * sum(np.isfinite(one.p) for one in found.scalars)
         if found.tested and least > found.options.alpha:
             lead += f" So few subjects cannot bring Holm’s p of that many parameters below {number(min(least, 1.0))}."
-        figures.append(
-            Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
-        )
+        figures.append(effect_figure(found))
     grids = [scalar_grid(found)] if found.scalars else []
     for family in found.families:
         curves = sorted(
@@ -289,7 +308,7 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         )
         unit = family.partition(" [")[2].removesuffix("]")
         different = [one for one in curves if one.regions]
-        figures += [Figure(cycle_chart(one, unit, found.names, styles)) for one in different[:MOST_DIFFERENT]]
+        figures += [Figure(difference_chart(one, unit, found.names, styles)) for one in different[:MOST_DIFFERENT]]
         grids.append(curve_grid(curves, f"{family.partition(' [')[0]}: {len(different)} of {len(curves)} differ"))
     legend = tuple(zip(styles, found.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))

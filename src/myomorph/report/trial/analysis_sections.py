@@ -8,10 +8,10 @@ from myomorph.analysis.contact_states import graph_rows
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import scaled_unit
-from myomorph.report.charts.chart import Limit, Line
-from myomorph.report.charts.contact_graph import contact_graph
-from myomorph.report.charts.strip import even_times, fitting, nearest_frames, picture_strip
-from myomorph.report.charts.tracks import WIDTH, Backdrop, Track, draw_track, phase_names, time_axis
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.marks import Level
+from myomorph.report.charts.pictures import even_times, fitting, nearest_frames, picture_strip
+from myomorph.report.charts.tracks import Backdrop, Track, contact_graph, draw_track, phase_names, row_title, time_axis
 from myomorph.report.page.parts import Figure, Section
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.center_section import center_section
@@ -120,7 +120,7 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
         for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
-    levels = [Limit(factor * still, "at rest")] if np.isfinite(still) else []
+    levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
     return draw_track(Track("Height of COG", unit, lines, 86, levels=levels), behind)
 
 
@@ -135,10 +135,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
         return []
     rows = []
     if person.who.name:
-        rows.append(
-            f'<svg class="chart" viewBox="0 0 {WIDTH} 20" role="presentation"><text class="block start" x="2" y="15">'
-            f"Muscles of {person.who.name}</text></svg>"
-        )
+        rows.append(row_title(f"Muscles of {person.who.name}"))
     peak = _top(series)
     for pair in person.muscles:
         lines = [

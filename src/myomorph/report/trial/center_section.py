@@ -7,8 +7,8 @@ import numpy as np
 from myomorph.analysis.periodicity import Periodicity
 from myomorph.model.arrays import Array
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.chart import Line
-from myomorph.report.charts.maps import floor_plot
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, leveled, person_legend, person_styles
@@ -66,7 +66,7 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     )
     shown = [(label, style, factor * one) for label, style, one in paths]
     title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
-    return floor_plot(title, across, shown, width=505, height=300, unit=unit, level=level)
+    return floor_plot(title, across, shown, width=505, height=300, unit=unit, one_scale=level)
 
 
 def _thin(paths: list[Array]) -> bool:
@@ -91,7 +91,7 @@ def _upright_path(analysis: MotionAnalysis) -> str:
         found.append(1000.0 * np.stack([level[:, k], level[:, 0]], axis=1))
     across = (analysis.axes[k], analysis.axes[0])
     title = f"Height over {analysis.axes[k]}"
-    return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", level=False)
+    return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", one_scale=False)
 
 
 def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, str, Array]]:

@@ -10,9 +10,10 @@ from myomorph.analysis.subjects import Subject
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.chart import Limit, Line
-from myomorph.report.charts.maps import floor_plot
-from myomorph.report.charts.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.marks import Level, drawing, mark, text
+from myomorph.report.charts.points import floor_plot
+from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, Track, draw_track, named_lines, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
 from myomorph.report.trial.figures import axis_names
@@ -136,16 +137,16 @@ def _components(
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
 
 
-def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Limit]:
+def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Level]:
     """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
     model = prepared.given.model
     if not block:
-        return [Limit(prepared.weight, "body weight")] if prepared.weight and len(who) < 2 else []
+        return [Level(prepared.weight, "body weight", "middle")] if prepared.weight and len(who) < 2 else []
     own = next((one for one in who if one.name == block), None)
     if own is None or model is None:
         return []
     mass = sum(model.body(name).mass for name in own.bodies)
-    return [Limit(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}")]
+    return [Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}", "middle")]
 
 
 def _at_instants(prepared: Prepared) -> bool:
@@ -168,16 +169,14 @@ def _marks(prepared: Prepared, behind: Backdrop) -> str:
     """A row of marks at frames that contacts could not carry; "" where there are none."""
     if not prepared.given.uncarried:
         return ""
-    frame = behind.frame(0.0, 12.0)
-    ticks = "".join(
-        f'<path class="uncarried" d="M{float(frame.x(one.time)):.1f} 1v10"><title>{number(one.time, 0.001)} s'
-        "</title></path>"
+    along = behind.frame(0.0, 12.0).x
+    marks = [
+        mark("path", "uncarried", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
         for one in prepared.given.uncarried
         if behind.span[0] <= one.time <= behind.span[1]
-    )
-    return (
-        f'<svg class="chart" viewBox="0 0 1040 12" role="img" aria-label="Frames that could not be carried">'
-        f'<text class="tick end" x="2" y="10">not carried</text>{ticks}</svg>'
+    ]
+    return drawing(
+        "", "Infeasible contact frames", (WIDTH, 12), text(2, 10, "infeasible", "tick end"), *marks, unit=None
     )
 
 

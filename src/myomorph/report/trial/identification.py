@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from myomorph.analysis.segment_words import plain_words, segment_words
-from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.dots import dot_plot, rank_plot
+from myomorph.report.charts.pictures import picture_row
+from myomorph.report.charts.points import rank_plot
+from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.scene.image import LEVEL, data_uri, level_color, png
+from myomorph.report.scene.image import LEVEL, level_color
 from myomorph.report.scene.pictures import pictures
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.identification_tables import (
@@ -93,33 +94,14 @@ def body_section(given: IdentificationInput) -> Section:
 
 def body_picture(given: IdentificationInput) -> str:
     """The model from its right side and from the front as one drawing with its scale of colors."""
-    model = _bare(given.model)
+    model = replace(given.model, muscles=())
     pose = given.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
     scene = make_scene(model, pose, [0], given.surfaces)
     share = given.share if len(given.share) else np.full(len(model.bodies), np.nan)
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])
-    side, front = pictures(scene, 560, 560, colors)
-    width, height = max(side.width + front.width + 20, 560), side.height + 46
-    first = (width - side.width - front.width) / 3
-    parts = [f'<svg class="chart body" viewBox="0 0 {width} {height}" role="img" aria-label="The identified body">']
-    for picture, x in ((side, first), (front, 2 * first + side.width)):
-        size = f'width="{picture.width}" height="{picture.height}"'
-        parts.append(f'<image href="{data_uri(picture.image)}" x="{x:g}" y="0" {size}/>')
-    if len(given.share):
-        bar = png(np.arange(256, dtype=np.uint8)[None], LEVEL)
-        left, y = width / 2 - 110, side.height + 14
-        parts.append(
-            f'<image href="{data_uri(bar)}" x="{left:g}" y="{y}" width="220" height="9" preserveAspectRatio="none"/>'
-        )
-        for at, text in ((0, "from the shape"), (110, "half"), (220, "from the data")):
-            parts.append(f'<text class="tick x" x="{left + at:g}" y="{y + 23}">{text}</text>')
-    parts.append("</svg>")
-    return "".join(parts)
-
-
-def _bare(model: Model) -> Model:
-    """The model without muscles: only its links are to be seen."""
-    return replace(model, muscles=())
+    drawn = pictures(scene, 560, 560, colors)
+    palette, ends = (LEVEL, ("from the shape", "half", "from the data")) if len(given.share) else (None, ())
+    return picture_row("The identified body", drawn, palette=palette, ends=ends)
 
 
 def mass_section(given: IdentificationInput) -> Section | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
 
 from myomorph.analysis.columns import extremes
@@ -15,8 +13,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.chart import Frame, heading, path_data
-from myomorph.report.charts.group_charts import across, opened, percent_ticks, range_of, ribbon
+from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
 from myomorph.report.trial.prepared import Prepared
@@ -176,7 +173,6 @@ def _first_parts(pair: Pair) -> Pair:
     return Pair(f"{pair.label} ({part})" if several else pair.label, members)
 
 
-WIDTH, HEIGHT = 330, 220
 GAITS = ("", "gait")
 """Presets in which strides are looked for."""
 
@@ -216,28 +212,13 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
     return Section("length_cycles", "Muscle lengths over the stride", lead, SIDES_LEGEND, figures, (grid,))
 
 
-def stride_chart(analysis: LengthAnalysis, pair: Pair, width: int = WIDTH, height: int = HEIGHT) -> str:
+def stride_chart(analysis: LengthAnalysis, pair: Pair) -> str:
     """Every stride of a muscle on both sides, its mean and interval [mm]."""
-    drawn: list[tuple[str, str, Array]] = []
+    drawn = []
     for side, names in pair.members.items():
-        drawn.append((side or "right", names[0], 1e3 * analysis.curves(names[0])))
-    low, high = range_of([curves.ravel() for _, _, curves in drawn])
-    frame = Frame(46, 26.0, width - 8, height - 32, 0.0, 100.0, low, high)
-    percent = next(iter(analysis.lengths.values())).percent
-    x = frame.x(percent)
-    first = drawn[0][1]
+        strides = 1e3 * analysis.curves(names[0])
+        mean = band(strides)
+        drawn.append(CycleCurve(mean.mean, side or "right", names[0], (mean.low, mean.high), each=strides))
     several = any(len(names) > 1 for names in pair.members.values())
-    title = f"{pair.label} ({split_side(first)[0]})" if several else pair.label
-    parts = [opened("time", title, width, height, frame.data), heading(title, "mm")]
-    parts += [*across(frame), *percent_ticks(frame)]
-    for side, name, curves in drawn:
-        for curve in curves:
-            if np.isfinite(curve).any():
-                parts.append(f'<path class="line thin {side}" d="{path_data(x, frame.y(curve))}"/>')
-        mean = band(curves)
-        outline = ribbon(frame, percent, mean.low, mean.high)
-        if outline:
-            parts.append(f'<path class="band {side}" d="{outline}"/>')
-        label = escape(name, True)
-        parts.append(f'<path class="line {side}" data-label="{label}" d="{path_data(x, frame.y(mean.mean))}"/>')
-    return "".join([*parts, "</svg>"])
+    title = f"{pair.label} ({split_side(drawn[0].label)[0]})" if several else pair.label
+    return cycle_chart(title, "mm", drawn, [one for curve in drawn for one in curve.each])

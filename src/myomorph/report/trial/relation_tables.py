@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.analysis.lagged import Correlations
 from myomorph.analysis.locking import Locking
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.sided_table import Cell, sided_table
+from myomorph.report.charts.cells import Cell, sided_table
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person
 

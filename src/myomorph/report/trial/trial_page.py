@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.series import Motion, Series
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.strip import nearest_frames
+from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
 from myomorph.report.page.parts import Note, Section, SourceFile, Step
 from myomorph.report.page.references import Reference, references

@@ -9,8 +9,8 @@ import numpy as np
 from myomorph.analysis.columns import Comparison, compared
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.chart import Line, Panel, time_plot
-from myomorph.report.charts.dots import dot_plot
+from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identification_tables import WrenchError, wrench_errors
 from myomorph.report.trial.identified import COMPONENTS, UNITS, CalibratedBody, IdentificationInput, WrenchCheck

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from myomorph.report.charts.interval_bars import Level
+from myomorph.report.charts.marks import Level
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Note, PageHead, Section
 from myomorph.report.page.references import viscosity_references
@@ -68,8 +68,8 @@ def _sections(given: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Se
     beside = truth_grid(given.done)
     if beside is not None:
         tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
-    levels = {name: [Level("", line.mean, line.sd, "mean")] for name, line in lines.items() if line.count > 1}
-    levels.setdefault("total_viscosity", []).append(Level("Stroeve 1999", STROEVE_TOTAL_VISCOSITY, style="limit"))
+    levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
+    levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
     found = [tables, cohort_section(given.done, levels)]
     for order, one in enumerate(given.done, 1):
         found += specimen_sections(one, order)

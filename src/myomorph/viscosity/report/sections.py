@@ -9,10 +9,10 @@ import numpy as np
 from myomorph.model.estimate import Estimate
 from myomorph.model.series import Event
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.chart import Line, Panel, time_plot
-from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
-from myomorph.report.charts.interval_rows import interval_rows
-from myomorph.report.charts.scatter import Cloud, xy_plot
+from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.marks import Level
+from myomorph.report.charts.points import Cloud, xy_plot
+from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identified import COMPONENTS, UNITS
 from myomorph.viscosity.report.given import (
@@ -160,9 +160,9 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     if found is None or not found.muscles:
         return None
     truth = one.truth.get("muscle_viscosity")
-    levels = [Level("common value", found.common.value, style="left")]
+    levels = [Level(found.common.value, "common value", "left")]
     if truth is not None:
-        levels.append(Level("truth", truth, style="truth"))
+        levels.append(Level(truth, "truth", "truth"))
     by_pcsa = found.by_pcsa.value * found.pcsa
     rows = interval_rows(
         "Viscosity of each muscle, regularised",
@@ -283,7 +283,7 @@ def cutoff_plots(scan: CutoffScan) -> list[str]:
                 change = 100.0 * (scan.values[name] / at - 1.0)
                 clouds.append(Cloud(scan.cutoffs, change, style, BY_NAME[name].label, dotted=True))
         if clouds:
-            heights = np.concatenate([one.up[np.isfinite(one.up)] for one in clouds])
+            heights = np.concatenate([one.y[np.isfinite(one.y)] for one in clouds])
             ends = np.array([heights.min(), heights.max()])
             clouds.append(
                 Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True)

@@ -18,7 +18,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.morph.place_clusters import PlacedBone
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.residual_map import residual_map
+from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure
 from myomorph.study.trial.inputs import about, fitted_to, open_model, open_trial
 from myomorph.study.trial.upright import carrying, turn_to, turned
