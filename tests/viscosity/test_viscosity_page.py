@@ -79,7 +79,7 @@ def test_the_page_says_first_what_is_simulated_and_what_failed(reports):
     assert "made &amp; drawn" in head
     assert "3 of them with and without muscles" in head
     assert "specimen 01: axis z hardly moved" in page
-    assert "Trust in specimen" not in page
+    assert "Sensitivity: specimen" not in page
     assert not re.search(r"(src|href)=\"(?!data:|#|https://doi)", page)
 
 

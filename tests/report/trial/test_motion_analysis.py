@@ -106,7 +106,7 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
     assert "Tibialis anterior" in lacking
     assert len(found) + len(lacking) == 8
     section = analysis_sections(prepare(replace(everything(60), preset="taichi")))[0]
-    assert "The model has no muscle for: Deltoid, anterior;" in section.lead
+    assert "The model lacks: Deltoid, anterior;" in section.lead
 
 
 def test_presets_make_pages_of_well_formed_drawings() -> None:
@@ -318,7 +318,7 @@ def test_the_panel_of_contact_forces() -> None:
     )
     panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
     assert "fourth situation" in panel.lead
-    assert "leave open" in panel.lead
+    assert "that the data allow" in panel.lead
     assert "its opposite" in panel.lead
     assert ("measured", "measured") in panel.legend
     rows = {row[0]: row for row in panel.grids[0].rows}

@@ -25,7 +25,7 @@ from myomorph.report.scene.scene import Scene, make_scene
 from myomorph.report.scene.shapes import outward, reduced
 
 VIEWS = {"side": "from the right", "front": "from the front", "left": "from the left"}
-MOST_FACES = 60_000
+MAX_FACES = 60_000
 """Triangles that pictures are drawn from."""
 
 HEIGHT, WIDEST = 560, 340
@@ -33,7 +33,7 @@ HEIGHT, WIDEST = 560, 340
 
 COLUMNS, CELL, ROW = 6, 170.0, 106.0
 MARGIN = 30.0
-MOST_PANELS = 30
+MAX_PANELS = 30
 """Muscles drawn about one coordinate."""
 
 
@@ -66,7 +66,7 @@ def _target_bones(morph: Morph) -> dict[str, Surface]:
 def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collection[str]) -> Scene:
     """The model in its default pose with these bones and muscles alone; bodies without a known bone are sticks."""
     known = {name: outward(one) for name, one in bones.items() if one is not None and name in model.body_names}
-    lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MOST_FACES), strict=True))
+    lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MAX_FACES), strict=True))
     still = Transform.identity()
     meshes = {name: (Mesh(name, still, np.ones(3)),) for name in lean}
     shown = replace(
@@ -149,9 +149,9 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
     turning = one.kind == "rotational"
     low, high = (float(f(one.target_values)) * (180.0 / np.pi if turning else 1e3) for f in (np.min, np.max))
     unit = "mm" if turning else "mm/mm"
-    told = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
+    words = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
     if len(shown) < len(one.muscles):
-        told += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
+        words += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
     name = one.pair.target if one.pair.source == one.pair.target else f"{one.pair.target} (source {one.pair.source})"
     factor = 1e3 if turning else 1.0
     parts = []
@@ -160,7 +160,7 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
         lines = factor * sizes.get(muscle, 1.0) * one.source[:, k], factor * one.target[:, k]
         parts.append(_panel(x, y, muscle, one.target_values, lines, muscle in flagged))
-    return drawing("arms", f"Moment arms about {name}", (width, height), *parts, unit=told)
+    return drawing("arms", f"Moment arms about {name}", (width, height), *parts, unit=words)
 
 
 def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:
@@ -169,7 +169,7 @@ def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]
     largest = np.maximum(np.abs(one.source).max(axis=0) * size, np.abs(one.target).max(axis=0))
     first = np.array([name in flagged for name in one.muscles])
     order = np.lexsort([-largest, ~first])
-    return sorted(int(k) for k in order[:MOST_PANELS])
+    return sorted(int(k) for k in order[:MAX_PANELS])
 
 
 def _panel(x: float, y: float, muscle: str, values: Array, lines: tuple[Array, Array], flagged: bool) -> str:

@@ -166,16 +166,16 @@ def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array], paint:
         canvas.tubes(np.concatenate(starts), np.concatenate(ends), np.concatenate(radii), np.concatenate(colors))
 
 
-MOST_FRAMES = 150
-MOST_BYTES = 2_500_000
-MOST_TRIANGLES = 12000
+MAX_FRAMES = 150
+MAX_BYTES = 2_500_000
+MAX_TRIANGLES = 12000
 HIDDEN = -32768
 
 
 def frames_to_play(frames: int, points: int, bodies: int) -> int:
     """How many frames fit the budget, for a number of muscle points and bodies."""
     each = 6 * points + 48 * bodies
-    return int(np.clip(MOST_BYTES // max(each, 1), 24, min(MOST_FRAMES, max(frames, 1))))
+    return int(np.clip(MAX_BYTES // max(each, 1), 24, min(MAX_FRAMES, max(frames, 1))))
 
 
 def player(scene: Scene) -> str:
@@ -203,7 +203,7 @@ def player(scene: Scene) -> str:
         if scene.muscles
         else np.zeros((len(scene.time), 0))
     )
-    told = np.where(np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)).astype(np.uint8)
+    words = np.where(np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)).astype(np.uint8)
     forces = np.concatenate([scene.force_starts, scene.force_vectors / scene.weight], axis=2)
     value: dict[str, Any] = {
         "time": [round(float(one), 5) for one in scene.time],
@@ -225,7 +225,7 @@ def player(scene: Scene) -> str:
         "middle": _short(middle),
         "step": step,
         "points": base64_text(_packed(points, middle, step)),
-        "activation": base64_text(told),
+        "activation": base64_text(words),
         "colors": base64_text(ACTIVATION),
         "forces": np.where(np.isfinite(forces), np.round(forces, 4), 0.0).reshape(len(scene.time), -1).tolist(),
     }
@@ -248,8 +248,8 @@ def _short(values: Array) -> list[float]:
 
 def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
     """Surfaces with as many triangles as a browser draws smoothly, and their bodies."""
-    shrunk = reduced([solid.surface for solid in scene.solids], scene.size, MOST_TRIANGLES)
-    told = []
+    shrunk = reduced([solid.surface for solid in scene.solids], scene.size, MAX_TRIANGLES)
+    words = []
     bodies = []
     for solid, surface in zip(scene.solids, shrunk, strict=True):
         if not len(surface.faces):
@@ -257,7 +257,7 @@ def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
         low = surface.vertices.min(axis=0)
         step = max(float(np.ptp(surface.vertices, axis=0).max()), 1e-9) / 60000.0
         packed = np.round((surface.vertices - low) / step - 30000.0).astype(np.int16)
-        told.append(
+        words.append(
             {
                 "low": _short(low + 30000.0 * step),
                 "step": step,
@@ -267,4 +267,4 @@ def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
             }
         )
         bodies.append(solid.body)
-    return told, np.array(bodies, dtype=np.int64)
+    return words, np.array(bodies, dtype=np.int64)

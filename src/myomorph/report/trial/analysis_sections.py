@@ -66,16 +66,16 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
     if analysis.activations is not None:
         told.append(f"Activations from 0 to {_top(analysis.activations):g}.")
     if graph and analysis.contacts is not None:
-        told.append("A line is a site that touches, a full dot where it begins and an open one where it ends.")
+        told.append("Lines are contact intervals: a filled dot at the start, an open dot at the end.")
         if any(one.source == "sound" for one in analysis.contacts.touches):
-            told.append("Strokes: ✳ right hand, + left hand, ○ right foot, × left foot.")
+            told.append("Impacts: ✳ right hand, + left hand, ○ right foot, × left foot.")
     told.append(cut_words(analysis))
     if analysis.persons and analysis.activations is not None:
         lacking = tuple(dict.fromkeys(name for one in analysis.persons for name in one.lacking))
         if lacking:
-            told.append(f"The model has no muscle for: {'; '.join(lacking)}.")
+            told.append(f"The model lacks: {'; '.join(lacking)}.")
     if not analysis.chosen:
-        told.append(f"The preset “{analysis.preset.name}” was chosen by what the recording shows.")
+        told.append(f"The preset “{analysis.preset.name}” was chosen automatically.")
     return " ".join(one for one in told if one)
 
 
@@ -157,8 +157,8 @@ def _top(series: Series) -> float:
     return next((one for one in TOPS if one >= largest), largest)
 
 
-LONGEST_SCORE = 120.0
-MOST_STRIPES = 60
+MAX_SCORE_TIME = 120.0
+MAX_STRIPES = 60
 
 
 def analysis_sections(prepared: Prepared) -> list[Section]:
@@ -184,8 +184,8 @@ def analysis_sections(prepared: Prepared) -> list[Section]:
 
 def _backdrop(prepared: Prepared, analysis: MotionAnalysis) -> Backdrop:
     """The whole motion, or of a very long one the part that other charts show."""
-    long = prepared.span[1] - prepared.span[0] > LONGEST_SCORE
+    long = prepared.span[1] - prepared.span[0] > MAX_SCORE_TIME
     span = prepared.detail if long else prepared.span
     phases = tuple(one for one in analysis.cutting.phases if one.stop > span[0] and one.start < span[1])
     events = prepared.events if analysis.cutting.by in ("events", "given") else ()
-    return Backdrop(span, phases if len(phases) <= MOST_STRIPES else (), events)
+    return Backdrop(span, phases if len(phases) <= MAX_STRIPES else (), events)

@@ -100,16 +100,17 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
     pairs = [one for one in groups if one.against != GROUND]
     if pairs:
-        told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
+        told.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
     if any(one.measured is not None for one in groups):
-        told.append("What plates measured is grey, shown and compared while a plate carries it.")
+        told.append("Plate measurements are grey, shown and compared while the plate is loaded.")
     if given.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
         told.append(
-            f"{shape} are what the data leave open: equations of motion, cones and muscles allow every force in them."
+            f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
+            "every force within."
         )
     if given.uncarried:
-        told.append(f"Red marks: {len(given.uncarried)} frames whose motion the contacts could not carry.")
+        told.append(f"Red marks: {len(given.uncarried)} infeasible contact frames.")
     return " ".join(told)
 
 
@@ -217,4 +218,4 @@ def _difference(group: Group, vector: Array) -> str:
 
 def _uncarried_grid(given: ReportInput) -> Grid:
     rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.uncarried)
-    return Grid(("Time", "Smallest relaxation that carries it"), rows, f"{len(rows)} frames not carried", True)
+    return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

@@ -22,8 +22,8 @@ from myomorph.report.trial.tables import MARKER_LARGEST, MARKER_RMS, RESIDUAL_FO
 
 STYLE = {"right": "right", "left": "left", "": "middle"}
 ORDINAL = ("first", "second", "third", "fourth")
-MOST_BARS = 60
-MOST_IN_COLUMN = 14
+MAX_BARS = 60
+MAX_COLUMN_ROWS = 14
 Span = tuple[float, float]
 
 
@@ -54,16 +54,16 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
         rms = 100 * np.sqrt(squares.sum(axis=0) / seen.sum(axis=0))
     largest = 100 * np.max(np.where(seen, fit.errors, -np.inf), axis=0, initial=-np.inf)
     largest = np.where(np.isfinite(largest), largest, np.nan)
-    order = np.argsort(-np.nan_to_num(rms, nan=-1.0))[:MOST_BARS]
-    title = "Marker errors, one by one"
-    if len(fit.marker_names) > MOST_BARS:
-        title = f"Marker errors: the {MOST_BARS} largest of {len(fit.marker_names)}"
+    order = np.argsort(-np.nan_to_num(rms, nan=-1.0))[:MAX_BARS]
+    title = "Marker errors by marker"
+    if len(fit.marker_names) > MAX_BARS:
+        title = f"Marker errors: the {MAX_BARS} largest of {len(fit.marker_names)}"
     limits = [
         Level(100 * MARKER_RMS * scale, "RMS limit"),
-        Level(100 * MARKER_LARGEST * scale, "limit of the largest"),
+        Level(100 * MARKER_LARGEST * scale, "limit of the maximum"),
     ]
     peak = float(np.nanmax(largest, initial=0.0))
-    columns = np.array_split(order, 2) if len(order) > MOST_IN_COLUMN else [order]
+    columns = np.array_split(order, 2) if len(order) > MAX_COLUMN_ROWS else [order]
     bars = [
         bar_plot(
             title if k == 0 else "",

@@ -105,15 +105,15 @@ def tension_section(prepared: Prepared) -> Section | None:
                 number(float(np.nanmax(column))),
             )
         )
-    head = ("Muscle", "Largest tension", "at", "Mean", "of its maximum isometric force", "Largest activation")
+    head = ("Muscle", "Maximum tension", "Time", "Mean", "Share of maximum isometric force", "Maximum activation")
     return Section(
         "tensions",
         "Muscle tensions",
         "Force along the tendon of every muscle, from hip to ankle on each side. In long recordings every column "
-        "shows the largest of the frames it stands for.",
+        "shows the maximum of its frames.",
         (),
         (Figure(drawing, "full"),),
-        (Grid(head, tuple(rows), f"All {len(rows)} muscles, strongest pull first", True),),
+        (Grid(head, tuple(rows), f"All {len(rows)} muscles, largest tension first", True),),
     )
 
 
@@ -133,7 +133,7 @@ def emg_section(prepared: Prepared) -> Section | None:
     unknown = [name for name in left if name not in prepared.given.emg_muscles]
     lead = "Envelopes as measured."
     if unknown:
-        lead += f" The recording does not say which muscle these are, and none is claimed: {few(unknown, 16)}."
+        lead += f" The recording does not specify their muscles: {few(unknown, 16)}."
     figures = tuple(
         Figure(
             emg_panel(
@@ -203,9 +203,10 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
     figures = tuple(Figure(stride_chart(analysis, pair)) for pair in chosen)
     counts = ", ".join(f"{len(own)} of {limb}" for limb, own in analysis.strides.items())
     lead = (
-        f"From strike to strike of each muscle's own foot ({counts}). A stride starts where the foot is farthest ahead "
+        f"From foot strike to foot strike of each muscle's own side ({counts}). A stride starts where the foot is "
+        "farthest ahead "
         "of the trunk. Thin lines are strides; the band is the 95 % interval of their mean. Velocities in the table "
-        "are means of each stride's fastest, in optimal fiber lengths a second; 'standing' is the model's default pose."
+        "are means of each stride's maximum, in optimal fiber lengths a second; 'standing' is the model's default pose."
     )
     rows = tuple(range_row(one) for one in ranges)
     grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)

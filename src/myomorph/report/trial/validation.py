@@ -20,7 +20,7 @@ STYLES = ("first", "second", "third", "fourth", "left", "middle")
 """Of the methods' lines, in their order."""
 
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
-LONGEST = 10.0
+MAX_TIME = 10.0
 """Charts show so much of a motion that is twice as long, or longer [s]."""
 
 
@@ -39,10 +39,10 @@ def validation_section(check: WrenchCheck, styles: Mapping[str, str], order: int
     seen = int(np.isfinite(check.measured).all(axis=1).sum())
     lead = (
         f"The wrench on the base link, {check.trial or 'a motion that was not used'}: {number(seen, 1.0)} frames. "
-        "Errors are predicted less measured. Moments are about the base link's origin, in ground axes."
+        "Errors are predicted minus measured. Moments are about the base link's origin, in ground axes."
     )
     if span[1] - span[0] < float(check.time[-1] - check.time[0]) - 1e-9:
-        lead += f" Charts show the {number(span[1] - span[0])} s in which it changes most; the tables cover all of it."
+        lead += f" Charts show the {number(span[1] - span[0])} s with the largest changes; the tables cover all of it."
     return Section(
         f"cross-validation-{order + 1}" if order else "cross-validation",
         f"Cross-validation: {check.trial or order + 1}" if order else "Cross-validation",
@@ -77,9 +77,9 @@ def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
 
     return (
         grid("Error, root mean square", "rms"),
-        grid("Error, mean of its size", "mean_absolute"),
+        grid("Error, mean absolute", "mean_absolute"),
         grid("Error, mean", "mean", folded=True),
-        grid("Error, largest", "peak", folded=True),
+        grid("Error, maximum", "peak", folded=True),
         grid("Error, root mean square, over body weight (moments: × 1 m)", "share", folded=True, percent=True),
     )
 
@@ -87,20 +87,20 @@ def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
 def _busiest(check: WrenchCheck) -> tuple[float, float]:
     """The whole time, or of a long motion the part in which the measured wrench changes most [s]."""
     time = check.time
-    if time[-1] - time[0] <= 2.0 * LONGEST:
+    if time[-1] - time[0] <= 2.0 * MAX_TIME:
         return float(time[0]), float(time[-1])
     measured = np.nan_to_num(check.measured)
     size = np.maximum(np.abs(measured).max(axis=0), 1e-12)
     change = np.concatenate([[0.0], np.abs(np.diff(measured / size, axis=0)).sum(axis=1).cumsum()])
-    last = np.minimum(np.searchsorted(time, time + LONGEST), len(time) - 1)
-    start = int(np.argmax(np.where(time + LONGEST <= time[-1], change[last] - change, -1.0)))
-    return float(time[start]), float(time[start] + LONGEST)
+    last = np.minimum(np.searchsorted(time, time + MAX_TIME), len(time) - 1)
+    start = int(np.argmax(np.where(time + MAX_TIME <= time[-1], change[last] - change, -1.0)))
+    return float(time[start]), float(time[start] + MAX_TIME)
 
 
-MOST_MARKERS = 40
+MAX_MARKERS = 40
 """Markers in the chart, those that moved furthest."""
 
-LONGEST_TABLE = 30
+MAX_OPEN_ROWS = 30
 
 
 def calibration_section(given: IdentificationInput) -> Section | None:
@@ -108,9 +108,9 @@ def calibration_section(given: IdentificationInput) -> Section | None:
     found = given.calibration
     if found is None:
         return None
-    lead = "Lengths between joints and places of markers that fit the recordings"
+    lead = "Segment lengths and marker positions that fit the recordings"
     lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
-    lead += " Bars are one standard deviation to both sides." if any(one.sd for one in found.lengths) else ""
+    lead += " Bars are ± one standard deviation." if any(one.sd for one in found.lengths) else ""
     return Section(
         "calibration", "Lengths and markers", lead, (), _calibration_figures(found), _calibration_grids(found)
     )
@@ -124,9 +124,9 @@ def _calibration_figures(found: CalibratedBody) -> tuple[Figure, ...]:
         sd = 1000.0 * np.array([np.nan if one.sd is None else one.sd for one in found.lengths])
         figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
     if found.markers:
-        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:MOST_MARKERS])
+        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:MAX_MARKERS])
         far = [1000.0 * np.array(list(moved.values()))]
-        figures.append(dot_plot("How far markers moved", "mm", list(moved), far, ("third",), ("moved",), 520))
+        figures.append(dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520))
     return tuple(Figure(one, "medium") for one in figures)
 
 
@@ -144,9 +144,9 @@ def _calibration_grids(found: CalibratedBody) -> tuple[Grid, ...]:
         rows = tuple(
             (one.name, *(_millimetres(value) for value in (one.before, one.after, one.sd))) for one in found.lengths
         )
-        grids.append(Grid(head, rows, "Lengths", len(rows) > LONGEST_TABLE))
+        grids.append(Grid(head, rows, "Lengths", len(rows) > MAX_OPEN_ROWS))
     if found.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "What calibration had to say"))
+        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "Notes of the calibration"))
     return tuple(grids)
 
 
@@ -178,8 +178,8 @@ def truth_section(prepared: Prepared) -> Section | None:
     summary = "; ".join(f"{grid.title.lower()}: {grid.rows[0][1]} RMS in all" for grid in shown)
     return Section(
         "truth",
-        "Estimate and truth",
-        "The capture was simulated, so the true values are known and drawn dashed above. "
+        "Comparison with the truth",
+        "The capture was simulated: the true values are known and drawn dashed above. "
         f"{summary[:1].upper()}{summary[1:]}.",
         (),
         (),
@@ -210,5 +210,5 @@ def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], un
             )
         )
     return Grid(
-        ("", "RMS difference", "largest", "range of the truth", "correlation"), tuple(lines), title, len(lines) > 14
+        ("", "RMS difference", "Maximum", "Range of the truth", "Correlation"), tuple(lines), title, len(lines) > 14
     )

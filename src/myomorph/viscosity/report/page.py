@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from myomorph.report.charts.marks import Level
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Note, PageHead, Section
-from myomorph.report.page.references import viscosity_references
+from myomorph.report.page.references import cited
 from myomorph.viscosity.cohort import CohortLine, cohort
 from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY
 from myomorph.viscosity.report.given import ViscosityInput
@@ -32,13 +32,19 @@ def viscosity_page(given: ViscosityInput) -> str:
         warnings=tuple(f"specimen {one.name}: {note}" for one in given.specimens for note in one.notes),
     )
     lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
-    return rendered(page, _sections(given, lines), viscosity_references(), facts=_facts(given), tiles=_tiles(lines))
+    return rendered(
+        page,
+        _sections(given, lines),
+        cited("murai2016", "stroeve1999", "cameron2008"),
+        facts=_facts(given),
+        tiles=_tiles(lines),
+    )
 
 
 def _facts(given: ViscosityInput) -> list[tuple[str, str]]:
     both = sum(1 for one in given.done if one.without is not None and one.intact is not None)
-    told = f"{len(given.specimens)}, {both} of them with and without muscles"
-    rows = [("Specimens", told)]
+    words = f"{len(given.specimens)}, {both} of them with and without muscles"
+    rows = [("Specimens", words)]
     parts = [part for one in given.done for part in (one.without, one.intact) if part is not None]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
@@ -55,10 +61,10 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
     return [
         Tile(
             f"{scientific(lines[name].mean)} ± {scientific(lines[name].sd)}",
-            f"{told} [{lines[name].quantity.unit}]",
+            f"{words} [{lines[name].quantity.unit}]",
             "ok",
         )
-        for name, told in wanted
+        for name, words in wanted
         if name in lines
     ]
 
