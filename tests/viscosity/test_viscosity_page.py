@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.marks import Level
 from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows

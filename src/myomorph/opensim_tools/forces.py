@@ -11,7 +11,7 @@ from myomorph.io.osim.tool_setups import Analysis
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import PassiveTorque
+from myomorph.model.paths import PassiveTorque
 from myomorph.model.series import Series, Table
 from myomorph.muscles.fiber_states import state_names
 from myomorph.opensim_tools.muscles import Tables
@@ -21,7 +21,7 @@ from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.steps.id import torque_table
 
 
 def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:

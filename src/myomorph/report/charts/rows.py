@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.marks import (
     LETTER,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from myomorph.analysis.groups import Comparison, CurveDifference
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.charts.rows import interval_rows

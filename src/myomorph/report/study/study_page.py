@@ -16,6 +16,7 @@ from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Section
+from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import cited
 from myomorph.report.study.group_page import TESTS, curve_grid, difference_chart, effect_figure, scalar_grid
 from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
@@ -32,13 +33,13 @@ LONG = 60
 MAX_LISTED = 3
 """Trials or values that a line names one by one."""
 SHOWN_LIMITS = (
-    ("Marker error, RMS of the worst frame", "Markers"),
-    ("Residual force, peak", "Residual force"),
-    ("Residual moment, peak", "Residual moment"),
-    ("Reserve actuators, largest", "Reserves"),
+    (Quantity.MARKER_RMS, "Markers"),
+    (Quantity.RESIDUAL_FORCE_PEAK, "Residual force"),
+    (Quantity.RESIDUAL_MOMENT_PEAK, "Residual moment"),
+    (Quantity.RESERVES, "Reserves"),
 )
 REFERENCES = ("hicks2015", "opensim", *TESTS, "iglewicz1993")
-UNSOLVED = ("Frames whose inverse kinematics did not converge", "Frames without an optimal muscle solution")
+UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 
 
 def study_page(given: StudyInput) -> str:

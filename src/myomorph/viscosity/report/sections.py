@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.model.series import Event
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line, Panel, time_plot
