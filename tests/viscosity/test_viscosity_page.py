@@ -13,7 +13,7 @@ from myomorph.report.charts.marks import Level
 from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Note
-from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.viscosity.cohort import MEAN, SD, SPECIMENS
 from myomorph.viscosity.report.given import (
     ArmError,
     ArmSpread,

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.morph.checks import PARTS, check_morph
-from myomorph.morph.postures import COUNT
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.checks.checks import PARTS, check_morph
+from myomorph.morph.checks.moment_arms import COUNT
+from myomorph.morph.transfer.model import morph_model
 from myomorph.report.page.parts import Note
 from myomorph.simulate.deformed_leg import (
     AMPLITUDE,

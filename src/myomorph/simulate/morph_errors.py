@@ -10,13 +10,11 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map
-from myomorph.morph.moment_arm_table import compare_moment_arms, compared_coordinates
+from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map
+from myomorph.morph.maps.linear import AffineMap, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.transfer.model import morph_model
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section

@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.identify.cross_validation import CrossValidation
 from myomorph.identify.subject import Identification
+from myomorph.identify.validation import CrossValidation
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -246,7 +246,7 @@ def identification_input(
             names=fit.base.names,
             estimate=fit.estimate,
             relative_sd=fit.relative_sd,
-            shown=fit.shown,
+            shown=fit.identifiable,
             condition=fit.condition,
             frames=fit.frames,
             residual=fit.residual_rms,
@@ -255,7 +255,7 @@ def identification_input(
         misfit=found.residuals,
         held_out=found.held_out if len(found.held_out) == 2 else None,
         never_shown=fit.base.never,
-        not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.shown)),
+        not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.identifiable)),
         checks=tuple(
             LinkCheck(one.name, one.mass, float(one.eigenvalues[0]), one.ok, ", ".join(one.faults))
             for one in found.consistency[found.chosen].links

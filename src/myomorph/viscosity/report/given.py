@@ -12,8 +12,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.provenance import Estimate
 from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.swings.recording import SwingRecording
 
 MAX_FRAMES = 1200
 """Frames of a trial that charts are drawn from."""
