@@ -13,7 +13,7 @@ from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.head import Note, PageHead, SourceFile, Step
+from myomorph.report.page.parts import Note, PageHead, SourceFile, Step
 from myomorph.report.trial.given import ReportInput
 
 RATE = 100.0

@@ -28,8 +28,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.report.trial.identification_given import identification_input
 from myomorph.report.trial.identification_tables import segment_sheet
+from myomorph.report.trial.identified import identification_input
 from myomorph.rigid.regressor import base_regressor, base_wrench
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.body_shape import BodyOptions, BodyShape

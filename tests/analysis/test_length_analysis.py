@@ -17,7 +17,7 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.report.trial.length_section import length_cycle_section
+from myomorph.report.trial.muscle_sections import length_cycle_section
 from myomorph.report.trial.prepared import prepare
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"

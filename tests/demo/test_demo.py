@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
+from myomorph.analysis.columns import compared
 from myomorph.demo.jump import demo_model, demo_trial, run_demo
 from myomorph.model.errors import UnknownName
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.report.charts.columns import compared
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree

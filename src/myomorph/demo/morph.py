@@ -21,10 +21,9 @@ from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptio
 from myomorph.morph.maps.linear import AffineMap, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.model import morph_model
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.dots import dot_plot
-from myomorph.report.page.head import Note
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.rows import dot_plot
+from myomorph.report.page.parts import Figure, Grid, Note, Section
 from myomorph.simulate.deformed_leg import (
     AMPLITUDE,
     LANDMARKS,

@@ -23,7 +23,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS, Segment
 from myomorph.model.sides import split_side
 from myomorph.model.surface import Surface
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.report.scene.image import level_color
 from myomorph.viewer.web_page import DEEPER, MARKER, Links, Page

@@ -13,7 +13,7 @@ from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.spatial import Transform
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.trial.identification_tables import (
     ATHLETES,
     identification_tables,

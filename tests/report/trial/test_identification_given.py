@@ -11,8 +11,8 @@ from myomorph.identify.subject import Identification, IdentificationOptions, ide
 from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.report.trial.identification_given import identification_input
 from myomorph.report.trial.identification_tables import identification_tables, wrench_errors
+from myomorph.report.trial.identified import identification_input
 from myomorph.study.trial.inputs import open_loads, open_model, open_motion
 
 

@@ -15,11 +15,11 @@ from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.report.charts.strip import even_times, picture_strip, pictures_beside
+from myomorph.report.charts.pictures import even_times, picture_strip, pictures_beside
 from myomorph.report.charts.tracks import Backdrop
 from myomorph.report.scene.pictures import pictures, proportion
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.estimated_forces import (
     acting_forces,
     contact_verdicts,
@@ -106,7 +106,7 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
     assert "Tibialis anterior" in lacking
     assert len(found) + len(lacking) == 8
     section = analysis_sections(prepare(having(everything(60), preset="taichi")))[0]
-    assert "The model has no muscle for: Deltoid, anterior;" in section.lead
+    assert "The model lacks: Deltoid, anterior;" in section.lead
 
 
 def test_presets_make_pages_of_well_formed_drawings() -> None:
@@ -316,7 +316,7 @@ def test_the_panel_of_contact_forces() -> None:
     told = having(given, forces=forces, intervals=Open(forces, 2), uncarried=(Uncarried(0.5, "more friction"),))
     panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
     assert "fourth situation" in panel.lead
-    assert "leave open" in panel.lead
+    assert "that the data allow" in panel.lead
     assert "its opposite" in panel.lead
     assert ("measured", "measured") in panel.legend
     rows = {row[0]: row for row in panel.grids[0].rows}

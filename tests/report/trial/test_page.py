@@ -8,7 +8,7 @@ from lxml import etree, html
 from tests.walker import having, shown
 
 from myomorph.model.series import Emg, Event, Series, Wrenches
-from myomorph.report.page.head import Note
+from myomorph.report.page.parts import Note
 from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.trial_page import report_page
 from walker import everything
@@ -142,7 +142,7 @@ def test_emg_is_drawn_on_its_muscle_and_never_guessed() -> None:
     drawing = page.xpath("//section[@id='activations']//svg[@aria-label='Rectus femoris']")[0]
     assert "EMG right" in drawing.xpath(".//path[@data-label]/@data-label")
     assert page.xpath("//section[@id='emg']//svg/@aria-label") == ["ch2"]
-    assert "none is claimed: ch2" in page.xpath("string(//section[@id='emg']/p)")
+    assert "does not specify their muscles: ch2" in page.xpath("string(//section[@id='emg']/p)")
 
 
 def test_truth_is_set_beside_the_estimate() -> None:

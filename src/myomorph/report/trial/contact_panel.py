@@ -9,10 +9,12 @@ import numpy as np
 from myomorph.analysis.selection import Subject
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
-from myomorph.report.charts.chart import Limit, Line, number
-from myomorph.report.charts.maps import floor_plot
-from myomorph.report.charts.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.marks import Level, drawing, mark, text
+from myomorph.report.charts.points import floor_plot
+from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, Track, draw_track, named_lines, time_axis
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
 from myomorph.report.trial.figures import axis_names
 from myomorph.report.trial.given import ReportInput
@@ -100,16 +102,17 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
     pairs = [one for one in groups if one.against != GROUND]
     if pairs:
-        told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
+        told.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
     if any(one.measured is not None for one in groups):
-        told.append("What plates measured is grey, shown and compared while a plate carries it.")
+        told.append("Plate measurements are grey, shown and compared while the plate is loaded.")
     if given.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
         told.append(
-            f"{shape} are what the data leave open: equations of motion, cones and muscles allow every force in them."
+            f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
+            "every force within."
         )
     if given.contacts.uncarried:
-        told.append(f"Red marks: {len(given.contacts.uncarried)} frames whose motion the contacts could not carry.")
+        told.append(f"Red marks: {len(given.contacts.uncarried)} infeasible contact frames.")
     return " ".join(told)
 
 
@@ -137,16 +140,16 @@ def _components(
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
 
 
-def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Limit]:
+def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Level]:
     """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
     model = prepared.given.model
     if not block:
-        return [Limit(prepared.weight, "body weight")] if prepared.weight and len(who) < 2 else []
+        return [Level(prepared.weight, "body weight", "middle")] if prepared.weight and len(who) < 2 else []
     own = next((one for one in who if one.name == block), None)
     if own is None or model is None:
         return []
     mass = sum(model.body(name).mass for name in own.bodies)
-    return [Limit(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}")]
+    return [Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}", "middle")]
 
 
 def _at_instants(prepared: Prepared) -> bool:
@@ -169,16 +172,14 @@ def _marks(prepared: Prepared, behind: Backdrop) -> str:
     """A row of marks at frames that contacts could not carry; "" where there are none."""
     if not prepared.given.contacts.uncarried:
         return ""
-    frame = behind.frame(0.0, 12.0)
-    ticks = "".join(
-        f'<path class="uncarried" d="M{float(frame.x(one.time)):.1f} 1v10"><title>{number(one.time, 0.001)} s'
-        "</title></path>"
+    along = behind.frame(0.0, 12.0).x
+    marks = [
+        mark("path", "uncarried", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
         for one in prepared.given.contacts.uncarried
         if behind.span[0] <= one.time <= behind.span[1]
-    )
-    return (
-        f'<svg class="chart" viewBox="0 0 1040 12" role="img" aria-label="Frames that could not be carried">'
-        f'<text class="tick end" x="2" y="10">not carried</text>{ticks}</svg>'
+    ]
+    return drawing(
+        "", "Infeasible contact frames", (WIDTH, 12), text(2, 10, "infeasible", "tick end"), *marks, unit=None
     )
 
 
@@ -219,4 +220,4 @@ def _difference(group: Group, vector: Array) -> str:
 
 def _uncarried_grid(given: ReportInput) -> Grid:
     rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.uncarried)
-    return Grid(("Time", "Smallest relaxation that carries it"), rows, f"{len(rows)} frames not carried", True)
+    return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

@@ -8,15 +8,15 @@ from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.analysis.contact_states import limb_of, row_label
 from myomorph.analysis.selection import Subject
 from myomorph.contact.shared import group_bodies
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
-from myomorph.report.charts.contact_graph import limb_of, row_label
+from myomorph.report.page.parts import Verdict
 from myomorph.report.page.quantity import Quantity
-from myomorph.report.page.verdict import Verdict
 from myomorph.report.trial.given import ReportInput, Situation
 from myomorph.report.trial.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT
 

@@ -16,8 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.head import PageHead
-from myomorph.report.page.section import Section
+from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]

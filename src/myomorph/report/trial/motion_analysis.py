@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.analysis.contact_states import Limb, limb_states, measured_contacts, solved_contacts
 from myomorph.analysis.cycles import NONE, Periodicity, find_period
 from myomorph.analysis.lagged import Correlations, Locking, correlate, lock
 from myomorph.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
@@ -14,12 +15,11 @@ from myomorph.analysis.selection import Pair, Subject, centroids, lowest_joint, 
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts
 from myomorph.model.series import Motion, Series
-from myomorph.report.charts.contact_graph import Limb, limb_states, measured_contacts, solved_contacts
 from myomorph.report.trial.figures import axis_names, weighted
 from myomorph.report.trial.prepared import Prepared
 
-STILL_TIME, STILL_SPEED, STILL_SHARE = 0.5, 0.03, 0.05
-MOST_FRAMES = 20000
+REST_TIME, REST_SPEED, REST_SHARE = 0.5, 0.03, 0.05
+MAX_FRAMES = 20000
 STEP_TIME = 0.1
 PERSONS = ("third", "second", "fourth")
 NEARLY = 0.8
@@ -171,7 +171,7 @@ def _clock(prepared: Prepared) -> Array:
         return prepared.centroid.time
     wrenches = prepared.given.dynamics.wrenches
     if wrenches is not None and len(wrenches) > 1:
-        return wrenches.time[:: max(1, len(wrenches) // MOST_FRAMES)]
+        return wrenches.time[:: max(1, len(wrenches) // MAX_FRAMES)]
     return np.linspace(*prepared.span, 1001)
 
 
@@ -198,18 +198,18 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
 
 
 def _thinned(motion: Motion) -> Motion:
-    step = -(-len(motion) // MOST_FRAMES)
+    step = -(-len(motion) // MAX_FRAMES)
     return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
 
 
 def _still(center: Series) -> float:
     """Mean height over the first half second, where the center of gravity hardly moves then."""
-    first = center.time <= center.time[0] + STILL_TIME
+    first = center.time <= center.time[0] + REST_TIME
     part = center.values[first]
     if first.all() or len(part) < 3 or not np.isfinite(part).all():
         return float("nan")
     moved = float(np.ptp(part, axis=0).max())
-    least = min(STILL_SPEED * STILL_TIME, STILL_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
+    least = min(REST_SPEED * REST_TIME, REST_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
     return float(part[:, 0].mean()) if moved < least else float("nan")
 
 

@@ -10,7 +10,7 @@ from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.phases import Movement, find_movement
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Motion, Series
-from myomorph.report.page.verdict import Verdict
+from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.estimated_forces import contact_verdicts
 from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.tables import (

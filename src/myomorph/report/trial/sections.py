@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.analysis.columns import extremes
 from myomorph.analysis.selection import coordinate_pairs
 from myomorph.model.series import Series
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.columns import extremes
-from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section
-from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.figures import (
     centroid_figures,
     force_figures,
@@ -20,17 +20,17 @@ from myomorph.report.trial.figures import (
     residual_figures,
 )
 from myomorph.report.trial.identification import identification_sections
-from myomorph.report.trial.length_section import length_cycle_section
 from myomorph.report.trial.muscle_sections import (
     activation_section,
     emg_section,
+    length_cycle_section,
     length_section,
     matched_emg,
     tension_section,
 )
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.tables import few, residuals
-from myomorph.report.trial.truth import truth_section
+from myomorph.report.trial.validation import truth_section
 
 
 def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:

@@ -11,8 +11,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
+from myomorph.report.page.parts import State, Verdict
 from myomorph.report.page.quantity import Quantity
-from myomorph.report.page.verdict import State, Verdict
 
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01

@@ -8,15 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.series import Motion, Series
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.strip import nearest_frames
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
+from myomorph.report.page.parts import Note, Section, SourceFile, Step
 from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import Reference, references
-from myomorph.report.page.section import Section
-from myomorph.report.scene.pictures import pictures, proportion
-from myomorph.report.scene.player import frames_to_play, player
+from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
 from myomorph.report.trial.given import ReportInput, Truth

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from myomorph import __version__
-from myomorph.report.page.head import Note, PageHead, SourceFile
+from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.given import ReportInput
-from myomorph.report.trial.identification_given import calibrated_body
-from myomorph.report.trial.identified import IdentificationInput
+from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.report.trial.trial_page import report_page
 from myomorph.study.trial.reporting import surfaces_of
 

@@ -229,10 +229,10 @@ def write_identified(
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
-    from myomorph.report.page.head import Note, PageHead, SourceFile
+    from myomorph.report.page.parts import Note, PageHead, SourceFile
     from myomorph.report.trial.given import Recorded, ReportInput
-    from myomorph.report.trial.identification_given import identification_input
     from myomorph.report.trial.identification_tables import identification_tables
+    from myomorph.report.trial.identified import identification_input
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import REPORT
 

@@ -22,10 +22,10 @@ from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.surface import Surface
-from myomorph.report.page.head import Note, PageHead, SourceFile
-from myomorph.report.page.head import Step as PageStep
+from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.page.parts import Step as PageStep
 from myomorph.report.trial.given import AnalysisChoice, Recorded, ReportInput, Truth
-from myomorph.report.trial.length_section import analysed_lengths
+from myomorph.report.trial.muscle_sections import analysed_lengths
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import stored as store

@@ -16,7 +16,7 @@ from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
-from myomorph.report.page.verdict import Verdict
+from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.tables import residuals
 from myomorph.store import stored as store

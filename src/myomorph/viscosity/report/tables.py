@@ -8,8 +8,8 @@ from dataclasses import fields
 import numpy as np
 
 from myomorph.model.provenance import Estimate
-from myomorph.report.charts.chart import number
-from myomorph.report.page.section import Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import Grid, Section
 from myomorph.viscosity.cohort import (
     MEAN,
     QUANTITIES,
@@ -93,11 +93,11 @@ def _table(
     specimens: Sequence[SpecimenReport],
     lines: dict[str, CohortLine],
     table: int,
-    told: Callable[[Estimate | None], str],
+    words: Callable[[Estimate | None], str],
 ) -> Grid:
     columns = [BY_NAME[name] for name in COLUMNS[table]]
-    rows = [(one.name, *(told(one.row.get(column.name)) for column in columns)) for one in specimens]
-    plain = told is _printed
+    rows = [(one.name, *(words(one.row.get(column.name)) for column in columns)) for one in specimens]
+    plain = words is _printed
     if plain:
         known = [lines.get(column.name) for column in columns]
         rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
@@ -160,10 +160,10 @@ def _verdict(line: CohortLine, truth: float) -> str:
 
 def where(quantity: Quantity) -> str:
     """A quantity's label that tells the two masses apart."""
-    told = quantity.label
+    words = quantity.label
     if quantity.name in ("mass_without", "com_without", "mass_with", "com_with"):
-        told += ", without muscles" if quantity.table == 1 else ", with muscles"
-    return told[:1].upper() + told[1:] if not told.startswith("COM") else told
+        words += ", without muscles" if quantity.table == 1 else ", with muscles"
+    return words[:1].upper() + words[1:] if not words.startswith("COM") else words
 
 
 def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
@@ -178,13 +178,13 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
             off = ""
             if estimate is not None and truth:
                 off = f"{100.0 * (estimate.value / truth - 1.0):+.1f} %".replace("-", "−")
-            told = (LACKING if value is None else number(value) for value in (truth, paper))
+            words = (LACKING if value is None else number(value) for value in (truth, paper))
             held = (
                 ""
                 if estimate is None or truth is None or estimate.high <= estimate.low
                 else _yes(estimate.holds(truth))
             )
-            rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *told, with_interval(estimate), off, held))
+            rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *words, with_interval(estimate), off, held))
     if not rows:
         return None
     head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from myomorph import __version__
 from myomorph.io.osim.write import write_osim
 from myomorph.model.provenance import Provenance, Source
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.page.parts import Note, SourceFile, Step
 from myomorph.store.failures import failed
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import Advance, progress

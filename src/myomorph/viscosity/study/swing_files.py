@@ -17,9 +17,9 @@ from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.morph.registration.place_clusters import ScannedBone
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.residual_map import residual_map
-from myomorph.report.page.section import Figure
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.pictures import residual_map
+from myomorph.report.page.parts import Figure
 from myomorph.study.trial.inputs import about, fitted_to, open_model, open_trial
 from myomorph.study.trial.upright import carrying, turn_to, turned
 from myomorph.viscosity.report.given import Residual

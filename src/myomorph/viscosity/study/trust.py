@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.report.given import (
     ArmError,

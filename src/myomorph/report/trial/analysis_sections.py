@@ -4,21 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.analysis.contact_states import graph_rows
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
-from myomorph.report.charts.chart import Limit, Line, scaled_unit
-from myomorph.report.charts.contact_graph import contact_graph, graph_rows
-from myomorph.report.charts.strip import even_times, fitting, nearest_frames, picture_strip
-from myomorph.report.charts.tracks import WIDTH, Backdrop, Track, draw_track, phase_names, time_axis
-from myomorph.report.page.section import Figure, Section
+from myomorph.report.charts.axis import scaled_unit
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.marks import Level
+from myomorph.report.charts.pictures import even_times, fitting, nearest_frames, picture_strip
+from myomorph.report.charts.tracks import Backdrop, Track, contact_graph, draw_track, phase_names, row_title, time_axis
+from myomorph.report.page.parts import Figure, Section
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.contact_panel import between_tracks
+from myomorph.report.trial.center_section import center_section
+from myomorph.report.trial.contact_panel import between_tracks, contact_force_section
 from myomorph.report.trial.estimated_forces import acting_forces
 from myomorph.report.trial.figures import STYLE
-from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, column_name, person_legend, person_styles
+from myomorph.report.trial.motion_analysis import (
+    MotionAnalysis,
+    Person,
+    analyse,
+    column_name,
+    person_legend,
+    person_styles,
+)
 from myomorph.report.trial.muscle_sections import emg_of
 from myomorph.report.trial.prepared import Prepared
-from myomorph.report.trial.relation_tables import cut_words
+from myomorph.report.trial.relation_tables import cut_words, phase_section, relation_section
 
 MUSCLE_ROW = 31
 TOPS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
@@ -56,16 +66,16 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
     if analysis.activations is not None:
         told.append(f"Activations from 0 to {_top(analysis.activations):g}.")
     if graph and analysis.contacts is not None:
-        told.append("A line is a site that touches, a full dot where it begins and an open one where it ends.")
+        told.append("Lines are contact intervals: a filled dot at the start, an open dot at the end.")
         if any(one.source == "sound" for one in analysis.contacts.touches):
-            told.append("Strokes: ✳ right hand, + left hand, ○ right foot, × left foot.")
+            told.append("Impacts: ✳ right hand, + left hand, ○ right foot, × left foot.")
     told.append(cut_words(analysis))
     if analysis.persons and analysis.activations is not None:
         lacking = tuple(dict.fromkeys(name for one in analysis.persons for name in one.lacking))
         if lacking:
-            told.append(f"The model has no muscle for: {'; '.join(lacking)}.")
+            told.append(f"The model lacks: {'; '.join(lacking)}.")
     if not analysis.chosen:
-        told.append(f"The preset “{analysis.preset.name}” was chosen by what the recording shows.")
+        told.append(f"The preset “{analysis.preset.name}” was chosen automatically.")
     return " ".join(one for one in told if one)
 
 
@@ -110,7 +120,7 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
         for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
-    levels = [Limit(factor * still, "at rest")] if np.isfinite(still) else []
+    levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
     return draw_track(Track("Height of COG", unit, lines, 86, levels=levels), behind)
 
 
@@ -125,10 +135,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
         return []
     rows = []
     if person.who.name:
-        rows.append(
-            f'<svg class="chart" viewBox="0 0 {WIDTH} 20" role="presentation"><text class="block start" x="2" y="15">'
-            f"Muscles of {person.who.name}</text></svg>"
-        )
+        rows.append(row_title(f"Muscles of {person.who.name}"))
     peak = _top(series)
     for pair in person.muscles:
         lines = [
@@ -148,3 +155,37 @@ def _top(series: Series) -> float:
     """Top of the muscles' rows: a round number over the largest activation, 1 or less where they are activations."""
     largest = float(np.nanmax(series.values, initial=0.0)) if np.isfinite(series.values).any() else 1.0
     return next((one for one in TOPS if one >= largest), largest)
+
+
+MAX_SCORE_TIME = 120.0
+MAX_STRIPES = 60
+
+
+def analysis_sections(prepared: Prepared) -> list[Section]:
+    """The panels of the motion's preset that what was given allows."""
+    analysis = analyse(prepared)
+    if analysis is None:
+        return []
+    behind = _backdrop(prepared, analysis)
+    found: list[Section | None] = []
+    for panel in analysis.preset.panels:
+        if panel == "score":
+            found.append(score_section(prepared, analysis, behind))
+        elif panel == "center":
+            found.append(center_section(prepared, analysis, behind))
+        elif panel == "phases":
+            found.append(phase_section(analysis))
+        elif panel == "contact forces":
+            found.append(contact_force_section(prepared, behind, analysis.who))
+        else:
+            found.append(relation_section(analysis))
+    return [one for one in found if one is not None]
+
+
+def _backdrop(prepared: Prepared, analysis: MotionAnalysis) -> Backdrop:
+    """The whole motion, or of a very long one the part that other charts show."""
+    long = prepared.span[1] - prepared.span[0] > MAX_SCORE_TIME
+    span = prepared.detail if long else prepared.span
+    phases = tuple(one for one in analysis.cutting.phases if one.stop > span[0] and one.start < span[1])
+    events = prepared.events if analysis.cutting.by in ("events", "given") else ()
+    return Backdrop(span, phases if len(phases) <= MAX_STRIPES else (), events)

@@ -1,4 +1,4 @@
-"""Numbers of columns beside the figures: extremes, and estimates beside what is known to be true."""
+"""Columns of a series in numbers: extremes, and an estimate beside the truth."""
 
 from __future__ import annotations
 
