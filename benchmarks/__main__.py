@@ -33,6 +33,7 @@ COMPARISONS = {
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
+    "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation"),
 }
 
