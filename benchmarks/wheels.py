@@ -1,7 +1,8 @@
 """Which dependencies have no wheel for a system: `python -m benchmarks wheels`.
 
 pip is asked for the wheels of all dependencies in pyproject.toml, as if it ran on that system; nothing is installed.
-Those whose marker excludes the system are not asked for. Wheels of dependencies' dependencies are not looked up.
+Those whose marker excludes the system are not asked for, nor those whose wheel here is one for every system. Wheels of
+dependencies' dependencies are not looked up.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -63,8 +66,18 @@ def wanted_on(requirements: list[str], facts: dict[str, str]) -> Iterator[str]:
 
 def without_wheel(requirements: Iterable[str], tags: tuple[str, ...]) -> list[str]:
     """Names of the requirements for which pip knows no wheel with one of the tags."""
-    asked = map(Requirement, requirements)
-    return [one.name for one in asked if not any(map(one.specifier.contains, versions(one.name, tags)))]
+    asked = [one for one in map(Requirement, requirements) if not runs_anywhere(one.name)]
+    with ThreadPoolExecutor(4) as pool:
+        found = pool.map(lambda one: versions(one.name, tags), asked)
+    return [one.name for one, some in zip(asked, found, strict=True) if not any(map(one.specifier.contains, some))]
+
+
+def runs_anywhere(name: str) -> bool:
+    """Whether the wheel that is installed here is one for every system."""
+    try:
+        return "-none-any" in (distribution(name).read_text("WHEEL") or "")
+    except PackageNotFoundError:
+        return False
 
 
 def versions(name: str, tags: tuple[str, ...]) -> set[str]:
