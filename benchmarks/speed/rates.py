@@ -19,8 +19,8 @@ from myomorph.study.run.expected_time import COLUMNS, RATES
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.run_take import run_take
-from myomorph.study.trial.takes import FileTake, open_take
+from myomorph.study.trial.run_trial import run_trial
+from myomorph.study.trial.trial_files import TrialFiles, read_trial
 
 STEPS = ("ik", "id", "muscles", "tension", "report")
 OWN = ("calibrate", "identify")
@@ -74,7 +74,7 @@ def _rows(case: _Case) -> list[dict[str, object]]:
     data = data_folder()
     model = open_model(data / case.model)
     loads = data / case.loads if case.loads else None
-    files = FileTake(data / case.model, "rate", "rate", data / case.markers, loads=loads, mass=model.mass)
+    files = TrialFiles(data / case.model, "rate", "rate", data / case.markers, loads=loads, mass=model.mass)
     taken: dict[str, list[tuple[int, float]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for span in (case.part, case.whole):
@@ -90,14 +90,14 @@ def _rows(case: _Case) -> list[dict[str, object]]:
     return rows
 
 
-def _fastest(files: FileTake, model: Model, folder: Path) -> dict[str, tuple[int, float]]:
+def _fastest(files: TrialFiles, model: Model, folder: Path) -> dict[str, tuple[int, float]]:
     """Frames and the shortest seconds of each step."""
     best: dict[str, tuple[int, float]] = {}
     for _ in range(ROUNDS):
-        outcome = run_take(open_take(files, {}, model), STEPS, folder / "take", True)
+        outcome = run_trial(read_trial(files, {}, model), STEPS, folder / "trial", True)
         if outcome.error:
             raise RuntimeError(outcome.error)
-        subject = SubjectFiles("rate", files.model, files.mass, takes=(files,))
+        subject = SubjectFiles("rate", files.model, files.mass, trials=(files,))
         made = prepare_subject(
             subject, ("calibrate", "identify"), {"identify": {"spacing": 0.01}}, folder / "own", True
         )

@@ -31,8 +31,7 @@ from myomorph.simulate.laboratory import (
 )
 from myomorph.simulate.recording import Noise
 from myomorph.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
-from myomorph.viscosity.study.ct import read_picks
-from myomorph.viscosity.study.plate_files import PlateFiles, calibrate
+from myomorph.viscosity.study.calibration import PlateFiles, calibrate, read_picks
 
 pytest.importorskip("myo_sim")
 

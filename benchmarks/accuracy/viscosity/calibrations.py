@@ -21,7 +21,7 @@ from myomorph.morph.clusters import surface_parts
 from myomorph.morph.procrustes import Similarity
 from myomorph.morph.registration import register_surface
 from myomorph.motion.filters import natural_spline
-from myomorph.viscosity.clock_fit import wrench_clock
+from myomorph.viscosity.swings.plate import wrench_clock
 
 Row = dict[str, object]
 

@@ -203,7 +203,7 @@ def _follow(
     held = held_in(model, [source.played]) if isinstance(source, Replay) and isinstance(source.played, Motion) else None
     identification = OnlineIdentification(model, source.rate, source.force_rate, mass, online, held)
     kinematics = OnlineKinematics(model, source.names) if source.markers else None
-    identification.rehearse()
+    identification.warm_up()
     if kinematics is not None:
         _rehearse(model, source)
     columns = [] if kinematics else [index_of("coordinate", name, model.coordinate_names) for name in source.names]

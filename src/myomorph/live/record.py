@@ -19,7 +19,7 @@ from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, new_result, provenance_of
 from myomorph.store.settings import plain_settings
-from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.tension import Tension, TensionOptions
 
 STEP = "live"

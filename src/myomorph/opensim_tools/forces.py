@@ -21,7 +21,7 @@ from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.steps.id import torque_table
 
 
 def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:

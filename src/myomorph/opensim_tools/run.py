@@ -27,8 +27,8 @@ from myomorph.opensim_tools.inputs import (
 from myomorph.opensim_tools.outputs import ToolResult, Writers, check_outputs, write_outputs
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
-from myomorph.study.trial.takes import task_values, with_tasks
+from myomorph.study.trial.steps.id import torque_table
+from myomorph.study.trial.trial_files import task_values, with_tasks
 
 
 def run_tool(source: Path) -> ToolResult:

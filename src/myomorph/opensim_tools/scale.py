@@ -26,7 +26,7 @@ from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.trial import inputs
 from myomorph.study.trial.inputs import with_marker_set
-from myomorph.study.trial.takes import task_values, with_tasks
+from myomorph.study.trial.trial_files import task_values, with_tasks
 
 
 def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:

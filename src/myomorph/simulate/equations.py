@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
-from myomorph.viscosity.ball_motion import continuous
-from myomorph.viscosity.swings import PARAMETERS
+from myomorph.viscosity.swings.motion import continuous
+from myomorph.viscosity.swings.recording import PARAMETERS
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:

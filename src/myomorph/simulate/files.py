@@ -17,7 +17,7 @@ from myomorph.model.series import Table, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.simulate.limb import fixed_points, quaternion, tendon_wraps
 from myomorph.simulate.recording import VirtualTrial, inertial, words
-from myomorph.viscosity.specimen import Specimen
+from myomorph.viscosity.specimen.model import Specimen
 
 
 def write_recording(trial: VirtualTrial, stem: Path) -> None:

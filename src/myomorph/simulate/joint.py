@@ -39,8 +39,8 @@ from myomorph.simulate.recording import (
     simulate,
     words,
 )
-from myomorph.viscosity.ball_motion import angular_motion
-from myomorph.viscosity.swings import SwingRecording
+from myomorph.viscosity.swings.motion import angular_motion
+from myomorph.viscosity.swings.recording import SwingRecording
 
 Kind = Literal["hinge", "ball"]
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -16,7 +16,7 @@ from myomorph.model.series import Markers, PlateRecording, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.simulate.recording import FORCE_RATE, MARKER_RATE, Noise, VirtualTrial
-from myomorph.viscosity.specimen import Specimen
+from myomorph.viscosity.specimen.model import Specimen
 
 SIZE = (0.4, 0.6)
 """Of an AMTI BP400600 [m]."""

@@ -60,7 +60,7 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
 
 def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | None:
     """Generalized forces of the same coordinates, where they are known."""
-    torques = body.given.torques
+    torques = body.given.dynamics.torques
     if torques is None or not set(names) & set(torques.names):
         return None
     turns = {one.name: one.motion == "rotational" for one in body.model.coordinates}
@@ -78,11 +78,11 @@ def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
         return None
     chosen = muscles[:MOST_CURVES]
     curves = [Curve(body.muscles[m], body.activations[:, m], _ink(body.muscles[m], k)) for k, m in enumerate(chosen)]
-    emg = body.given.emg
+    emg = body.given.recorded.emg
     if emg is not None:
         names = {body.muscles[m] for m in chosen}
         for channel in emg.names:
-            if names & set(body.given.emg_muscles.get(channel, ())):
+            if names & set(body.given.recorded.emg_muscles.get(channel, ())):
                 curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
     return Chart("Activation", tuple(curves))
 
@@ -110,8 +110,8 @@ def force_chart(body: PlayedBody) -> Chart | None:
     """The vertical part of every external force, measured and estimated."""
     curves: list[Curve] = []
     given: ReportInput = body.given
-    estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
-    for wrenches, dashed in ((given.wrenches, False), (estimated, True)):
+    estimated = None if given.contacts.forces is None else given.contacts.forces.wrenches("group")
+    for wrenches, dashed in ((given.dynamics.wrenches, False), (estimated, True)):
         if wrenches is not None and len(wrenches):
             curves += _vertical(body, wrenches, dashed)
     return Chart("Vertical force [N]", tuple(curves[:MOST_CURVES])) if curves else None

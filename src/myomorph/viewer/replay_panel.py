@@ -156,7 +156,7 @@ class Panel:
         gui, replay = self._gui, self._replay
         with gui.add_folder("Muscles"):
             if len(replay.bodies) > 1:
-                subjects = tuple(f"{i + 1}: {one.given.title}" for i, one in enumerate(replay.bodies))
+                subjects = tuple(f"{i + 1}: {one.given.head.title}" for i, one in enumerate(replay.bodies))
                 subject = gui.add_dropdown("Subject", subjects)
                 self._on(subject, lambda value: self._choose_subject(subjects.index(value)))
             self._text = gui.add_text("Find", "", hint="Part of a name, as 'soleus' or 'left biceps femoris'")
@@ -194,9 +194,9 @@ class Panel:
     def _add_about(self) -> None:
         with self._gui.add_folder("About", expand_by_default=False):
             for one in self._replay.bodies:
-                told = [f"**{_plain(one.given.title)}**"]
-                told += [f"*{note.kind}*: {_plain(note.text)}" for note in one.given.notes]
-                told += [f"*warning*: {_plain(text)}" for text in one.given.warnings]
+                told = [f"**{_plain(one.given.head.title)}**"]
+                told += [f"*{note.kind}*: {_plain(note.text)}" for note in one.given.head.notes]
+                told += [f"*warning*: {_plain(text)}" for text in one.given.head.warnings]
                 self._gui.add_markdown("\n\n".join(told))
 
     def _look(self, event: Any) -> None:
@@ -236,14 +236,14 @@ class Panel:
             return
         camera = client.camera
         pixels = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=30.0)
-        stem = re.sub(r"\W+", "_", self._replay.bodies[0].given.title)
+        stem = re.sub(r"\W+", "_", self._replay.bodies[0].given.head.title)
         name = f"{stem}_{self._replay.now:.3f}s.png"
         client.send_file_download(name, png(np.asarray(pixels, dtype=np.uint8)), save_immediately=True)
 
     def _state_text(self, frames: Sequence[int]) -> str:
         told = []
         for body, frame in zip(self._replay.bodies, frames, strict=True):
-            line = f"{_plain(body.given.title)}: frame {frame + 1} of {len(body.time)}"
+            line = f"{_plain(body.given.head.title)}: frame {frame + 1} of {len(body.time)}"
             if not body.known[frame]:
                 line += ", **pose unknown**"
             tension = body.given.tension

@@ -193,7 +193,7 @@ class ShownBody:
         ]
 
     def _add_plates(self) -> None:
-        corners = [one.corners[outline(one.corners)] for one in self.body.given.plates]
+        corners = [one.corners[outline(one.corners)] for one in self.body.given.recorded.plates]
         if not corners:
             return
         lift = 0.001 * self.body.scene.up

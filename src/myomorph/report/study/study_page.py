@@ -17,6 +17,7 @@ from myomorph.report.charts.dots import rank_plot
 from myomorph.report.charts.group_charts import cycle_chart, effect_rows
 from myomorph.report.page.head import Note, PageHead
 from myomorph.report.page.page import Tile, rendered
+from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import study_references
 from myomorph.report.page.section import Figure, Grid, Link, Section
 from myomorph.report.study.group_page import curve_grid, scalar_grid
@@ -31,12 +32,12 @@ LONG = 60
 MOST_OF_A_KIND = 3
 """Trials or values that a line names one by one."""
 SHOWN_LIMITS = (
-    ("Marker error, RMS of the worst frame", "Markers"),
-    ("Residual force, peak", "Residual force"),
-    ("Residual moment, peak", "Residual moment"),
-    ("Reserve actuators, largest", "Reserves"),
+    (Quantity.MARKER_RMS, "Markers"),
+    (Quantity.RESIDUAL_FORCE_PEAK, "Residual force"),
+    (Quantity.RESIDUAL_MOMENT_PEAK, "Residual moment"),
+    (Quantity.RESERVES, "Reserves"),
 )
-UNSOLVED = ("Frames whose inverse kinematics did not converge", "Frames without an optimal muscle solution")
+UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 
 
 def study_page(given: StudyInput) -> str:

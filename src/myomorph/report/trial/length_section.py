@@ -25,12 +25,17 @@ GAITS = ("", "gait")
 def analysed_lengths(prepared: Prepared) -> LengthAnalysis | None:
     """Lengths over the strides of a walk; None where lengths, feet or strides are not there."""
     given = prepared.given
-    if given.lengths is None or given.model is None or given.kinematics is None or given.preset not in GAITS:
+    if (
+        given.muscles.lengths is None
+        or given.model is None
+        or given.kinematics.motion is None
+        or given.analysis.preset not in GAITS
+    ):
         return None
-    strides = walking_strides(given.model, given.kinematics, given.fit)
+    strides = walking_strides(given.model, given.kinematics.motion, given.kinematics.fit)
     if strides is None:
         return None
-    return length_analysis(given.model, given.lengths, strides, given.length_rates)
+    return length_analysis(given.model, given.muscles.lengths, strides, given.muscles.velocities)
 
 
 def length_cycle_section(prepared: Prepared) -> Section | None:

@@ -102,7 +102,11 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
     walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
-    preset = preset_of(given.preset) if given.preset else fitting_preset(walks, sources, people, len(who) > people > 0)
+    preset = (
+        preset_of(given.analysis.preset)
+        if given.analysis.preset
+        else fitting_preset(walks, sources, people, len(who) > people > 0)
+    )
     persons = _persons(prepared, who, preset)
     rhythm = _rhythm(persons)
     period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
@@ -110,7 +114,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     cutting = cut(
         Cuttable(prepared.span, clock, prepared.events, tuple(one.label for one in limbs), touching, nothing, period),
         preset.cuts,
-        given.phases,
+        given.analysis.phases,
     )
     activations = _activations(prepared, persons)
     center = persons[0].center if persons else None
@@ -127,7 +131,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
             )
     return MotionAnalysis(
         preset,
-        bool(given.preset),
+        bool(given.analysis.preset),
         prepared.span,
         tuple(axis_names(prepared.up)[1]),
         persons,
@@ -146,12 +150,12 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
 
 def _contacts(prepared: Prepared) -> Contacts | None:
     given = prepared.given
-    if given.contacts is not None:
-        return given.contacts
-    if given.contact_forces is not None and given.contact_forces.sites:
-        return solved_contacts(given.contact_forces)
-    if given.wrenches is not None and len(given.wrenches.names):
-        return measured_contacts(given.wrenches, prepared.up, prepared.weight)
+    if given.contacts.touches is not None:
+        return given.contacts.touches
+    if given.contacts.forces is not None and given.contacts.forces.sites:
+        return solved_contacts(given.contacts.forces)
+    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
+        return measured_contacts(given.dynamics.wrenches, prepared.up, prepared.weight)
     return None
 
 
@@ -168,14 +172,14 @@ def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) ->
 def _clock(prepared: Prepared) -> Array:
     if prepared.centroid is not None:
         return prepared.centroid.time
-    wrenches = prepared.given.wrenches
+    wrenches = prepared.given.dynamics.wrenches
     if wrenches is not None and len(wrenches) > 1:
         return wrenches.time[:: max(1, len(wrenches) // MOST_FRAMES)]
     return np.linspace(*prepared.span, 1001)
 
 
 def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tuple[Person, ...]:
-    given, motion = prepared.given, prepared.given.kinematics
+    given, motion = prepared.given, prepared.given.kinematics.motion
     if given.model is None or motion is None or prepared.centroid is None or not who:
         return ()
     thinned = _thinned(motion)

@@ -18,11 +18,11 @@ from myomorph.report.trial.tables import few
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
     """Measured channels on the muscles of a pair: side, time and envelope."""
-    emg = prepared.given.emg
+    emg = prepared.given.recorded.emg
     if emg is None:
         return []
     found = []
-    for channel, muscles in prepared.given.emg_muscles.items():
+    for channel, muscles in prepared.given.recorded.emg_muscles.items():
         if channel not in emg.names:
             continue
         for side, members in pair.members.items():
@@ -33,8 +33,8 @@ def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
 
 def matched_emg(prepared: Prepared) -> bool:
     """Whether the muscles of some EMG channel are known."""
-    emg = prepared.given.emg
-    return emg is not None and any(name in emg.names for name in prepared.given.emg_muscles)
+    emg = prepared.given.recorded.emg
+    return emg is not None and any(name in emg.names for name in prepared.given.recorded.emg_muscles)
 
 
 def activation_section(prepared: Prepared) -> Section | None:
@@ -57,7 +57,7 @@ def activation_section(prepared: Prepared) -> Section | None:
                 prepared.detail,
                 prepared.events,
                 emg_of(prepared, pair),
-                given.truth.activations if given.truth else None,
+                given.recorded.truth.activations if given.recorded.truth else None,
             ),
             "quarter",
         )
@@ -70,7 +70,7 @@ def activation_section(prepared: Prepared) -> Section | None:
     if matched_emg(prepared):
         lead += ". EMG envelopes are scaled as they were given; their size is not comparable to activation"
         legend += (("emg", "EMG"),)
-    if given.truth and given.truth.activations is not None:
+    if given.recorded.truth and given.recorded.truth.activations is not None:
         legend += (("truth", "truth"),)
     return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, figures)
 
@@ -115,25 +115,30 @@ def tension_section(prepared: Prepared) -> Section | None:
 
 def emg_section(prepared: Prepared) -> Section | None:
     """Channels whose muscle is not known, or not among those drawn above."""
-    emg = prepared.given.emg
+    emg = prepared.given.recorded.emg
     if emg is None:
         return None
     drawn: set[str] = set()
     if prepared.given.tension is not None:
         chosen = major_muscles(prepared.given.tension.muscles, None)
         shown = {name for pair in chosen for name in pair.names}
-        drawn = {one for one, muscles in prepared.given.emg_muscles.items() if shown & set(muscles)}
+        drawn = {one for one, muscles in prepared.given.recorded.emg_muscles.items() if shown & set(muscles)}
     left = [name for name in emg.names if name not in drawn]
     if not left:
         return None
-    unknown = [name for name in left if name not in prepared.given.emg_muscles]
+    unknown = [name for name in left if name not in prepared.given.recorded.emg_muscles]
     lead = "Envelopes as measured."
     if unknown:
         lead += f" The recording does not say which muscle these are, and none is claimed: {few(unknown, 16)}."
     figures = tuple(
         Figure(
             emg_panel(
-                name + (f" ({few(prepared.given.emg_muscles[name])})" if name in prepared.given.emg_muscles else ""),
+                name
+                + (
+                    f" ({few(prepared.given.recorded.emg_muscles[name])})"
+                    if name in prepared.given.recorded.emg_muscles
+                    else ""
+                ),
                 emg.time,
                 emg[name],
                 prepared.detail,
@@ -149,12 +154,14 @@ def emg_section(prepared: Prepared) -> Section | None:
 def length_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths, where tensions were not solved."""
     given = prepared.given
-    if given.lengths is None or given.tension is not None or not len(given.lengths):
+    if given.muscles.lengths is None or given.tension is not None or not len(given.muscles.lengths):
         return None
-    chosen = major_muscles(given.lengths.names, None)
+    chosen = major_muscles(given.muscles.lengths.names, None)
     figures = tuple(
         Figure(
-            pair_panel(pair.label, "mm", _first_parts(pair), given.lengths, prepared.detail, prepared.events, 1000.0),
+            pair_panel(
+                pair.label, "mm", _first_parts(pair), given.muscles.lengths, prepared.detail, prepared.events, 1000.0
+            ),
             "small",
         )
         for pair in chosen

@@ -75,18 +75,18 @@ def _inside(time: float, span: tuple[float, float]) -> bool:
 
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:
     """The body at even times, or at those asked for."""
-    given, motion = prepared.given, prepared.given.kinematics
+    given, motion = prepared.given, prepared.given.kinematics.motion
     if given.model is None or motion is None or not given.model.bodies:
         return ""
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return ""
-    wanted = given.times or even_times(behind.span, analysis.preset.pictures)
-    if not given.times:
+    wanted = given.analysis.times or even_times(behind.span, analysis.preset.pictures)
+    if not given.analysis.times:
         frames = nearest_frames(motion.time, good, wanted)
         count = fitting(make_scene(given.model, motion, frames, given.surfaces), analysis.preset.pictures)
         wanted = even_times(behind.span, count)
-    if given.times and not any(_inside(one, behind.span) for one in wanted):
+    if given.analysis.times and not any(_inside(one, behind.span) for one in wanted):
         raise BadData(
             f"no picture at {', '.join(f'{one:g}' for one in wanted)} s: "
             f"the motion lasts from {behind.span[0]:g} to {behind.span[1]:g} s"

@@ -16,18 +16,22 @@ from myomorph.report.trial.prepared import Prepared
 def truth_section(prepared: Prepared) -> Section | None:
     """Estimate beside truth, for captures that were simulated."""
     given = prepared.given
-    truth = given.truth
+    truth = given.recorded.truth
     if truth is None:
         return None
     grids = []
     model = given.model
     turning = {one.name for one in model.coordinates if one.motion == "rotational"} if model else set()
-    if truth.motion is not None and given.kinematics is not None:
+    if truth.motion is not None and given.kinematics.motion is not None:
         grids.append(
-            _compared_grid("Angles and translations", compared(given.kinematics, truth.motion), turning, "°", "m")
+            _compared_grid(
+                "Angles and translations", compared(given.kinematics.motion, truth.motion), turning, "°", "m"
+            )
         )
-    if truth.torques is not None and given.torques is not None:
-        grids.append(_compared_grid("Joint moments", compared(given.torques, truth.torques), turning, "N·m", "N"))
+    if truth.torques is not None and given.dynamics.torques is not None:
+        grids.append(
+            _compared_grid("Joint moments", compared(given.dynamics.torques, truth.torques), turning, "N·m", "N")
+        )
     if truth.activations is not None and given.tension is not None:
         series = Series(given.tension.time, given.tension.muscles, given.tension.activations)
         grids.append(_compared_grid("Activations", compared(series, truth.activations), set(), "", ""))

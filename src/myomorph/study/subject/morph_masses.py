@@ -10,8 +10,7 @@ from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.grid import fill
-from myomorph.identify.body.points import MassPoints, links_of
+from myomorph.identify.body.points import MassPoints, fill, links_of
 from myomorph.identify.body.skin import check_skin
 from myomorph.identify.body.weights import bone_weights, links_with_mass
 from myomorph.model.arrays import Array

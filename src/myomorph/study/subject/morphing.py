@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -34,11 +34,9 @@ from myomorph.store.results import provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.made_model import write_made_model
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.trial import inputs
-
-if TYPE_CHECKING:
-    from myomorph.study.subject.subject_files import SubjectFiles
-    from myomorph.study.trial.takes import Settings
+from myomorph.study.trial.trial_files import Settings
 
 
 @dataclass(frozen=True)
@@ -154,11 +152,11 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
 
 
 def morph_subject(
-    model: Model, files: SubjectFiles, settings: Settings, made: Provenance, out: Path, tables: Path
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
 ) -> Morphed:
     """The step `morph` of a study: a subject's bones into its model and tables."""
     assert files.bones is not None
-    morphed = morph_files(files.bones, MorphSettings.of(settings.get("morph", {})), model)
+    morphed = morph_files(files.bones, MorphSettings.of(settings.get("morph", {})), prepared.model)
     morphed = replace(morphed, provenance=made)
     write_morphed(morphed, out, tables)
     return morphed
@@ -261,3 +259,21 @@ def bone_notes(morphed: Morphed) -> tuple[str, ...]:
     return tuple(
         note if f"'{body}'" in note else f"'{body}': {note}" for body, bone in own.items() for note in bone.notes
     )
+
+
+def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    if files.bones is None:
+        return recordings_provenance("morph", files, prepared, settings, {})
+    return provenance_of("morph", files.bones.sources(), files.bones.told() | dict(settings.get("morph", {})))
+
+
+STEP = SubjectStep(
+    name="morph",
+    title="muscles in other bones",
+    options=(MatchOptions, MapOptions, MorphOptions),
+    model="morphed.osim",
+    tables="morph",
+    run=morph_subject,
+    provenance=_provenance,
+    brings_bones=True,
+)

@@ -23,9 +23,9 @@ from myomorph.report.page.section import Figure
 from myomorph.study.trial.inputs import about, fitted_to, open_model, open_trial
 from myomorph.study.trial.upright import carrying, turn_to, turned
 from myomorph.viscosity.report.given import Residual
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
-from myomorph.viscosity.study.ct import ScannedModel, model_from_scans
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
+from myomorph.viscosity.study.calibration import ScannedModel, model_from_scans
 from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
 
 NAMED = {"base": ("scapula",), "first": ("humerus", "humer", "upper_arm", "upperarm")}
