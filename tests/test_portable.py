@@ -201,10 +201,16 @@ def test_the_runners_do_what_the_readme_says():
 
 @pytest.mark.parametrize(
     ("system", "machine", "wanted"),
-    [("win32", "ARM64", False), ("win32", "AMD64", True), ("darwin", "arm64", True), ("linux", "aarch64", True)],
+    [
+        ("win32", "ARM64", False),
+        ("win32", "AMD64", True),
+        ("darwin", "arm64", True),
+        ("linux", "aarch64", False),
+        ("linux", "x86_64", True),
+    ],
 )
 def test_ezc3d_is_wanted_where_it_has_wheels(system, machine, wanted):
-    """There is none for Windows on ARM, where pip would try to build it."""
+    """There is none for Windows and Linux on ARM, where pip would try to build it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     (ezc3d,) = (one for one in map(Requirement, project["dependencies"]) if one.name == "ezc3d")
     assert ezc3d.marker is not None
