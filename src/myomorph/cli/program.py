@@ -86,7 +86,9 @@ def _say(text: str, status: int, debug: bool = False) -> int:
 def _about_file(error: OSError) -> str:
     """An operating system's error as one line that names the file."""
     reason = error.strerror or str(error)
-    return f"{error.filename}: {reason}" if error.filename is not None else reason
+    # Of two names the second is the one that could not be written, as where a result is open in another program.
+    name = error.filename2 if error.filename2 is not None else error.filename
+    return f"{name}: {reason}" if name is not None else reason
 
 
 def _closed_pipe() -> int:

@@ -202,7 +202,7 @@ def test_a_reader_that_hangs_or_dies_is_stopped():
 
 
 def test_without_ezc3d_our_own_reader_reads(tmp_path, monkeypatch):
-    """As on Windows on ARM, for which there is no wheel: what is read is the same, and nothing is said of it."""
+    """As on ARM, for which there is no wheel: what is read is the same, and nothing is said of it."""
     markers = Markers(np.arange(20) / 200.0, ("one", "two"), np.random.default_rng(0).standard_normal((20, 2, 3)))
     write_c3d(tmp_path / "one.c3d", markers)
     by_library = read_c3d(tmp_path / "one.c3d")

@@ -25,7 +25,7 @@ WRITING = 120.0
 
 
 def has_ezc3d() -> bool:
-    """Whether the library is installed: there is none for Windows on ARM."""
+    """Whether the library is installed: there is none for Windows and Linux on ARM."""
     return importlib.util.find_spec("ezc3d") is not None
 
 
