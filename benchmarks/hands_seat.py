@@ -16,8 +16,8 @@ from myomorph.contact.raised import raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
 from myomorph.contact.states import hysteresis
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.trc import read_trc
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site

@@ -16,9 +16,9 @@ from myomorph.contact.sites import body_sites, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts, steady
 from myomorph.contact.strengths import StrengthOptions, leans, strengths
 from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.contacts import Contacts, SharedWrench, Site

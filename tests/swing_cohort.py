@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.viscosity.murai_tables import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.swings import SwingRecording
 from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity

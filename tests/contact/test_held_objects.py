@@ -10,7 +10,7 @@ from myomorph.contact.raised import raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics

@@ -17,8 +17,8 @@ from myomorph.identify.recordings import (
     check_excited,
     usable,
 )
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.motion.sync import cut

@@ -18,8 +18,8 @@ from myomorph.identify.subject import (
     identify,
     shares_of_data,
 )
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters

@@ -12,7 +12,7 @@ import pytest
 from myomorph.identify.body.mass_map import ground_pseudo_inertias, parameters_of, spread, spread_mass
 from myomorph.identify.body.regions import Region, center_places, centers_of, regions_of
 from myomorph.identify.transfer import transfer
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.scale import scale

@@ -9,8 +9,7 @@ import trimesh
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import border_of, distinct_faces, signed_volume
+from myomorph.model.surface import Surface, border_of, distinct_faces, signed_volume
 from myomorph.morph.bone_checks import bone_length, check_bone, mirrored_surface, repaired_bone
 from myomorph.morph.procrustes import Similarity
 from scans import joined, sharper

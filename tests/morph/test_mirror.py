@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadModel, UnknownName

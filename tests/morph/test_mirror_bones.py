@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from given_maps import given
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface

@@ -7,7 +7,7 @@ from functools import partial
 import igl
 import numpy as np
 import pytest
-from benchmarks.accuracy_morph_shapes import (
+from benchmarks.accuracy.morph.shapes import (
     Errors,
     Maker,
     attached_landmarks,

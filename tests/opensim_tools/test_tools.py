@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.cli.program import main
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadFile
 from myomorph.muscles.path import muscle_kinematics

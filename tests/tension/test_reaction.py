@@ -13,7 +13,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadModel, UnknownName

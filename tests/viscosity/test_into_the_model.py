@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from arm_files import osim_text
+from myomorph.demo.arm import osim_text
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto

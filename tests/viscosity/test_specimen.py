@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from swung_specimen import CENTER, NAMES, arm_model, limb_parameters
 
 from mujoco_models import compiled
+from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.models import read_model
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
 from myomorph.report.charts.interval_rows import interval_rows
 from myomorph.report.charts.scatter import Cloud, xy_plot

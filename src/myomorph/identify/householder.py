@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from myomorph.rigid.kernels import kernel
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fold(R, rows):
     """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in place.
 
@@ -44,7 +44,7 @@ def fold(R, rows):
             b5[k] -= w * x5
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fold_rows(R, given, rows):
     """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used up."""
     for first in range(0, given.shape[0], 6):
@@ -54,7 +54,7 @@ def fold_rows(R, given, rows):
         fold(R, rows)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
     """Turn row i of the base wrench in some frames into a factor (n + 7, n + 7), in place.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from myomorph.identify.base_parameters import held_in
 from myomorph.identify.online import OnlineIdentification, OnlineOptions, OnlineState
+from myomorph.io.formats import trial_format
 from myomorph.live.displays import Display, TerminalDisplay, WebDisplay
 from myomorph.live.sources import Arrived, LabStreams, Replay, Source
 from myomorph.model.arrays import Array
@@ -330,7 +331,7 @@ def open_recording(model: Model, motion: Path, loads: Path, time: tuple[float, f
     from myomorph.motion.sync import cut
     from myomorph.study.trial import inputs
 
-    if motion.suffix.lower() in inputs.MARKER_FILES:
+    if trial_format(motion) is not None:
         trial = inputs.fitted_to(model, inputs.open_trial(motion))
         assert trial.markers is not None
         series: Markers | Motion = trial.markers

@@ -8,14 +8,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import (
-    area_of,
-    border_of,
-    distinct_faces,
-    pieces_of,
-    turned_outward,
-)
+from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, turned_outward
 from myomorph.morph.alignment import turn_between
 from myomorph.morph.fields import FeaturePoints
 from myomorph.morph.landmark_checks import check_landmarks

@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
 from myomorph.morph.carrier import Carrier, Carriers, nearest_rotation
 

@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import Axis, Coordinate, Coupler, Joint, Model
-from myomorph.model.passive_parts import PassiveTorque
+from myomorph.model.paths import PassiveTorque
 from myomorph.model.scale import slides_freely, stretched
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.morph.carrier import Carrier, Carriers, nearest_rotation

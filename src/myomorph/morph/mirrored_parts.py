@@ -9,8 +9,17 @@ import numpy as np
 
 from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
-from myomorph.model.passive_parts import Bushing, PassiveTorque
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.model.paths import (
+    Bushing,
+    MovingPathPoint,
+    Muscle,
+    PassiveTorque,
+    Path,
+    PathPoint,
+    PathWrap,
+    TendonWrap,
+    WrapObject,
+)
 from myomorph.model.scale import slides_freely
 from myomorph.model.sides import other_side
 from myomorph.model.spatial import Transform

@@ -12,11 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
+from myomorph.rigid.kernels import inner, kernel
 
 HALF_POWER = 2.1139176749042158
 """Frequency times delay at which this filter halves the power, in radians."""
@@ -142,7 +142,7 @@ class CausalStream:
         self._clock[:] = np.nan
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _exponential(step, E, room):
     """E = exp(step A) with A the filter's companion matrix in units of the delay; room (2 or more, 4, 4)."""
     A, term, product = np.zeros((4, 4)), room[0], room[1]
@@ -168,7 +168,7 @@ def _exponential(step, E, room):
         E[:] = product
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _multiply(A, B, C):
     for i in range(4):
         for j in range(4):
@@ -178,7 +178,7 @@ def _multiply(A, B, C):
             C[i, j] = total
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _follow(transition, share, before, now, state):
     """States after a straight line from `before` to `now` of length `share` in delays.
 
@@ -193,14 +193,14 @@ def _follow(transition, share, before, now, state):
         state[1, m] += slope
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _step(step, delay, before, now, state, transition, room):
     """One step of any length [s]; `transition` is filled."""
     _exponential(step / delay, transition, room)
     _follow(transition, step / delay, before, now, state)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _advance(time, rows, delay, clock, state, last, transition, room):
     """Take rows one after the other; clock holds first and newest time and the step that `transition` is of."""
     for k in range(time.shape[0]):

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.motion.least_squares import SCOUT, hold, posture_cost, resume, solve_frame, solve_frames, solve_in_place
@@ -26,8 +25,8 @@ from myomorph.motion.marker_cost import (
     seen_weight,
 )
 from myomorph.motion.ties import Ties, close, eliminate, multipliers, new_closing, ties_at, ties_of
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.tree import Tree
-from myomorph.rigid.vectors import in_place
 
 
 def solvers(tree: Tree) -> tuple[Callable[..., Any], Callable[..., Any]]:
@@ -61,7 +60,7 @@ def settle_closed(ties: Ties, T: Any, K: Any, observed: Array, *told: Any) -> No
     cost *= np.where(np.isfinite(errors), K.weight, 0.0).sum(axis=1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve_closed_frames(
     ties, T, K, observed, targets, posture, posture_weight, tolerance, most, chained, starts, c, errors, cost,
     converged, iterations,
@@ -111,7 +110,7 @@ def solve_closed_frames(
         marker_distances(T, K, observed[frame], now, work, errors[frame])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def begin(K, c):
     """Put the variables inside their bounds."""
     for i in range(K.free.shape[0]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from myomorph.motion.marker_cost import (
     marker_cost,
@@ -14,14 +13,14 @@ from myomorph.motion.marker_cost import (
     seen_weight,
 )
 from myomorph.rigid.couplers import couple
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses
-from myomorph.rigid.vectors import in_place
 
 SCOUT = 16
 """Frames between the poses that are tracked first; a gap of so many frames ends at one of them."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve_frames(
     T, K, observed, targets, posture, posture_weight, tolerance, most, starts, c_out, errors, converged, iterations
 ):
@@ -64,7 +63,7 @@ def solve_frames(
         marker_distances(T, K, observed[frame], c, work, errors[frame])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def resume(K, observed, starts, frame, c):
     """Put c at the nearest of the poses tracked first that is seen; the one to come goes before the one that was."""
     for k in (-(-frame // SCOUT), frame // SCOUT):
@@ -73,7 +72,7 @@ def resume(K, observed, starts, frame, c):
             return
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def hold(K, target, c):
     """Put the coordinates that are not solved for at their targets."""
     fixed = np.ones(c.shape[0], np.bool_)
@@ -84,7 +83,7 @@ def hold(K, target, c):
             c[j] = target[j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve_frame(T, K, observed, target, posture, posture_weight, tolerance, most, c, work):
     """Damped Newton steps inside the bounds, from c in place.
 
@@ -141,7 +140,7 @@ def solve_frame(T, K, observed, target, posture, posture_weight, tolerance, most
     return False, most, cost
 
 
-@njit(cache=True, nogil=True)
+@inner
 def posture_cost(K, c, posture, stiffness):
     """Pull towards the posture, which places what no marker shows."""
     total = 0.0
@@ -201,7 +200,7 @@ def bounded_step(K, work, c, damping):
     return largest
 
 
-@njit(cache=True, nogil=True)
+@inner
 def solve_in_place(L, n):
     """Cholesky factor of the lower triangle of L (n, n), then the solution of row n, in place.
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION
-from myomorph.rigid.vectors import in_place
 
 
 class MarkerArrays(NamedTuple):
@@ -65,7 +64,7 @@ class Work(NamedTuple):
     curvature: Array
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def new_work(T, n):
     """Scratch arrays for a tree of n coordinates."""
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
@@ -87,7 +86,7 @@ def new_work(T, n):
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def seen_weight(K, observed):
     """Sum of the weights of the markers seen."""
     total = 0.0
@@ -97,7 +96,7 @@ def seen_weight(K, observed):
     return total
 
 
-@njit(cache=True, nogil=True)
+@inner
 def marker_cost(K, observed, target, c, R, p):
     """Weighted mean square of marker distances plus the coordinate tasks."""
     total, weights = 0.0, seen_weight(K, observed)
@@ -125,7 +124,7 @@ def mean_curvature(K, D):
     return total / moved if moved > 0 else 1.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def normal_equations(T, K, observed, target, c, work):
     """Hessian H and gradient g of half the cost in the independent coordinates; poses are those of c.
 

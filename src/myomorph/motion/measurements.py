@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.measurement import Measurement
+from myomorph.model.landmarks import Measurement
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.rigid.kinematics import forward_kinematics

@@ -16,7 +16,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Axis, Model
@@ -27,9 +26,10 @@ from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight
 from myomorph.motion.ties import Ties
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, compile_tree
-from myomorph.rigid.vectors import about, along, cross, in_place, matrix, minus, product, turned, vector
+from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
 
 FRAMES_AT_ONCE = 64
 """Frames whose eliminated angles are held in memory together."""
@@ -129,7 +129,7 @@ def tied_markers(markers: MarkerArrays, ties: Ties | None) -> MarkerArrays:
     return markers._replace(body=body, location=location, weight=np.zeros(len(body)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, most, c, cost, converged):
     """Inverse kinematics of frames, each from where it stands.
 
@@ -149,7 +149,7 @@ def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, m
         cost[frame] = value * seen_weight(K, observed[frame])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
     """Places of the markers in one frame, and their derivatives.
 
@@ -210,7 +210,7 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
     gather_dependents(T, c, by_coordinate)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def add_offset(column, slopes, h, b, r, grown):
     """Add what an offset between a parent h and its child b, turned by r, gains with their factors."""
     for t in range(6):
@@ -221,7 +221,7 @@ def add_offset(column, slopes, h, b, r, grown):
                 grown[i, at] += moved[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weight, c, H, g, eliminated, errors):
     """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take away.
 
@@ -367,7 +367,7 @@ def add_ties(F, by_length, by_coordinate, A, E, H):
                         E[a, k] += slope * (by_length[row + 3, k] - by_length[row, k])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slopes_of_frame(T, K, S, c):
     """Places (markers, 3) of one frame and their derivatives: (3 markers, lengths), (3 markers, coordinates)."""
     bodies, axes, markers = T.parent.shape[0], T.axis_kind.shape[0], K.body.shape[0]

@@ -10,15 +10,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.motion.marker_cost import fold_couplers
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple, gather_dependents
+from myomorph.rigid.kernels import in_place, inner
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
-from myomorph.rigid.vectors import cross, dot, in_place, matrix, minus, plus, turned, vector
+from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, turned, vector
 
 CLOSED = 1e-12
 """A loop is closed when no gap is larger [m]."""
@@ -85,7 +85,7 @@ def ties_of(tree: Tree, lever: float = 1.0) -> Ties:
     return Ties(np.array(one), np.array(two), np.array(first), np.array(second))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def new_closing(ties, n, variables):
     """Scratch arrays for a tree of n coordinates."""
     rows = 3 * ties.body_1.shape[0]
@@ -103,7 +103,7 @@ def new_closing(ties, n, variables):
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def ties_at(ties, T, c, work, closing):
     """Poses at c, the gaps of all ties [m] and their derivatives. Returns the largest gap."""
     couple(T, c)
@@ -137,7 +137,7 @@ def ties_at(ties, T, c, work, closing):
     return largest
 
 
-@njit(cache=True, nogil=True)
+@inner
 def close(ties, T, K, c, work, closing):
     """Newton steps of as few variables as close the loops, inside the bounds, from c in place.
 
@@ -179,7 +179,7 @@ def close(ties, T, K, c, work, closing):
     return gap <= CLOSED
 
 
-@njit(cache=True, nogil=True)
+@inner
 def eliminate(F, closing, held, late):
     """Gauss-Jordan elimination of G d = -e over the variables F, with full pivoting; returns the rank.
 
@@ -223,7 +223,7 @@ def eliminate(F, closing, held, late):
     return rank
 
 
-@njit(cache=True, nogil=True)
+@inner
 def multipliers(T, ties, K, c, work, closing):
     """Multipliers of the ties at c, and their curvature added to work.H.
 

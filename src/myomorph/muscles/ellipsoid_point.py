@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 
-from myomorph.rigid.vectors import dot, inner
+from myomorph.rigid.kernels import inner
+from myomorph.rigid.vectors import dot
 
 ROUNDING = 2e-13
 SMALL = 1e-9

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.rigid.vectors import dot, inner, minus, unit
+from myomorph.rigid.kernels import inner
+from myomorph.rigid.vectors import dot, minus, unit
 
 SMALL = 1e-8
 MOST_STEPS = 50

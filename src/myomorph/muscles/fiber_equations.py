@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
@@ -15,6 +14,7 @@ from myomorph.muscles.hill_arrays import HillArrays, compile_hill
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, RIGID, inverse_force_velocity
 from myomorph.muscles.hill_curves import Curve, tendon_force_length
 from myomorph.muscles.hill_factors import active_length_factor, passive_length_factor, velocity_factor
+from myomorph.rigid.kernels import kernel
 
 UNDAMPED = 0.001
 """Fiber damping below which Millard2012EquilibriumMuscle has none."""
@@ -136,14 +136,14 @@ def velocity_factors(H: HillArrays, m: int, v: Array) -> Array:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _length_factors(H, m, x, active, passive):
     for k in range(x.shape[0]):
         active[k] = active_length_factor(H, m, x[k])
         passive[k] = passive_length_factor(H, m, x[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _velocity_factors(H, m, v, found):
     for k in range(v.shape[0]):
         found[k] = velocity_factor(H, m, v[k])

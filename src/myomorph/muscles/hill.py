@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
@@ -33,6 +32,7 @@ from myomorph.muscles.hill_classes import (
 )
 from myomorph.muscles.hill_curves import curve_value
 from myomorph.muscles.hill_factors import active_length_factor, passive_length_factor, velocity_factor
+from myomorph.rigid.kernels import inner, kernel
 
 Convention = Literal["rigid-tendon", "opensim"]
 CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
@@ -54,7 +54,7 @@ class HillForces:
     viscous: Array
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def rigid_forces(H, m, length, speed, opensim, wanted):
     """Active force per unit activation and passive force of muscle m, along the tendon [N].
 
@@ -91,7 +91,7 @@ def rigid_forces(H, m, length, speed, opensim, wanted):
     return 0.0 if clamped else active, passive
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def _cosine_of_normalized(H, m, x):
     """The pennation cosine OpenSim 4.6 takes for Millard2012EquilibriumMuscle in static optimization.
 
@@ -106,7 +106,7 @@ def _cosine_of_normalized(H, m, x):
     return np.sqrt(1.0 - sine * sine)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _tendon_factor(H, m, strain):
     if H.kind[m] == SCHUTTE:
         return curve_value(H.curves, H.curve[m, 1], strain) if strain > 0.0 else 0.0
@@ -120,7 +120,7 @@ def _tendon_factor(H, m, strain):
     return force + 0.001 * (1.0 + strain)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _imbalance(H, m, length, fiber):
     """Tendon force less fiber force, normalized, of a fully active resting muscle."""
     cosine = np.sqrt(max(1.0 - (H.height[m] / fiber) ** 2, 0.0))
@@ -129,7 +129,7 @@ def _imbalance(H, m, length, fiber):
     return _tendon_factor(H, m, (length - fiber * cosine) / H.tendon[m] - 1.0) - pull * cosine
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def isometric_force(H, m, length):
     """Force of a fully active resting muscle on an elastic tendon, passive force included [N].
 
@@ -170,7 +170,7 @@ def isometric_force(H, m, length):
     return H.force[m] * _tendon_factor(H, m, (length - fiber * cosine) / slack - 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rigid_frames(H, lengths, speeds, opensim, wanted, active, passive):
     """`rigid_forces` of all muscles over frames: lengths, speeds, active, passive (frames, muscles)."""
     for frame in range(lengths.shape[0]):
@@ -180,7 +180,7 @@ def _rigid_frames(H, lengths, speeds, opensim, wanted, active, passive):
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _elastic_frames(H, lengths, speeds, active, passive):
     """Replace the forces of the deprecated classes by what OpenSim's static optimization takes."""
     for m in range(lengths.shape[1]):

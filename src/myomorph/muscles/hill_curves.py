@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import simm_spline
+from myomorph.rigid.kernels import inner, kernel
 
 # Power basis of the quintic Bernstein polynomials: coefficients = POWER @ control points.
 _POWER = np.array(
@@ -93,7 +93,7 @@ def pack_curves(curves: Sequence[Curve]) -> CurveArrays:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def curve_value(C, i, x):
     """Value of curve i at x; NaN stays NaN."""
     low, high = C.first[i], C.first[i + 1] - 1
@@ -135,7 +135,7 @@ def curve_value(C, i, x):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _values(C, x, y):
     for k in range(x.shape[0]):
         y[k] = curve_value(C, 0, x[k])

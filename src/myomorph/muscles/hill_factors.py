@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from myomorph.muscles.hill_classes import DEGROOTE, MUJOCO, RIGID, SCHUTTE, THELEN
 from myomorph.muscles.hill_curves import curve_value
+from myomorph.rigid.kernels import inner
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def active_length_factor(H, m, x):
     """f_L of muscle m at the normalized fiber length x."""
     kind = H.kind[m]
@@ -45,7 +45,7 @@ def active_length_factor(H, m, x):
     return np.exp(-(x - 1.0) * (x - 1.0) / H.parameters[m, 0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def velocity_factor(H, m, v):
     """f_V of muscle m, fully active, at the normalized fiber velocity v (negative: shortening); never below 0."""
     kind = H.kind[m]
@@ -79,7 +79,7 @@ def velocity_factor(H, m, v):
     return 1.8 - 1.8 / (1.0 + np.exp((0.04 + v) / 0.18))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inner(forceinline=True)
 def passive_length_factor(H, m, x):
     """f_PE of muscle m at the normalized fiber length x; never below 0."""
     kind = H.kind[m]

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
@@ -39,6 +38,7 @@ from myomorph.muscles.path_arrays import (
 from myomorph.muscles.path_kernels import coupler_slopes, path_frames
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import kernel
 from myomorph.rigid.tree import Tree, compile_tree
 
 
@@ -206,7 +206,7 @@ def compile_paths(model: Model) -> Paths:
     return Paths(tree, path_arrays(model, tree))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slopes(P, c, slopes):
     for frame in range(c.shape[0]):
         coupler_slopes(P, c[frame], slopes[frame])

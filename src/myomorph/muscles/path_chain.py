@@ -34,7 +34,7 @@ from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.muscles.wrap_sphere import wrap_sphere
 from myomorph.muscles.wrap_tendon import wrap_tendon
 from myomorph.muscles.wrap_torus import wrap_torus
-from myomorph.rigid.vectors import inner
+from myomorph.rigid.kernels import inner
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)

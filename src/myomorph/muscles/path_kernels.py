@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.muscles.path_arrays import (
@@ -48,8 +47,8 @@ from myomorph.muscles.path_chain import (
 )
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.couplers import couple
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses
-from myomorph.rigid.vectors import in_place, inner
 
 COINCIDENT = 1e-14
 SLACK = 1e-5
@@ -85,7 +84,7 @@ class PathScratch(NamedTuple):
     ends: Array
 
 
-@njit(cache=True, nogil=True)
+@inner
 def path_scratch(P):
     """Room for `path_frames`."""
     nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
@@ -102,7 +101,7 @@ def path_scratch(P):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 
-from myomorph.rigid.vectors import EPSILON, along, cross, dot, inner, minus, norm, sign, unit
+from myomorph.rigid.kernels import inner
+from myomorph.rigid.vectors import EPSILON, along, cross, dot, minus, norm, sign, unit
 
 NO_WRAP, INSIDE, WRAPPED, MANDATORY = 0, 1, 2, 3
 PARALLEL = 2e-13

@@ -14,7 +14,8 @@ import math
 from myomorph.muscles.ellipsoid_point import nearest_in_plane, nearest_on_ellipsoid
 from myomorph.muscles.ellipsoid_tangent import tangent_point
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP
-from myomorph.rigid.vectors import along, cross, dot, inner, minus, norm, replaced, sign, unit
+from myomorph.rigid.kernels import inner
+from myomorph.rigid.vectors import along, cross, dot, minus, norm, replaced, sign, unit
 
 HYBRID, MIDPOINT, AXIAL = 0, 1, 2
 BLEND_FROM, BLEND_TO = 0.7073, 0.9

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED
-from myomorph.rigid.vectors import along, cross, dot, inner, minus, norm, sign, unit
+from myomorph.rigid.kernels import inner
+from myomorph.rigid.vectors import along, cross, dot, minus, norm, sign, unit
 
 IN_LINE = 1e-5
 

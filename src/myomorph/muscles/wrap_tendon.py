@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from myomorph.rigid.kernels import inner, kernel
 
 SPHERE, CYLINDER = 0, 1
 TINY = 1e-15
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
     """Arc length on the surface between two points, or -1 where the path does not touch it.
 
@@ -78,7 +78,7 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
     return math.sqrt(arc * arc + h * h)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _plane_normal(e0, e1, e2, a0, a1, a2, b0, b1, b2):
     """Unit normal of the plane of a and b; of one of the planes of a where they are in line."""
     n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
@@ -94,7 +94,7 @@ def _plane_normal(e0, e1, e2, a0, a1, a2, b0, b1, b2):
     return n0 / length, n1 / length, n2 / length
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _unit(x, y):
     length = math.hypot(x, y)
     if length < TINY:
@@ -102,7 +102,7 @@ def _unit(x, y):
     return x / length, y / length
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _around(ax, ay, bx, by, r, sx, sy, has_side):
     """Arc length around the outside of a circle at the origin, and its two ends; -1 for no wrap."""
     aa, bb, rr = ax * ax + ay * ay, bx * bx + by * by, r * r
@@ -132,7 +132,7 @@ def _around(ax, ay, bx, by, r, sx, sy, has_side):
     return r * angle, tx, ty, ux, uy
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _touch_inside(ax, ay, bx, by, r):
     """Where the path from a to b touches a ring from within: it leaves at the angle it came in.
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 from myomorph.muscles.wrap_cylinder import NO_WRAP, WRAPPED, wrap_cylinder
-from myomorph.rigid.vectors import along, dot, inner, minus, sign, unit
+from myomorph.rigid.kernels import inner
+from myomorph.rigid.vectors import along, dot, minus, sign, unit
 
 CYLINDER_LENGTH = 10000.0
 STEP = 1e-5

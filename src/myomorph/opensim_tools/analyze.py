@@ -10,8 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.io.osim.actuator_files import read_actuators
-from myomorph.io.osim.controls_write import write_controls
+from myomorph.io.osim.actuators import read_actuators, write_controls
 from myomorph.io.osim.tool_setups import Analysis, AnalyzeSetup, StaticOptimizationSettings
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadData, listing

@@ -11,7 +11,7 @@ from myomorph.io.osim.tool_setups import Analysis
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import PassiveTorque
+from myomorph.model.paths import PassiveTorque
 from myomorph.model.series import Series, Table
 from myomorph.muscles.fiber_states import state_names
 from myomorph.opensim_tools.muscles import Tables

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses, body_rates
 from myomorph.rigid.tree import Tree
 
@@ -73,7 +73,7 @@ def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
     return BodyMotion(R, p, omega, alpha, v, a)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _body_motion(T, c, cdot, cddot, R, p, omega, v, alpha, a):
     axes = T.axis_kind.shape[0]
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.functions import Function, PiecewisePolynomial
+from myomorph.rigid.kernels import inner, kernel
 
 Ints = NDArray[np.int64]
 
@@ -55,7 +55,7 @@ def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def evaluate(F, i, x1, x2):
     """Value and derivatives of function i at (x1, x2): f, f_1, f_2, f_11, f_12, f_22.
 
@@ -69,7 +69,7 @@ def evaluate(F, i, x1, x2):
     return evaluate_curved(F, i, x1, x2)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def evaluate_curved(F, i, x1, x2):
     """`evaluate` for any function."""
     c = F.table[i, START]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from myomorph.rigid.coordinates import evaluate
+from myomorph.rigid.kernels import inner, kernel
 
 
-@njit(cache=True, nogil=True)
+@inner
 def couple(T, c):
     """Set the dependent coordinates in c (coordinates,) from those they follow."""
     for k in range(T.coupler_coordinate.shape[0]):
@@ -17,7 +16,7 @@ def couple(T, c):
         c[T.coupler_coordinate[k]] = evaluate(T.functions, T.coupler_function[k], x1, x2)[0]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def couple_rates(T, c, cdot, cddot):
     """Set the dependent velocities and accelerations by the chain rule; c is consistent already."""
     for k in range(T.coupler_coordinate.shape[0]):
@@ -33,7 +32,7 @@ def couple_rates(T, c, cdot, cddot):
         cddot[T.coupler_coordinate[k]] = d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gather_dependents(T, c, rows):
     """Turn derivatives in all coordinates into derivatives in the independent ones, in place.
 
@@ -53,7 +52,7 @@ def gather_dependents(T, c, rows):
                 rows[row, j] += d2 * rows[row, T.coupler_coordinate[k]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def couple_frames(T, values):
     """`couple` for every row of values (frames, coordinates)."""
     if T.coupler_coordinate.shape[0] == 0:
@@ -62,7 +61,7 @@ def couple_frames(T, values):
         couple(T, values[frame])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def couple_rates_frames(T, values, velocities, accelerations):
     """`couple_rates` for every row of three arrays (frames, coordinates)."""
     if T.coupler_coordinate.shape[0] == 0:

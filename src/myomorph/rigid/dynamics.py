@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
@@ -14,21 +13,10 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
-from myomorph.rigid.vectors import (
-    along,
-    cross,
-    dot,
-    in_place,
-    matrix,
-    minus,
-    plus,
-    put_vector,
-    turned,
-    turned_back,
-    vector,
-)
+from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, put_vector, turned, turned_back, vector
 
 
 def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = None) -> Series:
@@ -134,7 +122,7 @@ def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tu
     return bodies, wrenches.forces.copy(), points, wrenches.torques.copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def inverse_dynamics_frames(T, c, cdot, cddot, bodies, forces, points, torques, tau):
     """Fill tau (frames, coordinates) from consistent values and rates, and wrenches (frames, wrenches, 3) on bodies."""
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
@@ -174,7 +162,7 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
         put_vector(m, b, plus(moment, cross(plus(vector(p, b), center), force)))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def project(T, w, o, dphi, f, m, tau):
     """Generalized forces tau (coordinates,) of wrenches on the bodies, summed from the leaves.
 

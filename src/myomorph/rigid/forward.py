@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
 from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates
 from myomorph.rigid.tree import Tree
@@ -21,7 +21,7 @@ def gathered(tree: Tree, coordinates: Array, forces: Array) -> Array:
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather(T, c, rows):
     if T.coupler_coordinate.shape[0] == 0:
         return

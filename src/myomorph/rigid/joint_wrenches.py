@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.dynamics import body_wrenches, project
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses, body_rates
 from myomorph.rigid.tree import Tree
 from myomorph.rigid.vectors import minus, put_vector, vector
@@ -57,7 +57,7 @@ def joint_wrenches(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Arr
     return JointWrenches(f, m, tau, R, p)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))

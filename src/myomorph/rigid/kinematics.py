@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import (
     about,
     along,
     cross,
-    in_place,
     matrix,
     minus,
     plus,
@@ -27,7 +26,7 @@ from myomorph.rigid.vectors import (
 )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def body_poses(T, c, R, p, w, o, dphi):
     """Poses of all bodies and the moving axes in ground, for one frame.
 
@@ -77,7 +76,7 @@ def axis_rates(T, k, c, cdot, cddot):
     return d1 * v1 + d2 * v2, d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
 
 
-@njit(cache=True, nogil=True)
+@inner
 def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     """Angular and linear velocity and acceleration of all body frames in ground, for one frame.
 
@@ -112,7 +111,7 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
         put_vector(a, b, B)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def carried(W, E, V, B, r):
     """Velocity and acceleration of the point r further on in a frame with angular rates W, E."""
     turning = cross(W, r)
@@ -204,7 +203,7 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     return Poses(tree, R, p, w, o, dphi)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _poses(T, c, R, p, w, o, dphi):
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R[frame], p[frame], w[frame], o[frame], dphi[frame])

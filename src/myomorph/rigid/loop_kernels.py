@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION
-from myomorph.rigid.vectors import (
-    along,
-    cross,
-    dot,
-    inner,
-    matrix,
-    minus,
-    plus,
-    product,
-    turned,
-    turned_back,
-    vector,
-)
+from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, product, turned, turned_back, vector
 
 HALF_TURN = -1.0 + 1e-12
 """Cosine below which two frames stand turned by half a turn, where the sine no longer shows the axis."""
@@ -59,7 +47,7 @@ def half_rotation(Q):
     return 0.0, (grown if k == 0 else u[0], grown if k == 1 else u[1], grown if k == 2 else u[2])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def loop_errors(L, R, p, errors):
     """Errors (rows,) of all loops at the poses R, p: of a weld first the turning 2 u [rad], then the gap e [m].
 
@@ -87,7 +75,7 @@ def turned_error(a, u, W):
     return along(cross(W, u), a, W)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def loop_rows(T, L, c, R, p, w, o, dphi, rows):
     """Derivatives (rows, coordinates) of `loop_errors`, dependent coordinates folded into what they follow."""
     rows[:] = 0.0
@@ -123,7 +111,7 @@ def loop_rows(T, L, c, R, p, w, o, dphi, rows):
     gather_dependents(T, c, rows)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def loop_frames(T, L, c, errors, rows):
     """`loop_errors` and `loop_rows` of frames: errors (frames, rows), rows (frames, rows, coordinates)."""
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
@@ -135,7 +123,7 @@ def loop_frames(T, L, c, errors, rows):
         loop_rows(T, L, c[frame], R, p, w, o, dphi, rows[frame])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def loop_rate_frames(T, L, c, cdot, cddot, first, second):
     """First and second time derivative (frames, rows) of the loops' errors; c, cdot, cddot consistent."""
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]

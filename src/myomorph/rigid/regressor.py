@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
@@ -15,9 +14,10 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import external_arrays, motion_arrays
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import in_place, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.rigid.vectors import cross, in_place, matrix, minus, plus, put_vector, turned, turned_back, vector
+from myomorph.rigid.vectors import cross, matrix, minus, plus, put_vector, turned, turned_back, vector
 
 WRENCH = ("M_x", "M_y", "M_z", "F_x", "F_y", "F_z")
 """The rows of a base wrench: moment about the reference point [N m] and force [N], ground axes."""
@@ -150,7 +150,7 @@ def _fill(tree: Tree, motion: Motion, fixed: Array | None, points: Array, rows: 
     over_frames(part, len(c))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _base_origins(T, c, points):
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
@@ -160,7 +160,7 @@ def _base_origins(T, c, points):
         put_vector(points, frame, vector(p, 1))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _base_regressor(T, c, cdot, cddot, moving, points, rows):
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
@@ -207,7 +207,7 @@ def body_columns(r, arm, lift, W, E, rows, first):
             rows[3 + i, first + k] = force[i]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _inertia_column(k, x):
     """I x where parameter k of the inertia is 1 and all others are 0."""
     if k == 4:

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from myomorph.rigid.kernels import inner
 
 EPSILON = 2.220446049250313e-16
-
-inner = njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""Decorator of kernels that only kernels call: less to compile, but Python would crash on a call."""
-
-in_place = njit(cache=True, nogil=True, inline="always")
-"""Decorator of kernels that one kernel alone calls: compiled as a part of it, and not by themselves."""
 
 
 @inner

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from myomorph.io.c3d.write import write_c3d
+from myomorph.io.c3d.ezc3d import write_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from myomorph.io.mjcf.coordinates import coordinates_from_qpos
-from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.model import GROUND, Actuator, Joint, Model
 from myomorph.motion.body_size import length_unit
+from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
@@ -104,7 +104,7 @@ def _coordinates_by_body(tree: Tree) -> list[set[int]]:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _place(P, a, R, p, point, body, out):
     """A point of an actuator in ground."""
     for i in range(3):
@@ -114,7 +114,7 @@ def _place(P, a, R, p, point, body, out):
             out[i] = p[body, i] + R[body, i, 0] * point[0] + R[body, i, 1] * point[1] + R[body, i, 2] * point[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def body_directions(T, P, coordinates, out):
     """Generalized force per unit of force or torque of every body actuator.
 
@@ -162,7 +162,7 @@ def body_directions(T, P, coordinates, out):
                 out[frame, e] = column[P.coordinate[e]]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _add_torque(T, P, w, dphi, body, d, sign, column):
     for k in range(w.shape[0]):
         if P.supports[body, k] and T.axis_kind[k] == ROTATION:
@@ -172,7 +172,7 @@ def _add_torque(T, P, w, dphi, body, d, sign, column):
                     column[T.axis_coordinate[k, s]] += dphi[k, s] * power
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _add_force(T, P, w, o, dphi, body, x, d, sign, column):
     for k in range(w.shape[0]):
         if not P.supports[body, k]:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
@@ -23,6 +22,7 @@ from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model, index_of
 from myomorph.muscles.path import Paths
 from myomorph.rigid.coordinates import evaluate
+from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.loops import LoopBasis
 from myomorph.rigid.tree import Tree
 from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
@@ -237,7 +237,7 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
     return reach
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _coupling(T, L, c, slopes, C):
     """C (dependents, coordinates): derivatives of each of `L.driven` in those it ends in.
 
@@ -269,7 +269,7 @@ def _coupling(T, L, c, slopes, C):
                     C[k, m] += slope * C[earlier, m]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
     """Fill A and b of every frame.
 
@@ -303,7 +303,7 @@ def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
                     right[frame, L.row[j]] += C[k, j] * dependent
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def take_off(T, L, coordinates, slopes, entries, passive, right):
     """Take the torques of passive forces (frames, muscles) off right (frames, rows)."""
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from myomorph.rigid.vectors import inner
+from myomorph.rigid.kernels import inner
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@inner(fastmath={"reassoc", "contract"})
 def factorize(M, first, floor):
     """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
     n = M.shape[0]

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, turned, vector
@@ -274,7 +274,7 @@ def _weight(tree: Tree, site: Site) -> float:
     return gravity * (heaviest or float(mass.sum()) or 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def contact_columns(T, P, coordinates, entries, places, pushes, turns):
     """Fill what `ContactColumns.evaluate` returns, frame by frame.
 

@@ -15,9 +15,8 @@ balance the torques it is, nearly, the one that misses them least, and the frame
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from myomorph.rigid.vectors import inner
+from myomorph.rigid.kernels import inner, kernel
 from myomorph.tension.cholesky import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
@@ -312,7 +311,7 @@ def _drawn(S, links, frame, status, wells, well):
             well[2, links.first + g] = pull * scale * scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbalance, iterations, status):
     """Solve frame after frame, each starting from the multipliers of the one before.
 

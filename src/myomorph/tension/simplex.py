@@ -11,9 +11,9 @@ most take a few pivots.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from myomorph.model.arrays import Array
+from myomorph.rigid.kernels import inner, kernel
 
 FOUND, UNBOUNDED, STOPPED = 0, 1, 2
 
@@ -48,7 +48,7 @@ def extremes(A: Array, x: Array, lower: Array, upper: Array, costs: Array) -> tu
     return least, points
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def least_values(A, x, lower, upper, costs, least, points):
     """`extremes` in place; returns the worst status: FOUND, or STOPPED where pivots ran out."""
     m, n = A.shape
@@ -93,7 +93,7 @@ def least_values(A, x, lower, upper, costs, least, points):
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _canonical(S, liking, T, basis, where):
     """T = B^-1 S for a basis B of well conditioned columns that are liked; a row that depends on others gets none."""
     m, n = S.shape
@@ -117,7 +117,7 @@ def _canonical(S, liking, T, basis, where):
         basis[row], where[column] = column, row
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@inner(fastmath={"reassoc", "contract"})
 def _pivot(T, row, column):
     m, n = T.shape
     inverse = 1.0 / T[row, column]
@@ -132,7 +132,7 @@ def _pivot(T, row, column):
     T[row, column] = 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _descend(T, cost, y, low, high, basis, where, d):
     """Pivot until no variable can lower the cost: status and number of pivots."""
     m, n = T.shape

@@ -22,7 +22,7 @@ ATTACHMENT = 13.3e-3
 (Pellikaan, Carbone, Fluit, van der Krogt, Verdonschot, Koopman 2013) [m]."""
 OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
 """Standard deviation of each component of such a distance, 8.3 mm, and about that of the moment arms that follow:
-points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation.md`) [m]."""
+points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation`) [m]."""
 ANGLE, CONSTANT = SPEED + 1, SPEED + 2
 """Columns beside torque and rate, of what a spring explains."""
 

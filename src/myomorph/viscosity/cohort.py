@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.viscosity.murai_tables import PublishedSpecimen
 from myomorph.viscosity.viscosity import SpecimenViscosity
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection

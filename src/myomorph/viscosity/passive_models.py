@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.viscosity.limb_inertia import InertiaOptions, Tare
 from myomorph.viscosity.passive_fit import LAST, PassiveProblem, effective_samples, law_columns
 from myomorph.viscosity.passive_law import WIDTH, PassiveLaw

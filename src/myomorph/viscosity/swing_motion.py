@@ -6,17 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
+from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.vectors import (
     along,
     cross,
     dot,
-    inner,
     matrix,
     minus,
     norm,
@@ -139,7 +138,7 @@ def angles_apart(a: Array, b: Array) -> Array:
     return Rotation.from_matrix(np.swapaxes(a, 1, 2) @ b).magnitude()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _forward(step, substeps, matrices, vectors, law, lengthening):
     """Rotations, rates and accelerations of every frame.
 

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.viscosity.condition_solution import LACKING, ConditionSolution, Solution, solve_condition
 from myomorph.viscosity.joint_viscosity import torque_problem
 from myomorph.viscosity.limb_inertia import InertiaOptions, Tare, limb_inertia

@@ -13,7 +13,7 @@ from myomorph.identify.body.points import links_of
 from myomorph.identify.body.regions import center_places, centers_of, regions_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.skin import Skin, inside
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface

@@ -14,7 +14,7 @@ from myomorph.identify.body.weights import (
     links_with_mass,
     nearest_weights,
 )
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData, UnknownName
 
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 USE = """
-from myomorph.study import ahead
+from myomorph.study.trial import ahead
 from myomorph.muscles.path_kernels import path_frames
 assert ahead.cached()
 ahead.compile_muscles()

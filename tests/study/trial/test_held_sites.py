@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_files import table_text
+from myomorph.demo.arm import table_text
 from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.read import read_osim

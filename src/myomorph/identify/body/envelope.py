@@ -17,8 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import signed_volume
+from myomorph.model.surface import Surface, signed_volume
 
 TISSUE = 1050.0
 """Density of solids whose size the inertia does not tell [kg/m^3]."""

@@ -7,9 +7,8 @@ monomials m(x) = 1, x, y, z, xx, yy, zz, yz, zx, xy. Weights come as the rows of
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from myomorph.rigid.vectors import inner
+from myomorph.rigid.kernels import inner, kernel
 
 EXPONENTS = [
     (0, 0, 0),
@@ -41,7 +40,7 @@ def _monomials(x, j):
     return 1.0, a, b, c, a * a, b * b, c * c, b * c, c * a, a * b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def pull(x, first, links, weights, c, start, stop, out):
     """out_j = sum_i w_ij c_i . m(x_j), that is G^T c, for points start ... stop - 1; c is (links, 10)."""
     for j in range(start, stop):
@@ -56,7 +55,7 @@ def pull(x, first, links, weights, c, start, stop, out):
         out[j] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def push(x, first, links, weights, masses, start, stop, out):
     """out_i += sum_j w_ij masses_j m(x_j), that is G masses, over points start ... stop - 1; out is (links, 10)."""
     for j in range(start, stop):
@@ -77,7 +76,7 @@ def push(x, first, links, weights, masses, start, stop, out):
             out[i, 9] += f * m[9]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@kernel(fastmath={"reassoc", "contract"})
 def push_pairs(x, first, links, weights, factors, start, stop, out):
     """out[i (i + 1) / 2 + k] += sum_j factor_j w_ij w_kj (35 products at x_j), k <= i: all blocks of G F G^T.
 
@@ -143,7 +142,7 @@ def push_pairs(x, first, links, weights, factors, start, stop, out):
             seen[used[a]] = False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def respond(reference, freedom, floor, s, ds, t, start, stop, out):
     """The masses rho_j = max(floor_j, reference_j + freedom_j (s_j + t ds_j)) as sums over points.
 

@@ -19,8 +19,7 @@ from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import signed_volume
+from myomorph.model.surface import Surface, signed_volume
 
 DENSITY = 985.0
 """Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]."""

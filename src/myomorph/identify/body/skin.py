@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
+from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
 
 TALLEST = 3.0
 """No body is longer than this in any direction [m]; what is longer is in other units."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
 
@@ -14,6 +13,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.rigid.frames import over_frames
+from myomorph.rigid.kernels import kernel
 
 WeightMap = Callable[[Array, Links], sparse.csr_array]
 """Points (points, 3) in ground [m] and links in the same pose -> shares (points, links), rows sum to 1."""
@@ -189,7 +189,7 @@ def _inverse_distance(
     return sparse.csr_array((shares, columns, first.astype(np.int32)), shape=(len(x), n))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _shares(x, starts, along, inverse, owner, n, exponent, smallest, columns, shares, counts):
     """Shares of points one after the other; returns how many entries were written."""
     squared, used = np.empty(n), 0

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.chart import Frame, heading, number, ticks
 
 

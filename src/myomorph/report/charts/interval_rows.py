@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.chart import Frame, heading, number, ticks
 from myomorph.report.charts.interval_bars import Beside, Level
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
 from myomorph.report.scene.image import Bytes
+from myomorph.rigid.kernels import inner, kernel
 
 FAR = -1e30
 
@@ -92,7 +92,7 @@ class Canvas:
         return pixels
 
 
-@njit(cache=True, nogil=True)
+@inner
 def lit(n0, n1, n2):
     """Brightness of a surface with this normal: a soft light from the upper left, a little from the viewer."""
     if n2 < 0.0:
@@ -101,7 +101,7 @@ def lit(n0, n1, n2):
     return 0.42 + 0.48 * max(key, 0.0) + 0.14 * n2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_triangles(points, normals, faces, color, image, near):
     """Draw triangles: `points` (n, 3) pixels and nearness, `normals` (n, 3) in the view's axes."""
     height, width = near.shape
@@ -136,7 +136,7 @@ def fill_triangles(points, normals, faces, color, image, near):
                     image[y, x, i] = color[i] * brightness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_tubes(starts, ends, radii, colors, image, near):
     """Draw tubes with round ends between `starts` and `ends` (n, 3) pixels and nearness."""
     height, width = near.shape

@@ -71,7 +71,7 @@ def _recording(path: Path, model: Model, time: tuple[float, float] | None, warni
 
 def _weights(path: Path, model: Model) -> dict[str, float]:
     """Weights of a task set; markers that it does not name do not count."""
-    from myomorph.io.osim.tasks import read_ik_tasks
+    from myomorph.io.osim.setup_parts import read_ik_tasks
 
     given = read_ik_tasks(path).marker_weights
     return {name: given.get(name, 0.0) for name in model.marker_names}

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.landmarks import read_landmark_pairs
-from myomorph.io.mesh import read_mesh
-from myomorph.io.mesh_write import write_obj
+from myomorph.io.mesh import read_mesh, write_obj
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Mesh, Model
 from myomorph.model.provenance import Provenance

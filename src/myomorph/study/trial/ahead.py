@@ -12,7 +12,6 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
@@ -66,15 +65,17 @@ def compile_ahead(steps: Sequence[str]) -> Ahead:
 def cached() -> bool:
     """Whether an earlier command has left the muscle kernels in Numba's cache."""
     from myomorph.muscles.path_kernels import path_frames
+    from myomorph.rigid.kernels import is_compiled
 
-    return any(Path(path_frames.stats.cache_path).glob("path_kernels.path_frames*.nbi"))
+    return is_compiled(path_frames)
 
 
 def motion_cached() -> bool:
     """Whether an earlier command has left the kernels of inverse kinematics in Numba's cache."""
     from myomorph.motion.least_squares import solve_frames
+    from myomorph.rigid.kernels import is_compiled
 
-    return any(Path(solve_frames.stats.cache_path).glob("least_squares.solve_frames*.nbi"))
+    return is_compiled(solve_frames)
 
 
 def two_links() -> Model:

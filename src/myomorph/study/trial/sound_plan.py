@@ -26,8 +26,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.model.sound import Sound
+from myomorph.model.series import Motion, Sound, Wrenches
 from myomorph.store.study_file import Strict
 
 Impulse = Literal["known", "motion"]

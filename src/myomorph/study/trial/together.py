@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from myomorph.model.errors import BadData, listing
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Wrenches

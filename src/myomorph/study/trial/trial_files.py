@@ -27,7 +27,7 @@ from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
-    from myomorph.io.osim.tasks import IkTasks
+    from myomorph.io.osim.setup_parts import IkTasks
     from myomorph.study.trial.contact_file import ContactPlan
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -254,7 +254,7 @@ def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, mod
     """Options of inverse kinematics with those of a task set, where there is one."""
     if files.tasks is None:
         return options
-    from myomorph.io.osim.tasks import read_ik_tasks
+    from myomorph.io.osim.setup_parts import read_ik_tasks
 
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
@@ -350,7 +350,7 @@ def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
 def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
     if files.actuators is None:
         return None
-    from myomorph.io.osim.actuator_files import read_actuators
+    from myomorph.io.osim.actuators import read_actuators
 
     with inputs.about(files.actuators):
         return read_actuators(files.actuators, model)

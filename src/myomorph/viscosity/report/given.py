@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.page.head import Note, SourceFile, Step
 from myomorph.report.page.section import Figure
 from myomorph.viscosity.cohort import Row, specimen_row

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.model.series import Event
 from myomorph.report.charts.chart import Line, Panel, number, time_plot
 from myomorph.report.charts.interval_bars import Beside, Level, interval_bars

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.charts.chart import number
 from myomorph.report.page.section import Grid, Section
 from myomorph.viscosity import murai_tables

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.sto import write_sto
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.model.series import Table
 from myomorph.report.trial.identified import COMPONENTS
 from myomorph.viscosity.cohort import QUANTITIES, Row, cohort

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.errors import BadFile
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.report.page.head import Note, SourceFile, Step
 from myomorph.report.page.section import Figure
 from myomorph.viscosity.report import given as shown

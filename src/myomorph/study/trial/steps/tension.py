@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from myomorph.io.contact_events import write_events
-from myomorph.io.loads_write import write_external_loads
+from myomorph.io.loads import write_external_loads
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts

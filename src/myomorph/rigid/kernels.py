@@ -1,0 +1,162 @@
+"""Compiled kernels: the decorator that makes them, and their own place on disk.
+
+Numba would keep machine code beside the sources, where a newer version finds what an older one has left, and two
+processes that compile at once can give one file name to the code of two signatures: either is then called with the
+arguments of the other. These kernels lie in a folder of their own for each version and each copy of the package, under
+`NUMBA_CACHE_DIR` or the user's cache folder; they are saved by one process at a time; and they are compiled anew where
+their own source or that of a kernel they call has changed. Other packages' kernels are not touched, and nothing is read
+or written before the first kernel is called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock
+from numba import config, njit
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
+from numba.core.dispatcher import Dispatcher
+from numba.misc.appdirs import AppDirs
+
+from myomorph import __version__
+
+LOCK = "kernels.lock"
+PATIENCE = 60.0
+"""How long a process waits until others have saved a kernel [s]; after that it keeps its own to itself."""
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+    """Compile a function with Numba at its first call, and keep the code on disk.
+
+    Used as `@kernel` or `@kernel(fastmath=True)`. It runs without the interpreter's lock.
+
+    Parameters
+    ----------
+    options : further ones of `numba.njit`
+    """
+    if function is None:
+        return lambda function: kernel(function, **options)
+    dispatcher = njit(nogil=True, **{"error_model": "numpy", **options})(function)
+    dispatcher._cache = KernelCache(function)
+    return dispatcher
+
+
+def inner(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+    """`kernel` for what only kernels call: less to compile, but Python would crash on a call."""
+    return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+
+
+def in_place(function: Callable[..., Any], /) -> Any:
+    """`kernel` for what one kernel alone calls: compiled as a part of it, and not by itself."""
+    return kernel(function, inline="always")
+
+
+def kernel_folder() -> Path:
+    """Where this version and copy of the package keeps its kernels; the folder need not exist."""
+    root = Path(config.CACHE_DIR or AppDirs("myomorph", appauthor=False).user_cache_dir)
+    copy = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:8]
+    return root / f"myomorph-{__version__}-{copy}"
+
+
+def is_compiled(dispatcher: Dispatcher) -> bool:
+    """Whether code of a kernel lies on disk, made from the present sources."""
+    return bool(dispatcher._cache._cache_file._load_index())
+
+
+@cache
+def _fingerprint(module: str) -> str:
+    """Of the sources of a module and of all modules whose kernels it calls."""
+    sources: dict[str, bytes] = {}
+    left = [module]
+    while left:
+        name = left.pop()
+        if name not in sources:
+            sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
+            called = vars(sys.modules[name]).values()
+            left += [one.py_func.__module__ for one in called if isinstance(one, Dispatcher)]
+    return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
+
+
+class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
+    """The files of one kernel, one process at a time: code first, then the index that names it."""
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save the code of one signature; where others do not let go, or nothing can be written, it is not saved."""
+        folder = Path(self._cache_path)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with FileLock(folder / LOCK, timeout=PATIENCE):
+                named = self._load_index()
+                free = (self._data_name(number) for number in range(1, len(named) + 2))
+                name = named.get(key) or next(one for one in free if one not in named.values())
+                self._save_data(name, data)
+                self._save_index(named | {key: name})
+        except OSError:
+            return
+
+
+class _Locator(_CacheLocator):  # type: ignore[misc]
+    """Where the files of one kernel lie, and from which sources they were made."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._py_file = function.__code__.co_filename
+        self._module = function.__module__
+        self._line = function.__code__.co_firstlineno
+
+    def ensure_cache_path(self) -> None:
+        """Nothing: the folder is made where a kernel is saved."""
+
+    def get_cache_path(self) -> str:
+        return str(kernel_folder())
+
+    def get_source_stamp(self) -> str:
+        return _fingerprint(self._module)
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _Code(CompileResultCacheImpl):  # type: ignore[misc]
+    """How code is packed; its file is named by room, module, function and line."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._locator = _Locator(function)
+        self._lineno = function.__code__.co_firstlineno
+        name = f"{function.__module__.removeprefix('myomorph.')}.{function.__qualname__}"
+        self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache of one function, in our folder, looked up at the first call."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._name = repr(function)
+        self._py_func = function
+        self.enable()
+
+    @cached_property
+    def _impl(self) -> _Code:
+        return _Code(self._py_func)
+
+    @cached_property
+    def _cache_path(self) -> str:
+        return str(self._impl.locator.get_cache_path())
+
+    @cached_property
+    def _cache_file(self) -> KernelFile:
+        stamp = self._impl.locator.get_source_stamp()
+        return KernelFile(self._cache_path, self._impl.filename_base, stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code of a signature, or None where it is not on disk or the file is damaged or out of reach."""
+        with contextlib.suppress(OSError, EOFError):
+            return super().load_overload(sig, target_context)
+        return None

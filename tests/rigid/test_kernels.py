@@ -1,0 +1,128 @@
+"""Kernels lie in a place of their own, one for each version; processes save theirs in turns; Numba stays as it was."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+from numba import config
+from numba.core.caching import IndexDataCacheFile
+
+from myomorph import __version__
+from myomorph.rigid import kernels
+from myomorph.rigid.kernels import PACKAGE, KernelFile, is_compiled, kernel_folder
+
+DOUBLE = "from myomorph.rigid.kernels import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
+CALL = """
+import sys
+from myomorph.rigid.kernels import kernel, is_compiled
+from doubled import double
+sys.stdin.readline()
+assert double(2) == 4 and double(1.5) == 3.0
+assert is_compiled(double)
+print(sum(double.stats.cache_hits.values()))
+"""
+IMPORT = """
+import os
+from numba.core import caching
+before = {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
+import myomorph.tension.solve, myomorph.motion.ik
+assert before == {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
+assert not os.path.exists(os.environ["NUMBA_CACHE_DIR"])
+"""
+
+
+@pytest.fixture
+def cached(tmp_path):
+    """A module with a kernel, and an empty cache."""
+    (tmp_path / "doubled.py").write_text(DOUBLE)
+    return os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+
+
+def test_kernels_that_are_saved_at_the_same_time_get_files_of_their_own(tmp_path):
+    """As processes do, each file object reads the index anew; nothing may be lost or stand under another's name."""
+    together = threading.Barrier(8)
+
+    def save(number):
+        together.wait()
+        KernelFile(str(tmp_path), "kernel", "stamp").save(("signature", number), f"code of {number}")
+
+    threads = [threading.Thread(target=save, args=(number,)) for number in range(8)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    found = IndexDataCacheFile(str(tmp_path), "kernel", "stamp")
+    assert [found.load(("signature", number)) for number in range(8)] == [f"code of {n}" for n in range(8)]
+
+
+def test_code_of_an_older_source_is_replaced(tmp_path):
+    KernelFile(str(tmp_path), "kernel", "older").save("signature", "older code")
+    KernelFile(str(tmp_path), "kernel", "newer").save("other signature", "newer code")
+    newer = IndexDataCacheFile(str(tmp_path), "kernel", "newer")
+    assert newer.load("other signature") == "newer code"
+    assert newer.load("signature") is None
+
+
+def test_two_processes_that_compile_at_once_leave_what_a_third_finds(cached):
+    def start():
+        return subprocess.Popen(
+            [sys.executable, "-c", CALL], env=cached, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    together = [start(), start()]
+    for one in together:
+        one.stdin.write("\n")
+        one.stdin.flush()
+    for one in together:
+        one.communicate()
+        assert one.returncode == 0
+    assert start().communicate("\n")[0].strip() == "2"
+
+
+def test_importing_kernels_changes_nothing_in_numba_and_writes_nothing(cached):
+    subprocess.run([sys.executable, "-c", IMPORT], check=True, env=cached)
+
+
+def test_kernels_of_each_version_and_copy_have_a_folder_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    here = kernel_folder()
+    assert here.parent == tmp_path
+    assert __version__ in here.name
+    monkeypatch.setattr(kernels, "PACKAGE", tmp_path / "elsewhere")
+    elsewhere = kernel_folder()
+    monkeypatch.setattr(kernels, "__version__", "0.0.1")
+    assert len({here, elsewhere, kernel_folder()}) == 3
+    monkeypatch.setattr(config, "CACHE_DIR", "")
+    assert not kernel_folder().is_relative_to(PACKAGE)
+
+
+def test_a_kernel_is_compiled_anew_where_one_that_it_calls_has_changed(tmp_path, monkeypatch):
+    """The code of a kernel holds that of the kernels it calls."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "doubled_inside.py").write_text(DOUBLE)
+    outer = "from doubled_inside import double\n" + DOUBLE.replace("double(x)", "four(x)").replace(
+        "2 * x", "2*double(x)"
+    )
+    (tmp_path / "doubled_outside.py").write_text(outer)
+    kernels._fingerprint.cache_clear()
+    from doubled_outside import four
+
+    assert not is_compiled(four)
+    assert four(1) == 4
+    assert is_compiled(four)
+    (tmp_path / "doubled_inside.py").write_text(DOUBLE.replace("2 * x", "3 * x"))
+    kernels._fingerprint.cache_clear()
+    vars(four._cache).pop("_cache_file")
+    assert not is_compiled(four)
+
+
+def test_where_nothing_can_be_written_a_kernel_still_runs(tmp_path, cached):
+    (tmp_path / "cache").write_text("a file, no folder")
+    call = CALL.replace("assert is_compiled(double)", "")
+    done = subprocess.run([sys.executable, "-c", call], env=cached, input="\n", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
