@@ -32,6 +32,7 @@ COMPARISONS = {
     "rates": ("benchmarks.speed.rates", "what steps of a study take by the size of the model: the table of a dry run"),
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
+    "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation"),
 }
@@ -43,7 +44,8 @@ def main() -> None:
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
-    given = parser.parse_args()
+    # A comparison may have options of its own.
+    given, _ = parser.parse_known_args()
     rows = importlib.import_module(COMPARISONS[given.name][0]).run()
     print_rows(rows)
     if given.json:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import ast
 import tomllib
+from collections import Counter
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -73,7 +74,7 @@ class Tree:
         """The first of the functions that the tree has."""
         for name in names:
             for module, own in self.modules.items():
-                if name in own.functions:
+                if module.startswith(f"{PACKAGE}.study") and name in own.functions:
                     return module, name
         raise SystemExit(f"the tree has none of the functions {', '.join(names)}")
 
@@ -256,7 +257,9 @@ def count(root: Path) -> list[dict[str, object]]:
         way.follow(module, name, node, frozenset({node.args.args[0].arg}))
         floors = [tree.floor(one) for one in way.files]
         climbs = sum(after > before for before, after in pairwise(floors))
-        rows.append({"what": what, "function": name, "files": len(set(way.files)), "climbs": climbs})
+        rooms = Counter(one.split(".")[1] for one in set(way.files))
+        told = ", ".join(f"{room} {files}" for room, files in sorted(rooms.items()))
+        rows.append({"what": what, "function": name, "files": rooms.total(), "climbs": climbs, "by room": told})
     return rows
 
 

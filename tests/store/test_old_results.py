@@ -1,7 +1,7 @@
 """Results that the version before wrote are read by this one, and a run reuses them while nothing has changed.
 
-`old_results/reach.nc` was written by the code before steps were values, from the files of the example arm: steps ik, id,
-muscles and tension, `cutoff = 6`.
+`old_results/reach.nc` was written by the code before steps were values, from the files of the example arm: steps ik,
+id, muscles and tension, `cutoff = 6`.
 """
 
 from __future__ import annotations
