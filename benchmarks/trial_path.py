@@ -11,7 +11,7 @@ or to every function that modules give to a field of a value at their top (`step
 - climbs: going through the calls in the order of the code, steps from one file to the next that lie in a higher room;
   the order of rooms is that of the layers in the tree's `pyproject.toml`.
 
-`python -m benchmarks.trial_path [--tree PATH]`; the tree is a checkout of this package, by default this one.
+`python -m benchmarks trial_path [--tree PATH]`; the tree is a checkout of this package, by default this one.
 """
 
 from __future__ import annotations
@@ -263,13 +263,11 @@ def count(root: Path) -> list[dict[str, object]]:
     return rows
 
 
-def run() -> list[dict[str, object]]:
-    """The rows of the tree that the command line names, of this one where it names none."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--tree", type=Path, default=Path(__file__).parents[1])
-    return count(parser.parse_known_args()[0].tree)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options of the command line."""
+    parser.add_argument("--tree", type=Path, default=Path(__file__).parents[1], help="a checkout; this one by default")
 
 
-if __name__ == "__main__":
-    for row in run():
-        print(row)
+def run(tree: Path) -> list[dict[str, object]]:
+    """The rows of a checkout."""
+    return count(tree)

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from benchmarks.accuracy.hidden_plates import LOADED
 from benchmarks.accuracy.pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
-from myomorph.contact.strengths import leans
+from myomorph.contact.states import preferred_directions
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
@@ -27,12 +27,12 @@ from myomorph.tension.certificates import (
     open_bounds,
     optimality,
 )
-from myomorph.tension.contacts import ContactTask
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.relaxation import Relaxation, RelaxationOptions, relaxations
 from myomorph.tension.simplex import extremes
 from myomorph.tension.solved import solved_frames
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactTask
 
 Row = dict[str, object]
 
@@ -52,7 +52,9 @@ def solved(
     hidden: Hidden, change: Callable[[ContactTask], ContactTask] = lambda task: task
 ) -> tuple[TensionProblem, Tension]:
     """The problem of a recording with its plates hidden, all settings defaults, solved."""
-    task = ContactTask(hidden.sites, hidden.strengths, leans=leans(hidden.model, hidden.motion, hidden.sites))
+    task = ContactTask(
+        hidden.sites, hidden.strengths, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
+    )
     torques = inverse_dynamics(hidden.model, hidden.motion)
     problem, names = tension_problem(hidden.model, hidden.motion, torques, contacts=change(task))
     over_frames(problem.solve, len(hidden.motion), None, problem.window)
@@ -108,7 +110,7 @@ def measure_programs(folder: Path) -> Iterator[Row]:
         options = CertificateOptions()
         dense = solved_frames(problem, tension, frames)
         lower, upper = open_bounds(problem, dense, options)
-        columns = problem.contacts.columns if problem.contacts is not None else None
+        columns = problem.contacts.generators if problem.contacts is not None else None
         assert columns is not None
         names = tuple(dict.fromkeys(one.group for one in columns.sites))
         members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in names]
@@ -256,7 +258,7 @@ def _with_cone(task: ContactTask, foot: str, **change: float) -> ContactTask:
         replace(one, cone=replace(one.cone, **change)) if one.group == foot else one  # type: ignore[arg-type]
         for one in task.sites
     )
-    return replace(task, sites=sites, leans=None)
+    return replace(task, sites=sites, preferred=None)
 
 
 Lacking = Callable[[np.ndarray, np.ndarray], np.ndarray]

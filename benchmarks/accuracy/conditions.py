@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.accuracy.groups import ALPHA, CENTER, CURVES, PARAMETERS, PERCENT, WIDTH, animals, share
-from myomorph.analysis.outliers import FAR, modified_z
+from myomorph.analysis.conditions import FAR, modified_z
 from myomorph.analysis.permutations import (
     holm,
     paired_floor,

@@ -21,8 +21,7 @@ from myomorph.motion.envelope import EnvelopeOptions, envelopes
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.contact.shared import SharedOptions, shared_wrenches
-from myomorph.contact.states import ContactStateOptions, find_contacts, hysteresis, steady
-from myomorph.contact.strengths import StrengthOptions, strengths
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, hysteresis, steady, strengths
 from myomorph.model.series import Series, Wrenches
 from myomorph.motion.sync import resample_wrenches
 from myomorph.tension.solve import Tension

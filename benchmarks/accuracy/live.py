@@ -1,4 +1,4 @@
-"""Live results against the steps that look ahead, and jumps where markers are lost and found."""
+"""Live results against non-causal processing, and jumps where markers are lost and found."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
-from myomorph.live.run import open_played
-from myomorph.live.session import follow_chain
-from myomorph.live.sources import Replay
+from myomorph.live.loop import follow
+from myomorph.live.sources import Replay, open_recording
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
@@ -28,7 +27,7 @@ Row = dict[str, object]
 RAJAGOPAL, HAMNER = "rajagopal-walk-emg", "hamner-run-subject04"
 CUTOFFS = (6.0, 10.0, 15.0)
 AHEAD = 6.0
-"""Cutoff of the steps that look ahead, in a walk [Hz]; twice that in a run."""
+"""Cutoff of non-causal processing, in a walk [Hz]; twice that in a run."""
 LOSSES, HIDDEN, SEED = 60, 15, 7
 """How often markers are hidden, and for how many frames."""
 
@@ -50,14 +49,14 @@ def recordings(folder: Path) -> Iterator[tuple[str, Model, Markers, Wrenches]]:
     """A walk where its plates catch every step, and two runs on a treadmill with the generic model."""
     walk = folder / RAJAGOPAL
     model = open_model(walk / "subject_walk_scaled.osim")
-    markers, wrenches = open_played(model, walk / "markers_walk.trc", walk / "grf_walk.xml")
+    markers, wrenches = open_recording(model, walk / "markers_walk.trc", walk / "grf_walk.xml")
     assert isinstance(markers, Markers)
     assert wrenches is not None
     yield "walk", model, cut(markers, 0.3, 1.8), wrenches
     model = open_model(folder / HAMNER / "unscaled_generic.osim")
     bodies = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
     for name, speed in (("run200", "run, 2 m/s"), ("run500", "run, 5 m/s")):
-        markers, _ = open_played(model, folder / HAMNER / name / "markers.trc", None)
+        markers, _ = open_recording(model, folder / HAMNER / name / "markers.trc", None)
         assert isinstance(markers, Markers)
         wrenches = force_table(folder / HAMNER / name / "grf.mot", bodies)
         yield speed, model, cut(markers, *common_time(markers, wrenches)), wrenches
@@ -77,7 +76,7 @@ def measure(folder: Path) -> Iterator[Row]:
         for cutoff in CUTOFFS:
             source, kept = Replay(markers, wrenches, 0.0), _Kept()
             chain = LiveChain(model, source, ChainOptions(cutoff=cutoff))
-            follow_chain(chain, source, [kept])
+            follow(chain, source, [kept])
             solved = [one for one in kept.frames if one.state == SOLVED]
             then = np.array([one.time for one in solved]) - chain.filter.delay
             angle = (

@@ -27,8 +27,8 @@ from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
 
 FOLDER = "shoulder-thoracoscapular"
 MODELS = ("model_cmc/TSM_subject_CMC_{}Weight.osim", "model_rmr/TSM_subject_{}Weight.osim")

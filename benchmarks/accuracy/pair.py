@@ -16,12 +16,12 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.mat import PARTS
+from myomorph.simulate.fighter import PARTS
 from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.simulate.plan import Kind
-from myomorph.tension.contacts import ContactOptions, ContactTask
-from myomorph.tension.emg import EmgTarget
 from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
 
 Row = dict[str, object]
 

@@ -27,9 +27,9 @@ from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.emg import EmgTarget
 from myomorph.tension.reaction import JointReactions, joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.emg import EmgTarget
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
-from myomorph.contact.paws_on_steps import paws_on_steps, stair_wrenches
+from myomorph.contact.feet_on_steps import feet_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.morph.mirror import with_other_side
+from myomorph.morph.mirror.model import with_other_side
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -159,7 +159,7 @@ def recovered(made: Climb, axes: int, read: Series, away: float = 0.0, given: Ar
     loads = step_loads(steps, read, made.model.weight)
     shift = away / np.sqrt(3.0) * np.ones(3)
     sites = tuple(replace(one, points=one.points + shift) for one in made.sites)
-    return stair_wrenches(paws_on_steps(made.model, made.motion, sites, loads), "zero")[0]
+    return stair_wrenches(feet_on_steps(made.model, made.motion, sites, loads), "zero")[0]
 
 
 def measure(folder: Path) -> Iterator[Row]:

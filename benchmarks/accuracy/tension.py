@@ -25,8 +25,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from benchmarks.speed.qp import QuadraticFrames, by_clarabel, by_dual, by_piqp, 
 from benchmarks.speed.size import simulated
 from benchmarks.speed.timing import alternate
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import find_contacts, strengths
 from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
@@ -32,9 +31,9 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.problem import Balance, TensionProblem
 from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
 RATE = 100.0

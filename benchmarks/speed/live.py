@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.cases import data_folder
 from myomorph.identify.online import OnlineOptions
-from myomorph.live.identification import LiveRecording, LiveResult, follow, open_recording
-from myomorph.live.sources import Replay
+from myomorph.live.identification import LiveResult, identify_frames
+from myomorph.live.sources import LiveRecording, Replay, open_recording
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.report.scene.body_view import BodyView
@@ -47,7 +47,7 @@ def measured(name: str, model: Model, recording: LiveRecording) -> Row:
     looks = []
     for _ in range(ROUNDS):
         source = Replay(recording.motion, recording.wrenches, 0.0)
-        plays.append(follow(model, source, online=OnlineOptions(missing=1e9)))
+        plays.append(identify_frames(model, source, online=OnlineOptions(missing=1e9)))
         with threadpool_limits(limits=1, user_api="blas"):
             began = time.perf_counter()
             plays[-1].identification.state()

@@ -18,12 +18,10 @@ import numpy as np
 from benchmarks.cases import data_folder
 from myomorph.identify.online import total_wrench
 from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
-from myomorph.live.delays import Delays, Spread
-from myomorph.live.outlet import LabOutlet
+from myomorph.live.loop import Delays, Output, Spread, follow
 from myomorph.live.page import LivePage
-from myomorph.live.run import open_played
-from myomorph.live.session import Output, follow_chain
-from myomorph.live.sources import LabStreams, Replay, Source
+from myomorph.live.sources import Replay, Source, open_recording
+from myomorph.live.streams import LabOutlet, LabStreams
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
 from myomorph.study.trial.inputs import open_model
@@ -51,7 +49,7 @@ def _rows() -> Iterator[Row]:
     walk: tuple[Model, Markers, Wrenches] | None = None
     for name, model_path, path, loads in CASES:
         model = open_model(data / model_path)
-        markers, wrenches = open_played(model, data / path, (data / path).with_name(loads))
+        markers, wrenches = open_recording(model, data / path, (data / path).with_name(loads))
         assert isinstance(markers, Markers)
         assert wrenches is not None
         for recording in (markers, doubled(markers)):
@@ -80,7 +78,7 @@ def measured(
     sessions = []
     for source in sources:
         chain = LiveChain(model, source, ChainOptions())
-        sessions.append(follow_chain(chain, source, outputs, late))
+        sessions.append(follow(chain, source, outputs, late))
     return row_of(name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay)
 
 
@@ -127,7 +125,7 @@ def over_streams(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
         chain = LiveChain(model, source, ChainOptions())
         outlet = LabOutlet(f"{name}-results", chain, source)
         with contextlib.closing(outlet):
-            session = follow_chain(chain, source, [outlet])
+            session = follow(chain, source, [outlet])
     finally:
         sender.terminate()
     return row_of("walk, over streams", model, source.rate, [session.delays], session.filter_delay)

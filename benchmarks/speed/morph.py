@@ -16,10 +16,9 @@ import numpy as np
 from benchmarks.cases import data_folder
 from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map, folded
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map, inverted
+from myomorph.morph.maps.linear import procrustes
+from myomorph.morph.transfer.model import morph_model
 
 BONES, ELEMENTS, POINTS, FEATURES = 53, 997, 3000, 2000
 REPEATS = 5
@@ -82,7 +81,7 @@ def apply(maps: list[PointMap], places: list[Array]) -> list[Array]:
 def carry(maps: list[PointMap], places: list[Array]) -> list[tuple[Array, Array, np.ndarray]]:
     """Points, what turns directions there, and where space is inside out."""
     pairs = zip(maps, places, strict=True)
-    return [(one.apply(points), one.jacobian(points), folded(one, points)) for one, points in pairs]
+    return [(one.apply(points), one.jacobian(points), inverted(one, points)) for one, points in pairs]
 
 
 def clocked(call: Callable[[], object]) -> tuple[float, float]:

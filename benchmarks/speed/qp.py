@@ -23,10 +23,10 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.actuators import free_coordinates
 from myomorph.tension.dual import solve_separable
-from myomorph.tension.separable import Separable, no_links, no_wells
+from myomorph.tension.separable import Separable, no_links, no_penalties
 from myomorph.tension.solve import TensionOptions, tension_problem
+from myomorph.tension.terms.actuators import free_coordinates
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
     count, n = len(frames.values), len(frames.separable.weight)
     rows = frames.right.shape[1]
     x, y = np.empty((count, n)), np.empty((count, rows))
-    imbalance, iterations, status = np.empty(count), np.empty(count, np.int64), np.empty(count, np.int8)
+    residual, iterations, status = np.empty(count), np.empty(count, np.int64), np.empty(count, np.int8)
     targets = np.zeros((count, n))
     parts = [slice(0, count)] if warm else [slice(k, k + 1) for k in range(count)]
     for part in parts:
@@ -135,12 +135,12 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
             frames.values[part],
             frames.right[part],
             targets[part],
-            no_wells(n),
+            no_penalties(n),
             no_links(),
             np.zeros(rows),
             x[part],
             y[part],
-            imbalance[part],
+            residual[part],
             iterations[part],
             status[part],
         )

@@ -60,7 +60,7 @@ def test_tensions_know_viscosity(thick, command, tmp_path):
 
 
 def test_a_limit_is_excluded_by_the_name_it_has_in_the_file(data):
-    from myomorph.opensim_tools.inputs import net_torques
+    from myomorph.opensim_tools.run import net_torques
 
     model = read_osim(data("shoulder-bonepin/subject1_abdbonepin.osim"))
     motion = differentiate(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.contact.online_feet import OnlineFeet
+from myomorph.contact.assign import OnlineFeet
 from myomorph.identify.online import total_wrench
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model

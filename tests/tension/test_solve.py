@@ -149,7 +149,7 @@ def test_muscles_and_reserves_together_balance_the_torques(data, passive):
     curves = hill_forces(model, kinematics.lengths, kinematics.velocities, "rigid-tendon" if passive else "opensim")
     expected = curves.active * found.activations + (curves.passive if passive else 0.0)
     np.testing.assert_allclose(found.forces, expected, atol=1e-6)
-    assert found.imbalance.max() < 1e-5
+    assert found.equilibrium_residual.max() < 1e-5
 
 
 def test_a_muscle_that_is_switched_off_does_nothing(data):

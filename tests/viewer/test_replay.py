@@ -18,8 +18,8 @@ from myomorph.report.scene.shapes import normals, outward, reduced, sphere
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.viewer import replay_charts as charts
+from myomorph.viewer.replay import MuscleIndex
 from myomorph.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
-from myomorph.viewer.replay_muscles import MuscleIndex
 from myomorph.viewer.replay_scene import outline
 from myomorph.viewer.web_page import quaternions
 from walker import GRAVITY, everything, model, motion, steps

@@ -154,7 +154,7 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     browser.until("document.body.innerText.includes('activation')")
     body = page.bodies[0]
     muscle = body.muscles.index("recfem_r")
-    wait(lambda: page.panel.found(0) == (muscle,), 10, "the one muscle")
+    wait(lambda: page.found[0] == (muscle,), 10, "the one muscle")
     frame = body.frame_at(0.6)
     row = ["recfem_r", f"{body.activations[frame, muscle]:.2f}", f"{body.tensions[frame, muscle]:.0f} N"]
     rows = "[...document.querySelectorAll('tr')].map(row => [...row.children].map(one => one.textContent).join('|'))"
@@ -162,14 +162,14 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     other(browser, before)
     focus(browser, "Find")
     browser.type("gluteus maximus left")
-    wait(lambda: len(page.panel.found(0)) == 2, 10, "both parts of the muscle")
-    assert {body.muscles[m] for m in page.panel.found(0)} == {"glmax1_l", "glmax2_l"}
+    wait(lambda: len(page.found[0]) == 2, 10, "both parts of the muscle")
+    assert {body.muscles[m] for m in page.found[0]} == {"glmax1_l", "glmax2_l"}
     focus(browser, "Find")
     browser.type("nobody")
     browser.until("document.body.innerText.includes(\"no muscle is called 'nobody'\")")
     focus(browser, "Find")
     browser.press("Backspace")
-    wait(lambda: not page.panel.found(0), 10, "no muscle")
+    wait(lambda: not page.found[0], 10, "no muscle")
     same_again(browser, before)
 
 
@@ -236,7 +236,7 @@ def test_two_bodies_share_a_clock() -> None:
         replay.seek(0.5)
         assert [replay.own_time(i) for i in range(2)] == pytest.approx([0.5, 100.5])
         assert [shown.body.given.head.title for shown in replay.shown] == ["walker: first steps", "later"]
-        assert replay.apart > 0.3, "bodies in one place begin side by side"
+        assert replay.spacing > 0.3, "bodies in one place begin side by side"
         replay.part(1.5)
         assert replay.shown[1].node.position == pytest.approx(1.5 * replay.bodies[0].scene.right)
     finally:

@@ -13,19 +13,19 @@ from benchmarks.leg_shapes import leg_shapes
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, pieces_of, turned_outward
-from myomorph.morph.articular import (
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.registration.alignment import automatic_landmarks
+from myomorph.morph.shapes.articular import (
     CylinderFit,
     SphereFit,
     articular_cylinder,
     articular_sphere,
-    doubt,
     fit_cylinder,
     fit_sphere,
     spherical_patches,
+    warning_of,
 )
-from myomorph.morph.landmarks import automatic_landmarks
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Shape
 
 Row = dict[str, object]
 
@@ -110,7 +110,7 @@ def _against(name: str, head: SphereFit, center: np.ndarray, against: str) -> Ro
 
 
 def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np.ndarray, against: str) -> Row:
-    doubts = [told for one in (head, socket) if one is not None and (told := doubt(one))]
+    doubts = [told for one in (head, socket) if one is not None and (told := warning_of(one))]
     return {
         "joint": name,
         "head, radius [mm]": 1e3 * head.radius,
@@ -185,12 +185,12 @@ def _again(
     radius = whole.scale * fit.radius
     if isinstance(fit, SphereFit):
         sphere = articular_sphere(target, start, radius, fit.hollow)
-        if told := doubt(sphere):
+        if told := warning_of(sphere):
             raise BadData(told)
         return float(np.linalg.norm(sphere.center - part.apply(fit.center))), 0.0
     width = whole.scale * (fit.length + fit.radius)
     cylinder = articular_cylinder(target, start, whole.rotation @ fit.axis, radius, width)
-    if told := doubt(cylinder):
+    if told := warning_of(cylinder):
         raise BadData(told)
     beside = np.cross(cylinder.point - part.apply(fit.point), cylinder.axis)
     cosine = min(1.0, abs(float(cylinder.axis @ part.rotation @ fit.axis)))

@@ -22,10 +22,9 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
 from myomorph.model.paths import PathPoint
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.fields import FeaturePoints, MapOptions, PointMap, fit_map, folded
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.registration import SurfaceOptions, register_surface
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, inverted
+from myomorph.morph.maps.linear import AffineMap, procrustes
+from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
 
 Row: TypeAlias = dict[str, object]
 Indices: TypeAlias = np.ndarray
@@ -230,7 +229,7 @@ class Errors:
     on: Array
     beside: Array
     apart: Array
-    folded: float
+    inverted: float
 
 
 def carried(make: Maker, landmarks: Callable[[Case], Indices], some: tuple[Case, ...], picking: float = 0.0) -> Errors:
@@ -246,7 +245,7 @@ def carried(make: Maker, landmarks: Callable[[Case], Indices], some: tuple[Case,
         on.append(np.linalg.norm(found.apply(points.on(case.template)) - points.on(case.person), axis=1))
         beside.append(np.linalg.norm(found.apply(above) - points.beside(case.person, faces, size * HEIGHT), axis=1))
         apart.append(cKDTree(case.template[chosen]).query(points.on(case.template))[0])
-        inside_out.append(folded(found, above))
+        inside_out.append(inverted(found, above))
     share = float(np.mean(np.concatenate(inside_out)))
     return Errors(np.concatenate(on), np.concatenate(beside), np.concatenate(apart), share)
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from myomorph.simulate.joint import VirtualJoint, mechanical_joint
-from myomorph.viscosity.viscosity import Condition, ViscosityOptions, identify_specimen
+from benchmarks.mechanical_joint import VirtualJoint, mechanical_joint
+from myomorph.viscosity.identification.identify import Condition, ViscosityOptions, identify_specimen
 
 Row = dict[str, object]
 

@@ -24,7 +24,7 @@ from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import large_variables
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_calibration import EmgOptions
 
 CUTOFF = 6.0
 """Low-pass of motion and of the true forces [Hz]."""
@@ -72,7 +72,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
             measured="hidden",
         ),
         mass=model.mass,
-        notes=TrialNotes(simulated=told_of(pair)),
+        notes=TrialNotes(simulated=simulated_of(pair)),
         truth=MappingProxyType(known_of(truth, pair)),
         sources=(
             value_source("model", "demo:judo", *(np.append(body.mass_center, body.mass) for body in model.bodies)),
@@ -83,7 +83,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
     )
 
 
-def told_of(pair: VirtualPair) -> tuple[str, ...]:
+def simulated_of(pair: VirtualPair) -> tuple[str, ...]:
     """What is simulated, and how badly it is measured."""
     options = pair.options
     tori, uke = (model.mass for model in pair.models.values())

@@ -213,8 +213,8 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     places = standing.points(np.array(bodies), np.array([one.location for one in planted]))
     feet = Markers(time, tuple(one.name for one in planted), np.repeat(places, len(time), axis=0))
     pull = {name: CoordinateTask(1e-5) for name in names if not name.startswith("root_t")}
-    told = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
-    poses = inverse_kinematics(model, feet, told).motion
+    pulled = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
+    poses = inverse_kinematics(model, feet, pulled).motion
     values = poses.values[:, [poses.names.index(name) for name in names]]
     return Splines(names, natural_spline(time, values))
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.analysis.subjects import Subject, centroids, subjects
+from myomorph.analysis.selection import Subject, centroids, subjects
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from myomorph.analysis.subjects import Subject
+from myomorph.analysis.selection import Subject
 from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
 from myomorph.report.charts.contact_graph import (
     contact_graph,

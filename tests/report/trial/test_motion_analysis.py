@@ -7,11 +7,10 @@ import pytest
 from lxml import etree
 from tests.walker import having, shown
 
-from myomorph.analysis.centroid import centroid
-from myomorph.analysis.limb_muscles import MUSCLES, named_muscles
-from myomorph.analysis.phase import Phase
-from myomorph.analysis.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
-from myomorph.analysis.subjects import centroids, subjects
+from myomorph.analysis.center_of_mass import centroid
+from myomorph.analysis.phases import Phase
+from myomorph.analysis.presets import CUTS, MUSCLES, PANELS, PRESETS, Preset, fitting_preset, named_muscles, preset_of
+from myomorph.analysis.selection import centroids, subjects
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models, join_motions

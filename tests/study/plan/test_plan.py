@@ -156,8 +156,8 @@ def test_options_are_those_of_the_steps():
     """Written once: every setting of a step's dataclass is a key, with its default and a line of help."""
     from dataclasses import fields
 
-    from myomorph.tension.contacts import ContactOptions
     from myomorph.tension.solve import TensionOptions
+    from myomorph.tension.terms.contacts import ContactOptions
 
     settings = {one.name: one for one in step_settings()["tension"]}
     own = {one.name for options in (TensionOptions, ContactOptions) for one in fields(options)}

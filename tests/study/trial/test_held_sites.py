@@ -10,7 +10,7 @@ from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.contact_step import Measurements, set_contacts
-from myomorph.tension.contacts import ContactOptions
+from myomorph.tension.terms.contacts import ContactOptions
 
 
 def test_a_palm_on_a_box_that_rises():

@@ -10,8 +10,7 @@ from html import escape
 import numpy as np
 
 from myomorph.analysis.phases import PhaseOptions, contacts
-from myomorph.analysis.selection import printed
-from myomorph.analysis.subjects import Subject
+from myomorph.analysis.selection import Subject, printed
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.model import GROUND

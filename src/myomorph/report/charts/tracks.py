@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event
 from myomorph.report.charts.chart import (

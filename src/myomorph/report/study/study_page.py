@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.analysis.conditions import Condition
+from myomorph.analysis.conditions import FAR, Condition
 from myomorph.analysis.groups import Comparison
-from myomorph.analysis.outliers import FAR
 from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.model.sides import split_side
 from myomorph.report.charts.chart import number

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.analysis.periodicity import Periodicity
+from myomorph.analysis.cycles import Periodicity
 from myomorph.model.arrays import Array
 from myomorph.report.charts.chart import Line, number
 from myomorph.report.charts.maps import floor_plot

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.analysis.subjects import Subject
+from myomorph.analysis.selection import Subject
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
 from myomorph.report.charts.chart import Limit, Line, number

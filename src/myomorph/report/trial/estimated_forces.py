@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.analysis.subjects import Subject
+from myomorph.analysis.selection import Subject
 from myomorph.contact.shared import group_bodies
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces

@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts
 from myomorph.model.model import Model

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.analysis.segment_words import plain_words, segment_words
+from myomorph.analysis.presets import plain_words, segment_words
 from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import Motion

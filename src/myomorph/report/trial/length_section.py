@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.analysis.cycles import band
 from myomorph.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, length_analysis, range_row
 from myomorph.analysis.selection import Pair, major_muscles
-from myomorph.analysis.walking import walking_strides
+from myomorph.analysis.strides import walking_strides
 from myomorph.model.arrays import Array
 from myomorph.model.sides import split_side
 from myomorph.report.charts.chart import Frame, heading, path_data

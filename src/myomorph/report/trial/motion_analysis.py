@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.lagged import Correlations, correlate
-from myomorph.analysis.limb_muscles import named_muscles
-from myomorph.analysis.locking import Locking, lock
+from myomorph.analysis.cycles import NONE, Periodicity, find_period
+from myomorph.analysis.lagged import Correlations, Locking, correlate, lock
 from myomorph.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
-from myomorph.analysis.periodicity import NONE, Periodicity, find_period
-from myomorph.analysis.presets import Preset, fitting_preset, preset_of
-from myomorph.analysis.selection import Pair
-from myomorph.analysis.subjects import Subject, centroids, lowest_joint, standing_height, subjects
+from myomorph.analysis.presets import Preset, fitting_preset, named_muscles, preset_of
+from myomorph.analysis.selection import Pair, Subject, centroids, lowest_joint, standing_height, subjects
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts
 from myomorph.model.series import Motion, Series

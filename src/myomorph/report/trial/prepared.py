@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.centroid import centroid
+from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.phases import Movement, find_movement
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Motion, Series

@@ -6,8 +6,7 @@ from collections.abc import Set
 
 import numpy as np
 
-from myomorph.analysis.lagged import Correlations
-from myomorph.analysis.locking import Locking
+from myomorph.analysis.lagged import Correlations, Locking
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.sided_table import Cell, sided_table
 from myomorph.report.page.section import Figure, Grid, Section

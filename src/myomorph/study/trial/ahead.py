@@ -133,10 +133,15 @@ def compile_motion() -> None:
 def compile_forces() -> None:
     """Run the muscle curves and the tension solver once, which need no paths."""
     from myomorph.muscles.hill import hill_forces
-    from myomorph.tension.terms import balance, effort, program, solve_program
+    from myomorph.tension.dual import solve_separable
+    from myomorph.tension.separable import Separable, no_links, no_penalties, pattern
 
     hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
-    solve_program(program([effort(np.ones(2))], [balance(np.ones((1, 2)), np.ones(1))]))
+    shape, one = pattern(np.zeros(2, np.int64), np.arange(2), (1, 2)), np.ones(2)
+    problem = Separable(shape.start, shape.row, shape.first, one, 2.0 * one, -one, one)
+    given = np.ones((1, 2)), np.ones((1, 1)), np.zeros((1, 2)), no_penalties(2), no_links(), np.zeros(1)
+    found = np.empty((1, 2)), np.empty((1, 1)), np.empty(1), np.empty(1, np.int64), np.empty(1, np.int8)
+    solve_separable(problem, *given, *found)
 
 
 @uncollected()

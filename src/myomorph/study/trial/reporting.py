@@ -14,7 +14,7 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.length_analysis import curves_table, ranges_table
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData, BadFile

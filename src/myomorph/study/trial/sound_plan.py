@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from myomorph.contact.clocks import sound_clock
 from myomorph.contact.onsets import SoundOptions
 from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes, speed_of_sound
-from myomorph.contact.sound_clock import sound_clock
 from myomorph.contact.strokes import (
     Blow,
     blow_wrenches,

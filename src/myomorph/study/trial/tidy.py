@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
-from myomorph.analysis.walking import walking_strides
+from myomorph.analysis.strides import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model

@@ -26,8 +26,8 @@ from myomorph.study.trial.step import step_head
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_plan, contact_sources, options_of
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
-from myomorph.tension.contacts import ContactOptions
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.terms.contacts import ContactOptions
 
 TOGETHER_STEPS = ("id", "tension", "report")
 

@@ -338,11 +338,11 @@ def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:
 def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
     """Options of contacts and EMG, which count wherever a recording has contacts or EMG."""
     if files.contacts:
-        from myomorph.tension.contacts import ContactOptions
+        from myomorph.tension.terms.contacts import ContactOptions
 
         yield options[ContactOptions]
     if files.emg is not None:
-        from myomorph.tension.emg_targets import EmgOptions
+        from myomorph.tension.emg_calibration import EmgOptions
 
         yield options[EmgOptions]
 

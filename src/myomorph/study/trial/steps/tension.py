@@ -33,14 +33,13 @@ from myomorph.study.trial.steps.id import Torques, put_dynamics, solve_dynamics,
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
 from myomorph.study.trial.trial_signals import Signals, all_drawn
-from myomorph.tension.actuators import default_reserves
-from myomorph.tension.contacts import ContactOptions, ContactTask
-from myomorph.tension.emg import EmgTarget
-from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
 
 OBJECT_RESIDUAL = 0.01
 """Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
