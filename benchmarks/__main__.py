@@ -32,6 +32,7 @@ COMPARISONS = {
     "rates": ("benchmarks.speed.rates", "what steps of a study take by the size of the model: the table of a dry run"),
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
+    "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
     "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),

@@ -35,11 +35,11 @@ def command_lines():
 @pytest.mark.parametrize(("page", "line"), command_lines())
 def test_commands_parse(page, line):
     """Every command line is one that the program accepts; nothing is run."""
-    from myomorph.cli.app import app
+    from myomorph.cli.app import new_app
 
     words = shlex.split(line, comments=True)
     assert words[1] in COMMANDS, f"{page}: {line}"
-    app.parse_args(words[1:], exit_on_error=False, print_error=False)
+    new_app().parse_args(words[1:], exit_on_error=False, print_error=False)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -61,13 +61,13 @@ def _print_what_the_terminal_cannot() -> None:
 def _run(given: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
-    from myomorph.cli.app import COMMANDS, app
+    from myomorph.cli.app import command_names, new_app
 
     command = given[0] if given and not given[0].startswith("-") else ""
-    if command and command not in COMMANDS:
-        raise UnknownName("command", command, tuple(COMMANDS), "myomorph")
+    if command and command not in command_names():
+        raise UnknownName("command", command, command_names(), "myomorph")
     try:
-        status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
+        status = new_app()(given, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
         return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)

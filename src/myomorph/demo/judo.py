@@ -21,7 +21,8 @@ from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
 from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.step import REPORT, STEPS, large_variables
+from myomorph.study.trial.step import large_variables
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 

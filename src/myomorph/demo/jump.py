@@ -16,7 +16,7 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
 from myomorph.study.trial.ahead import compile_ahead, compile_motion
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.step import REPORT, STEPS
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 DemoName = Literal["jump", "simulated", "judo"]

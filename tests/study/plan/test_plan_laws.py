@@ -24,8 +24,8 @@ TABLE = st.text(alphabet='subjectmas,;\t\n"[kg]0123.- \0ä', max_size=120)
 @given(trials=NAMES)
 def test_names_that_pass_are_different_folders_on_every_system(trials):
     problems: list[str] = []
-    trials = [TrialFiles(Path("m.osim"), name, "s") for name in trials]
-    check_names(trials, {"s": ("ik",)}, (), problems)
+    files = [TrialFiles(Path("m.osim"), name, "s") for name in trials]
+    check_names(files, {"s": ("ik",)}, (), problems)
     if problems:
         return
     folders = [file_name(name) for name in trials]

@@ -17,7 +17,8 @@ from myomorph.study.plan.plan_checks import OF_STUDY
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
 from myomorph.study.trial import run_trial as module
-from myomorph.study.trial.step import STEPS, step_of
+from myomorph.study.trial.step import step_of
+from myomorph.study.trial.step_table import STEPS
 
 STUDY = """
 [study]

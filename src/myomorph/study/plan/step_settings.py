@@ -8,7 +8,8 @@ from typing import Any
 from myomorph.model.errors import MyomorphError
 from myomorph.store.settings import Differentiation, Setting, with_settings
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
-from myomorph.study.trial.step import REPORT, STEPS, StepHead, step_head
+from myomorph.study.trial.step import StepHead, step_head
+from myomorph.study.trial.step_table import REPORT, STEPS
 
 FIRST = ("morph", "calibrate", "ik", "identify")
 """Steps in whose order those on subjects and those on trials alternate."""

@@ -18,7 +18,8 @@ from myomorph.study.subject.subjects import kept_subject_steps
 from myomorph.study.summary.page_key import groups_key, made_of
 from myomorph.study.trial.kept_report import KEY, PAGE, report_key
 from myomorph.study.trial.run_trial import PARTS, VALUES, clear_leftovers, with_results
-from myomorph.study.trial.step import REPORT, STEPS, StepResults, step_of, step_provenance
+from myomorph.study.trial.step import StepResults, step_of, step_provenance
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 

@@ -31,7 +31,8 @@ from myomorph.report.trial.trial_page import report_page
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_name, file_source, read_result
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.step import STEPS, large_variables, step_of
+from myomorph.study.trial.step import large_variables, step_of
+from myomorph.study.trial.step_table import STEPS
 from myomorph.study.trial.together import object_model
 from myomorph.study.trial.trial_inputs import TrialInputs
 

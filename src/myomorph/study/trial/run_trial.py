@@ -31,16 +31,8 @@ from myomorph.store.results import (
 from myomorph.study.trial.ahead import compile_ahead
 from myomorph.study.trial.changes import NEVER, changes
 from myomorph.study.trial.kept_report import PAGE, keep_facts, report_is_made, told_the_same
-from myomorph.study.trial.step import (
-    REPORT,
-    STEPS,
-    StepOutput,
-    StepResults,
-    large_variables,
-    run_step,
-    step_of,
-    step_provenance,
-)
+from myomorph.study.trial.step import StepOutput, StepResults, large_variables, run_step, step_of, step_provenance
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.tidy import write_trial_values
 from myomorph.study.trial.trial_inputs import TrialInputs
 

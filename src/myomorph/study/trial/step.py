@@ -1,7 +1,7 @@
 """A step of a trial as one value: what it reads and gives, its options, how it is stored, what the report shows of it.
 
-Everything that depends on which steps there are follows from `STEPS`: hashes, reuse, resuming, the dry run, settings of
-study files, `--help`, expected times, tables of values and the report.
+Everything that depends on which steps there are follows from `step_table.STEPS`: hashes, reuse, resuming, the dry run,
+settings of study files, `--help`, expected times, tables of values and the report.
 """
 
 from __future__ import annotations
@@ -19,25 +19,12 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import ResultWriter, Stored, provenance_of
 from myomorph.store.settings import ReportOptions, Setting, plain_settings, settings_of
 from myomorph.study.trial.inputs import about
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import ByType, OptionSet, TrialInputs
 
 if TYPE_CHECKING:
     from myomorph.report.trial.given import ReportInput
     from myomorph.study.trial.trial_signals import Signals
-
-STEPS: dict[str, str] = {
-    "ik": "myomorph.study.trial.steps.ik",
-    "id": "myomorph.study.trial.steps.id",
-    "muscles": "myomorph.study.trial.steps.muscles",
-    "tension": "myomorph.study.trial.steps.tension",
-}
-"""One line a step, in the order in which they run: its name, and the module whose `STEP` it is.
-
-Modules are imported when a step is first needed, so that commands without it start faster.
-"""
-
-REPORT = "report"
-"""The last step of a trial; it reads what the others stored, and its page is no result."""
 
 Result = TypeVar("Result")
 

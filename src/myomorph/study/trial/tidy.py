@@ -23,7 +23,8 @@ from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, Stored, file_name, read_result
 from myomorph.study.trial.reporting import report_input
-from myomorph.study.trial.step import REPORT, STEPS, step_of
+from myomorph.study.trial.step import step_of
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.study.trial.trial_signals import LOADED, Signals, statistics_of
 from myomorph.study.trial.trial_strides import PARAMETERS, TrialStrides, by_side

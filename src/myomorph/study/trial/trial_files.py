@@ -21,7 +21,8 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured, ReportOptions, Side, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.step import REPORT, STEPS, step_head
+from myomorph.study.trial.step import step_head
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
