@@ -33,6 +33,7 @@ COMPARISONS = {
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
+    "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
     "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation"),
 }
 
@@ -43,8 +44,12 @@ def main() -> None:
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
-    given = parser.parse_args()
-    rows = importlib.import_module(COMPARISONS[given.name][0]).run()
+    given, rest = parser.parse_known_args()
+    comparison = importlib.import_module(COMPARISONS[given.name][0])
+    own = argparse.ArgumentParser(prog=f"python -m benchmarks {given.name}", add_help=False)
+    if hasattr(comparison, "add_options"):
+        comparison.add_options(own)
+    rows = comparison.run(**vars(own.parse_args(rest)))
     print_rows(rows)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1, default=float))

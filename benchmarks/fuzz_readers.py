@@ -40,7 +40,7 @@ from myomorph.study.subject.species_table import read_species
 from myomorph.study.trial.contact_file import read_contacts
 from myomorph.study.trial.inputs import open_motion, open_trial
 from myomorph.study.trial.stairs_file import read_stairs
-from myomorph.viscosity.study.ct import read_picks
+from myomorph.viscosity.study.calibration import read_picks
 from myomorph.viscosity.study.plan import read_viscosity_plan
 
 LARGEST_SEED = 40_000

@@ -38,8 +38,8 @@ from myomorph.simulate.laboratory import (
     simulate,
     words,
 )
-from myomorph.viscosity.ball_motion import angular_motion, continuous
-from myomorph.viscosity.swings import PARAMETERS, SwingRecording
+from myomorph.viscosity.swings.motion import angular_motion, continuous
+from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:

@@ -36,7 +36,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
-from myomorph.morph.procrustes import procrustes
+from myomorph.morph.maps.linear import procrustes
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.filters import differentiate

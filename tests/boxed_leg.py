@@ -14,10 +14,9 @@ from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import CarriedPoint, Morph, MuscleChange, RebuiltJoint
-from myomorph.morph.procrustes import Similarity
 
 HALF, LENGTH = 0.02, 0.4
 """Half the width of the boxes, and how long they are [m]."""

@@ -14,12 +14,11 @@ from threadpoolctl import threadpool_limits
 from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.body.points import MassPoints
-from myomorph.identify.cross_validation import cross_validate
-from myomorph.identify.held_out import parts_of
 from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions, identify
+from myomorph.identify.validation import cross_validate, parts_of
 from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks

@@ -18,8 +18,7 @@ from scipy.optimize import nnls
 from benchmarks.speed.masspoints import LINKS, MASS, Program, made_body, measured
 from myomorph.identify.body.envelope import envelope_points
 from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.grid import fill
-from myomorph.identify.body.points import Links, MassPoints, links_of
+from myomorph.identify.body.points import Links, MassPoints, fill, links_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points

@@ -25,7 +25,7 @@ from benchmarks.mouse_recordings import KEYPOINTS, LOOSE
 from myomorph.contact.plate_corners import first_corner
 from myomorph.contact.plates import episodes, loaded_samples
 from myomorph.model.series import Series
-from myomorph.morph.mirror import with_other_side
+from myomorph.morph.mirror.model import with_other_side
 from myomorph.tension.solve import Tension
 
 Row = dict[str, object]

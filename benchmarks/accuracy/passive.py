@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.coordinate_dampers import coordinate_damping
 from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
@@ -25,10 +26,9 @@ from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import Tension, solve_tension
-from myomorph.viscosity.coordinate_damping import coordinate_damping, turning
-from myomorph.viscosity.joint_bushing import joint_bushing
-from myomorph.viscosity.murai_tables import MEAN
-from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.cohort import MEAN
+from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
+from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 FOLDER = "shoulder-thoracoscapular"
 TRIALS = (("ABD01", "no"), ("ABD21", "2kg"), ("FLX01", "no"), ("FLX21", "2kg"))
@@ -72,7 +72,7 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
     """The d_M with which the muscles' dampers take, over this motion, what d_{M+J} - d_J takes in [S] [N s/m]."""
     tree = compile_tree(lift.model)
     coordinates, rates = rates_of(tree, lift.motion)
-    E, _, moving = turning(tree, *JOINT, coordinates)
+    E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     shares = strand_viscosity(dict.fromkeys(strands, 1.0), strands)
     lengthening = muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.grid import SPACING, fill
-from myomorph.identify.body.points import links_of
+from myomorph.identify.body.points import SPACING, fill, links_of
 from myomorph.identify.body.shape import DENSITY, body_shape
 from myomorph.identify.body.skin import inside
 from myomorph.identify.body.weights import links_with_mass

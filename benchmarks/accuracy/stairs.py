@@ -17,7 +17,7 @@ from myomorph.model.contacts import Site
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.morph.mirror import with_other_side
+from myomorph.morph.mirror.model import with_other_side
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics

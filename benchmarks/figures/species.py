@@ -21,7 +21,7 @@ from benchmarks.cases import data_folder
 from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.morph.species_parts import Posed
+from myomorph.morph.species.counterparts import Posed
 from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_table import read_species
 

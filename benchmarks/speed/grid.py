@@ -10,8 +10,7 @@ import numpy as np
 from benchmarks.cases import data_folder
 from benchmarks.speed.size import MEGABYTE, peak, resident
 from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.grid import SPACING, fill
-from myomorph.identify.body.points import links_of
+from myomorph.identify.body.points import SPACING, fill, links_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.weights import bone_weights, links_with_mass
 from myomorph.io.formats import read_model

@@ -16,10 +16,9 @@ import numpy as np
 from benchmarks.cases import data_folder
 from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map, folded
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map, folded
+from myomorph.morph.maps.linear import procrustes
+from myomorph.morph.transfer.model import morph_model
 
 BONES, ELEMENTS, POINTS, FEATURES = 53, 997, 3000, 2000
 REPEATS = 5

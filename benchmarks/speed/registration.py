@@ -16,8 +16,8 @@ from benchmarks.cases import data_folder
 from benchmarks.speed.size import MEGABYTE, peak, resident
 from myomorph.io.mesh import read_mesh
 from myomorph.model.surface import Surface
-from myomorph.morph.map_bone import map_bone
-from myomorph.morph.nonrigid import match_surfaces, place_bone
+from myomorph.morph.registration.map_bone import map_bone
+from myomorph.morph.registration.nonrigid import match_surfaces, place_bone
 
 VERTICES = 20_000
 

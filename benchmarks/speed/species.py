@@ -9,9 +9,8 @@ from pathlib import Path
 from benchmarks.cases import data_folder
 from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
 from benchmarks.speed.size import MEGABYTE, peak
-from myomorph.morph.nonrigid import MatchOptions
-from myomorph.morph.species_maps import species_bones
-from myomorph.morph.species_transfer import species_morph
+from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.species.maps import species_bones, species_morph
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 from myomorph.study.subject.species_table import read_species

@@ -13,10 +13,10 @@ import time
 
 from benchmarks.accuracy.viscosity.virtual import joint_run
 from myomorph.simulate.shoulder import VirtualSpecimen, virtual_specimen
-from myomorph.viscosity.cutoff import choose_cutoff
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.tracking import track
-from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.trust.cutoff import choose_cutoff
 
 SECONDS, TRIALS, DRAWS = 30.0, 4, 500
 RUNS = 16

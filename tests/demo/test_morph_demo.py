@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.demo.morph import ERRORS, RESULT, WRITTEN, run_morph_demo, summary
 from myomorph.io.formats import read_model
-from myomorph.morph.penetration import Solid
+from myomorph.morph.checks.penetration import Solid
 from myomorph.simulate.deformed_leg import LANDMARKS, demo_case, picked_landmarks
 
 

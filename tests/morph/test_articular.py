@@ -10,7 +10,7 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.articular import (
+from myomorph.morph.shapes.articular import (
     articular_cylinder,
     articular_sphere,
     doubt,

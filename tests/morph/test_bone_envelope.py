@@ -9,8 +9,8 @@ import trimesh
 from boxed_leg import BONES, grown, leg
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.surface import Surface
-from myomorph.morph.envelope import flesh_of, grow_envelope
-from myomorph.morph.penetration import Solid
+from myomorph.morph.checks.penetration import Solid
+from myomorph.morph.shapes.envelope import flesh_of, grow_envelope
 
 BALL = trimesh.creation.icosphere(3, 0.1)
 RADIUS = 0.1

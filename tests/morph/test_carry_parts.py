@@ -15,19 +15,15 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.carrier import Carrier
-from myomorph.morph.carry_coordinates import reparametrized, translated_path
-from myomorph.morph.carry_points import combined
-from myomorph.morph.carry_wraps import carried_wrap, surface_points
-from myomorph.morph.fields import FeaturePoints, fit_map
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
+from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import CarriedPoint, MorphOptions
-from myomorph.morph.on_surface import put_on_surface
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.transfer import morph_model
-from myomorph.morph.virtual_links import standing_poses
-from myomorph.morph.wraps_and_points import level, points_left_outside
+from myomorph.morph.transfer.bodies import standing_poses
+from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.model import morph_model
+from myomorph.morph.transfer.moving_points import reparametrized, translated_path
+from myomorph.morph.transfer.paths import carried_wrap, level, points_left_outside, surface_points
+from myomorph.morph.transfer.points import combined, put_on_surface
 
 X = np.linspace(-2.0, 2.0, 41)
 SPLINE = simm_spline([-1.0, -0.3, 0.4, 1.2], [0.1, 0.4, -0.2, 0.3])

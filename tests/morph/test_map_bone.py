@@ -9,10 +9,10 @@ from made_bones import deformed, made_target, real_bone
 
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
-from myomorph.morph.alignment import align_bones, turned_by
-from myomorph.morph.fields import FeaturePoints, MapOptions
-from myomorph.morph.map_bone import STEPS, map_bone
-from myomorph.morph.nonrigid import MatchOptions
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions
+from myomorph.morph.registration.alignment import align_bones, turned_by
+from myomorph.morph.registration.map_bone import STEPS, map_bone
+from myomorph.morph.registration.nonrigid import MatchOptions
 from scans import joined
 
 QUICK = MatchOptions(match_points=800, feature_count=400)

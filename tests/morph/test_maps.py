@@ -10,17 +10,15 @@ import pytest
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import axis_rotation
-from myomorph.morph.affine import AffineMap, fit_affine, fit_whole
-from myomorph.morph.fields import (
+from myomorph.morph.maps.fields import (
     FeaturePoints,
     MapOptions,
     PointMap,
     feature_doubts,
     fit_map,
     folded,
-    inverse_points,
 )
-from myomorph.morph.procrustes import procrustes
+from myomorph.morph.maps.linear import AffineMap, fit_affine, fit_whole, procrustes
 
 BENDING = [
     MapOptions(),
@@ -148,15 +146,6 @@ def test_the_other_side_is_the_mirrored_one(options: MapOptions) -> None:
     found = fit_map(features(source, bent(source)), options)
     other = fit_map(features(source * mirror, bent(source) * mirror), options)
     np.testing.assert_allclose(other.apply(around() * mirror), found.apply(around()) * mirror, rtol=0, atol=1e-10)
-
-
-@pytest.mark.parametrize("options", AFFINE)
-def test_there_and_back(options: MapOptions) -> None:
-    source = bone(24)
-    found = fit_map(features(source, bent(source)), options)
-    points = around()[~folded(found, around())]
-    back = inverse_points(found, found.apply(points))
-    np.testing.assert_allclose(found.apply(back), found.apply(points), rtol=0, atol=1e-9)
 
 
 def test_there_and_back_of_an_affine_map_and_a_similarity() -> None:

@@ -19,7 +19,7 @@ from benchmarks.accuracy.morph.shapes import (
 )
 from benchmarks.leg_shapes import leg_shapes
 
-from myomorph.morph.fields import MapOptions
+from myomorph.morph.maps.fields import MapOptions
 
 PARTS = {"pelvis": 3, "femur": 1, "patella": 1, "tibia": 2}
 

@@ -11,8 +11,8 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Joint, Mesh, Model
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.place_clusters import Picks, bone_surface, place_bone, place_cluster_markers
-from myomorph.morph.registration import SurfaceOptions
+from myomorph.morph.registration.place_clusters import Picks, bone_surface, place_bone, place_cluster_markers
+from myomorph.morph.registration.rigid import SurfaceOptions
 from scans import made_scan, sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))

@@ -30,9 +30,9 @@ from myomorph.simulate.shoulder import (
     arm_specimen,
     virtual_specimen,
 )
-from myomorph.viscosity.murai_tables import SPECIMENS
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.cohort import SPECIMENS
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 pytest.importorskip("myo_sim")
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from myomorph.model.provenance import Estimate
-from myomorph.viscosity.cohort import QUANTITIES, cohort, exactly, published_row, specimen_row
-from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, exactly, published_row, specimen_row
 from swing_cohort import specimens
 
 

@@ -9,8 +9,8 @@ import pytest
 from benchmarks.mechanical_joint import mechanical_joint
 from swung_limb import GRAVITY, LAWS, LIMB, released
 
-from myomorph.viscosity.swing_checks import condition_findings, plate_zero, recording_findings
-from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.trust.checks import condition_findings, plate_zero, recording_findings
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
 from myomorph.report.charts.interval_rows import interval_rows
 from myomorph.report.charts.scatter import Cloud, xy_plot
 from myomorph.report.page.head import Note
-from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.viscosity.cohort import MEAN, SD, SPECIMENS
 from myomorph.viscosity.report.given import (
     ArmError,
     ArmSpread,

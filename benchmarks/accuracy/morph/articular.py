@@ -13,7 +13,9 @@ from benchmarks.leg_shapes import leg_shapes
 from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, pieces_of, turned_outward
-from myomorph.morph.articular import (
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.registration.alignment import automatic_landmarks
+from myomorph.morph.shapes.articular import (
     CylinderFit,
     SphereFit,
     articular_cylinder,
@@ -23,9 +25,7 @@ from myomorph.morph.articular import (
     fit_sphere,
     spherical_patches,
 )
-from myomorph.morph.landmarks import automatic_landmarks
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Shape
 
 Row = dict[str, object]
 

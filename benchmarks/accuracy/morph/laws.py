@@ -20,11 +20,11 @@ from myomorph.model.paths import PathWrap  # noqa: E402
 from myomorph.model.series import Motion  # noqa: E402
 from myomorph.model.sides import split_side  # noqa: E402
 from myomorph.model.spatial import rotation_from_euler_xyz  # noqa: E402
-from myomorph.morph.bone_map import BoneMap  # noqa: E402
-from myomorph.morph.mirror import mirrored_motion  # noqa: E402
+from myomorph.morph.maps.fields import BoneMap  # noqa: E402
+from myomorph.morph.mirror.model import mirrored_motion  # noqa: E402
 from myomorph.morph.morphed import CarriedPoint  # noqa: E402
-from myomorph.morph.transfer import morph_model  # noqa: E402
-from myomorph.morph.virtual_links import standing_poses  # noqa: E402
+from myomorph.morph.transfer.bodies import standing_poses  # noqa: E402
+from myomorph.morph.transfer.model import morph_model  # noqa: E402
 from myomorph.muscles.path import muscle_kinematics  # noqa: E402
 
 OPENSIM = (

@@ -12,10 +12,9 @@ from myomorph.io.osim.read import read_osim
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import Morph
-from myomorph.morph.procrustes import Similarity
 from myomorph.simulate.jump_model import leg_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morph_masses import least_eigenvalues, with_envelope_masses, with_morphed_masses

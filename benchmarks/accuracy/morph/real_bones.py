@@ -15,12 +15,12 @@ from myomorph.io.landmarks import read_landmarks
 from myomorph.io.mesh import read_mesh
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
-from myomorph.morph.checked import MorphChecks
-from myomorph.morph.checks import check_morph
-from myomorph.morph.fields import FeaturePoints, MapOptions, fit_map
+from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.checks.warnings import MorphChecks
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.transfer.model import morph_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, map_bones
 

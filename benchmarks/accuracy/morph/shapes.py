@@ -22,10 +22,9 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
 from myomorph.model.paths import PathPoint
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.fields import FeaturePoints, MapOptions, PointMap, fit_map, folded
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.registration import SurfaceOptions, register_surface
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, folded
+from myomorph.morph.maps.linear import AffineMap, procrustes
+from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
 
 Row: TypeAlias = dict[str, object]
 Indices: TypeAlias = np.ndarray

@@ -24,9 +24,8 @@ from benchmarks.species_cases import (
 )
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.morph.species import MuscleHomology
-from myomorph.morph.species_parts import Posed
-from myomorph.morph.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.species.counterparts import MuscleHomology, Posed
 from myomorph.muscles.path import compile_paths, muscle_kinematics
 from myomorph.study.subject.species_table import read_species
 

@@ -13,13 +13,13 @@ import numpy as np
 from benchmarks.accuracy.morph.species import Compared, Ground, Muscles, compare, percent
 from benchmarks.species_cases import Bodies, given_map, mouse, scaling_table, segment_frame
 from myomorph.model.model import Model
-from myomorph.morph.fields import MapOptions
+from myomorph.morph.maps.fields import MapOptions
+from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.nonrigid import MatchOptions
-from myomorph.morph.procrustes import Similarity
-from myomorph.morph.species_parts import Posed
-from myomorph.morph.species_transfer import species_morph
-from myomorph.morph.transfer import graft_muscles
+from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.species.counterparts import Posed
+from myomorph.morph.species.maps import species_morph
+from myomorph.morph.transfer.model import graft_muscles
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_table import read_species

@@ -17,11 +17,11 @@ from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording
 from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.clusters import surface_parts
-from myomorph.morph.procrustes import Similarity
-from myomorph.morph.registration import register_surface
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.registration.clusters import surface_parts
+from myomorph.morph.registration.rigid import register_surface
 from myomorph.motion.filters import natural_spline
-from myomorph.viscosity.clock_fit import wrench_clock
+from myomorph.viscosity.swings.plate import wrench_clock
 
 Row = dict[str, object]
 

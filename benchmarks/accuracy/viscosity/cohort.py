@@ -9,8 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from myomorph.model.arrays import Array
-from myomorph.viscosity.cohort import QUANTITIES, cohort, published_row
-from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, published_row
 
 Row = dict[str, object]
 

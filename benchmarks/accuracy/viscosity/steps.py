@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.mechanical_joint import VirtualJoint, mechanical_joint
-from myomorph.viscosity.viscosity import Condition, ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import Condition, ViscosityOptions, identify_specimen
 
 Row = dict[str, object]
 

@@ -35,9 +35,9 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
     """
     from myomorph.simulate.laboratory import Noise, measured_markers
     from myomorph.simulate.limb import HeldLimb
+    from myomorph.simulate.marker_clusters import with_clusters
     from myomorph.simulate.shoulder import HELD
-    from myomorph.viscosity.made_clusters import with_clusters
-    from myomorph.viscosity.specimen import SwingTrial
+    from myomorph.viscosity.specimen.model import SwingTrial
 
     virtual, random = _virtual(), np.random.default_rng(7)
     specimen = with_clusters(virtual.specimen, arm)
@@ -58,7 +58,7 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
 
 def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.ndarray, np.ndarray]:
     """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its axes."""
-    from myomorph.viscosity.swing_rows import swing_recordings
+    from myomorph.viscosity.tracking.rows import swing_recordings
 
     turns, rates = [], []
     for one, truth in zip(swing_recordings(tracked, cutoff, muscles=False), exact, strict=True):
@@ -73,7 +73,7 @@ def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.nd
 def measure_noise() -> Iterable[Row]:
     """A row a size of cluster: errors of a frame by itself and through the filter; root mean squares."""
     from myomorph.simulate.shoulder import HELD
-    from myomorph.viscosity.tracking import TrackingOptions, track
+    from myomorph.viscosity.tracking.track import TrackingOptions, track
 
     for arm in ARMS:
         specimen, trials, exact = _trials(arm, NOISE)
@@ -130,7 +130,7 @@ FAULTS: dict[str, Callable[[np.ndarray, dict[str, int], np.ndarray], None] | Non
 
 def measure_faults() -> Iterable[Row]:
     """A row a fault, made in the first of three trials: the worst frame's error, and what is said."""
-    from myomorph.viscosity.tracking import TrackingOptions, track
+    from myomorph.viscosity.tracking.track import TrackingOptions, track
 
     specimen, trials, exact = _trials(0.04, NOISE)
     slipped = _trials(0.04, NOISE, SLIP)[1][0].markers.values

@@ -16,14 +16,14 @@ from myomorph.model.paths import PathPoint
 from myomorph.motion.filters import differentiate
 from myomorph.simulate.laboratory import measured_markers, measured_wrench, simulate
 from myomorph.simulate.shoulder import virtual_specimen
-from myomorph.viscosity.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
-from myomorph.viscosity.cutoff import choose_cutoff, scan_cutoffs
-from myomorph.viscosity.limb_motion import lengthening, limb_motion
-from myomorph.viscosity.passive_models import PassiveComparison, compare_passive_laws
-from myomorph.viscosity.specimen import Specimen
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.tracking import track
-from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.specimen.model import Specimen
+from myomorph.viscosity.swings.motion import lengthening, limb_motion
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
+from myomorph.viscosity.trust.models import PassiveComparison, compare_passive_laws
+from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
 
 Row = dict[str, object]
 
@@ -92,7 +92,7 @@ def specimen_row(number: int) -> Row:
     assert found.without is not None
     assert found.intact is not None
     laws = [compare_passive_laws(one) for one in (without, intact)]
-    arms = arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value)
+    arms = moment_arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value)
     each, one = arms.spread("factor of each muscle"), arms.spread("one factor")
     low, _, high = each.quantiles()
     scan = scan_cutoffs(
@@ -130,9 +130,11 @@ def measure_attachments() -> Iterator[Row]:
             arms = [lengthening(moved, motion, slope) for motion, slope in zip(motions, slopes, strict=True)]
             changes += [(b - a.lengthening)[a.used] for a, b in zip(intact, arms, strict=True)]
             other = [replace(a, lengthening=np.nan_to_num(b)) for a, b in zip(intact, arms, strict=True)]
-            values.append(arm_sensitivity(other, parameters, joint, ArmOptions(draws=2, offset=0.0)).spreads[0].exact)
+            values.append(
+                moment_arm_sensitivity(other, parameters, joint, MomentArmOptions(draws=2, offset=0.0)).spreads[0].exact
+            )
         change = float(np.sqrt(np.mean([np.square(one).mean() for one in changes])))
-        offset = arm_sensitivity(intact, parameters, joint, ArmOptions(offset=size)).spreads[-1]
+        offset = moment_arm_sensitivity(intact, parameters, joint, MomentArmOptions(offset=size)).spreads[-1]
         yield {
             "attachments moved by, a component, SD [mm]": 1e3 * size,
             "moment arms change by, RMS [mm]": 1e3 * change,

@@ -42,11 +42,11 @@ def joint_run(seed: int) -> JointRun:
     """
     from benchmarks.mechanical_joint import mechanical_joint
     from myomorph.simulate.laboratory import Noise
-    from myomorph.viscosity.cutoff import choose_cutoff
-    from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
-    from myomorph.viscosity.swing_rows import swing_recordings
-    from myomorph.viscosity.tracking import track
-    from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
+    from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+    from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+    from myomorph.viscosity.tracking.rows import swing_recordings
+    from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.trust.cutoff import choose_cutoff
 
     random = np.random.default_rng(seed)
     kind: Literal["hinge", "ball"] = "ball" if seed % 2 else "hinge"
@@ -122,12 +122,12 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     """One virtual specimen of tables I and II through tracking, clocks, cutoff and identification."""
     from myomorph.demo.shoulder import truth_of
     from myomorph.simulate.shoulder import virtual_specimen
-    from myomorph.viscosity.arm_sensitivity import OFFSET, ArmOptions, arm_sensitivity
     from myomorph.viscosity.cohort import specimen_row
-    from myomorph.viscosity.cutoff import choose_cutoff
-    from myomorph.viscosity.swing_rows import swing_recordings
-    from myomorph.viscosity.tracking import track
-    from myomorph.viscosity.viscosity import identify_specimen
+    from myomorph.viscosity.identification.identify import identify_specimen
+    from myomorph.viscosity.tracking.rows import swing_recordings
+    from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.trust.cutoff import choose_cutoff
+    from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
 
     number, full_size = given
     made = virtual_specimen(number, full_size=full_size)
@@ -140,8 +140,8 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     assert found.without is not None
     assert found.intact is not None
     assert found.muscles is not None
-    errors = ArmOptions(factor=0.10, offset=OFFSET * made.factor)
-    arms = arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, errors)
+    errors = MomentArmOptions(factor=0.10, offset=OFFSET * made.factor)
+    arms = moment_arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, errors)
     return SpecimenRun(
         number,
         full_size,

@@ -15,15 +15,12 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.checks import PARTS, check_morph
-from myomorph.morph.fields import FeaturePoints, MapKind, MapOptions, PointMap, fit_map
-from myomorph.morph.moment_arm_table import compare_moment_arms, compared_coordinates
+from myomorph.morph.checks.checks import PARTS, check_morph
+from myomorph.morph.checks.moment_arms import COUNT, compare_moment_arms, compared_coordinates
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map
+from myomorph.morph.maps.linear import AffineMap, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.postures import COUNT
-from myomorph.morph.procrustes import procrustes
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.transfer.model import morph_model
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.dots import dot_plot
 from myomorph.report.page.head import Note

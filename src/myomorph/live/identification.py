@@ -138,7 +138,7 @@ class LiveIdentification:
 
     def warm_up(self) -> None:
         """Compute once without effect, so that nothing is compiled when the first frame comes."""
-        self.estimate.rehearse()
+        self.estimate.warm_up()
         self.poses.warm_up()
 
     def push_forces(self, time: Array, wrenches: Array) -> None:

@@ -207,3 +207,14 @@ def _onto(axis: Array) -> Array:
 
 def _markers(body: str, places: Mapping[str, ArrayLike] | None) -> tuple[Marker, ...]:
     return tuple(Marker(name, body, np.asarray(place)) for name, place in (places or {}).items())
+
+
+def parameters_of(pseudo: Array) -> Array:
+    """(..., 10) inertial parameters of pseudo-inertias (..., 4, 4); see `pseudo_inertias`."""
+    second = pseudo[..., :3, :3]
+    inertia = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
+    result = np.empty((*pseudo.shape[:-2], 10))
+    result[..., 0], result[..., 1:4] = pseudo[..., 3, 3], pseudo[..., :3, 3]
+    for i, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)), start=4):
+        result[..., i] = inertia[..., a, b]
+    return result

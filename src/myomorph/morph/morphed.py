@@ -10,7 +10,7 @@ from typing import Literal
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.maps.fields import BoneMap
 
 
 @dataclass(frozen=True)

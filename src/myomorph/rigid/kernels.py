@@ -44,7 +44,7 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
     """
     if function is None:
         return lambda function: kernel(function, **options)
-    dispatcher = njit(nogil=True, **{"error_model": "numpy", **options})(function)
+    dispatcher: Any = njit(nogil=True, **{"error_model": "numpy", **options})(function)
     dispatcher._cache = KernelCache(function)
     return dispatcher
 
@@ -66,7 +66,7 @@ def kernel_folder() -> Path:
     return root / f"myomorph-{__version__}-{copy}"
 
 
-def is_compiled(dispatcher: Dispatcher) -> bool:
+def is_compiled(dispatcher: Any) -> bool:
     """Whether code of a kernel lies on disk, made from the present sources."""
     return bool(dispatcher._cache._cache_file._load_index())
 

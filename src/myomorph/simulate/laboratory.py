@@ -25,7 +25,7 @@ from myomorph.model.inertia import inertia_matrices
 from myomorph.model.series import Markers, PlateRecording, Table, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.viscosity.specimen import Specimen
+from myomorph.viscosity.specimen.model import Specimen
 
 MARKER_RATE, FORCE_RATE = 200.0, 2000.0
 """Of [S] section III [Hz]."""

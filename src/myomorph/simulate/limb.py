@@ -19,8 +19,8 @@ from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.laboratory import SENSORS, inertial, words
-from myomorph.viscosity.specimen import Specimen
-from myomorph.viscosity.specimen_bodies import moved_parameters
+from myomorph.viscosity.specimen.bodies import moved_parameters
+from myomorph.viscosity.specimen.model import Specimen
 
 SHARES = (0.3, 0.35, 0.35)
 """Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat

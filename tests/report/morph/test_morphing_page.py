@@ -10,7 +10,7 @@ import pytest
 
 from boxed_leg import FRONT, HALF, grown, leg, morph_of, muscle, with_muscle
 from myomorph.model.provenance import Provenance, Source
-from myomorph.morph.checks import check_morph
+from myomorph.morph.checks.checks import check_morph
 from myomorph.report.morph.morph_page import morph_page
 from myomorph.report.morph.tables import morphing_tables
 from myomorph.report.page.head import Note

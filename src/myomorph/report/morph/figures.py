@@ -13,11 +13,11 @@ from myomorph.model.model import Mesh, Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.checks import distinct_bones, target_surface
-from myomorph.morph.moment_arm_table import MomentArms
+from myomorph.morph.checks.checks import distinct_bones, target_surface
+from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph
-from myomorph.morph.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Shape
 from myomorph.report.charts.chart import heading, number, path_data
 from myomorph.report.charts.residual_map import residual_map
 from myomorph.report.scene.image import data_uri

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.morph.bone_map import muscle_sizes
-from myomorph.morph.checks import MorphChecks
-from myomorph.morph.moment_arm_table import MomentArms
+from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.chart import number
 from myomorph.report.charts.dots import dot_plot

@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.identify.cross_validation import CrossValidation
 from myomorph.identify.subject import Identification
+from myomorph.identify.validation import CrossValidation
 from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
@@ -56,7 +56,7 @@ def identification_input(
             names=fit.base.names,
             estimate=fit.estimate,
             relative_sd=fit.relative_sd,
-            shown=fit.shown,
+            shown=fit.identifiable,
             condition=fit.condition,
             frames=fit.frames,
             residual=fit.residual_rms,
@@ -65,7 +65,7 @@ def identification_input(
         misfit=found.residuals,
         held_out=found.held_out if len(found.held_out) == 2 else None,
         never_shown=fit.base.never,
-        not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.shown)),
+        not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.identifiable)),
         checks=tuple(
             LinkCheck(one.name, one.mass, float(one.eigenvalues[0]), one.ok, ", ".join(one.faults))
             for one in found.consistency[found.chosen].links

@@ -12,9 +12,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph import __version__
-from myomorph.identify.cross_validation import CrossValidation, cross_validate
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
+from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model

@@ -10,8 +10,7 @@ from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.grid import fill
-from myomorph.identify.body.points import MassPoints, links_of
+from myomorph.identify.body.points import MassPoints, fill, links_of
 from myomorph.identify.body.skin import check_skin
 from myomorph.identify.body.weights import bone_weights, links_with_mass
 from myomorph.model.arrays import Array
@@ -20,9 +19,9 @@ from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_in
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
-from myomorph.morph.checks import target_surface
-from myomorph.morph.envelope import FLESH, Envelope, flesh_of, grow_envelope
+from myomorph.morph.checks.checks import target_surface
 from myomorph.morph.morphed import Morph
+from myomorph.morph.shapes.envelope import FLESH, Envelope, flesh_of, grow_envelope
 
 DENSITY = 1050.0
 """Of a body without the air in its lungs, where its mass is not known [kg/m^3]."""

@@ -13,8 +13,8 @@ from myomorph.model.provenance import Estimate
 from myomorph.report.page.head import Note, SourceFile, Step
 from myomorph.report.page.section import Figure
 from myomorph.viscosity.cohort import Row, specimen_row
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.swings.recording import SwingRecording
 
 MOST_FRAMES = 1200
 """Frames of a trial that charts are drawn from."""

@@ -9,8 +9,7 @@ from myomorph.report.page.head import Note, PageHead
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.references import viscosity_references
 from myomorph.report.page.section import Section
-from myomorph.viscosity.cohort import CohortLine, cohort
-from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY
+from myomorph.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
 from myomorph.viscosity.report.given import ViscosityInput
 from myomorph.viscosity.report.sections import cohort_section, specimen_sections
 from myomorph.viscosity.report.tables import scientific, table_section, truth_grid

@@ -10,9 +10,17 @@ import numpy as np
 from myomorph.model.provenance import Estimate
 from myomorph.report.charts.chart import number
 from myomorph.report.page.section import Grid, Section
-from myomorph.viscosity import murai_tables
-from myomorph.viscosity.cohort import QUANTITIES, CohortLine, Quantity, cohort
-from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY, PublishedSpecimen
+from myomorph.viscosity.cohort import (
+    MEAN,
+    QUANTITIES,
+    SD,
+    SPECIMENS,
+    STROEVE_TOTAL_VISCOSITY,
+    CohortLine,
+    PublishedSpecimen,
+    Quantity,
+    cohort,
+)
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
 
 TITLES = {
@@ -94,7 +102,7 @@ def _table(
         known = [lines.get(column.name) for column in columns]
         rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
         rows.append(("± SD", *(LACKING if one is None else scientific(one.sd) for one in known)))
-        for name, printed in (("paper: mean", murai_tables.MEAN), ("paper: ± SD", murai_tables.SD)):
+        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)):
             rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
         if table == 2:
             stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
@@ -114,7 +122,7 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
         row = [f"{where(quantity)} [{quantity.unit}]"]
         if known:
             row.append(_spread(truths))
-        row.append(_spread([getattr(one, quantity.name) for one in murai_tables.SPECIMENS]))
+        row.append(_spread([getattr(one, quantity.name) for one in SPECIMENS]))
         row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
         row.append(
             LACKING if line is None or not np.isfinite(line.low) or line.high == line.low else span(line.low, line.high)
