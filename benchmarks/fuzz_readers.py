@@ -38,7 +38,7 @@ from myomorph.study.plan.plan import read_plan
 from myomorph.study.subject.body_points import read_landmarks as read_skin
 from myomorph.study.subject.species_table import read_species
 from myomorph.study.trial.contact_file import read_contacts
-from myomorph.study.trial.inputs import open_motion, open_trial
+from myomorph.study.trial.inputs import read_motion, read_recording
 from myomorph.study.trial.stairs_file import read_stairs
 from myomorph.viscosity.study.calibration import read_picks
 from myomorph.viscosity.study.plan import read_viscosity_plan
@@ -86,7 +86,7 @@ def arm() -> Model:
 def _own_c3d(path: Path) -> Any:
     """A C3D file by our own reader, as where ezc3d refuses it, its plates as forces."""
     with patch.object(c3d, "read_c3d_ezc3d", lambda _: "refused"):
-        return open_trial(path)
+        return read_recording(path)
 
 
 def _written_again(path: Path) -> Any:
@@ -107,7 +107,7 @@ READERS = (
     Reader("MJCF before it is compiled", ".xml", check_files, ("arm_mujoco.xml",), "mouse*/*.xml"),
     Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),
     Reader("STO, MOT", ".sto", read_sto, ("data.sto", "forces.mot"), "**/*.[sm][to][ot]"),
-    Reader("MOT as coordinates", ".mot", lambda path: open_motion(path, arm()), ("motion.mot",)),
+    Reader("MOT as coordinates", ".mot", lambda path: read_motion(path, arm()), ("motion.mot",)),
     Reader("C3D", ".c3d", c3d.read_c3d, (), "**/*.c3d", guarded=True),
     Reader("C3D by our own reader", ".c3d", _own_c3d, (), "**/*.c3d"),
     Reader("channels, CSV", ".csv", read_channels, ("cells.csv", "channels.csv")),

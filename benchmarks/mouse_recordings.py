@@ -18,7 +18,7 @@ from myomorph.morph.mirror.model import with_other_side
 from myomorph.motion.measurements import default_markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.inputs import fitted_to, open_trial
+from myomorph.study.trial.inputs import fitted_to, read_recording
 
 GAIT = "mouse-gait-c3d-force"
 TREADMILL = "mouse-markers-treadmill/treadmill_15m_per_min.mat"
@@ -134,7 +134,7 @@ def _heading_first(one: Joint) -> Joint:
 
 def recording(path: Path, model: Model, labels: Mapping[str, str]) -> Trial:
     """A recording with the model's names of markers, in the model's ground."""
-    trial = open_trial(path)
+    trial = read_recording(path)
     assert trial.markers is not None
     named = replace(trial.markers, names=tuple(labels.get(name, name) for name in trial.markers.names))
     return fitted_to(model, replace(trial, markers=named))
@@ -164,7 +164,7 @@ def clips(folder: Path, model: Model, count: int = 3, frames: int = 360, step: i
 
     The axes are those of the cameras: each clip is turned as its first frame's points lie best on the model's.
     """
-    markers = open_trial(folder / KEYPOINTS).markers
+    markers = read_recording(folder / KEYPOINTS).markers
     assert markers is not None
     every = len(markers) // frames
     chosen = np.unique(np.linspace(0, every - 1, count).round().astype(int))

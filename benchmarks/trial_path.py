@@ -1,6 +1,6 @@
 """Through how many files the inputs of a trial pass, from the function that opens it and from the one that runs it.
 
-The code is read, not run. From the function that opens a trial (`read_trial`; earlier `open_take`) its first parameter
+The code is read, not run. From the function that opens a trial (`open_trial`; earlier `open_take`) its first parameter
 is followed, from the one that runs its steps (`run_trial`; earlier `run_take`) likewise. In a function the value is
 known by the parameter's name, by names that are assigned from an expression with it, and by attributes of these. A call
 that is given such a name or attribute as an argument (or is a method of it, where the class is known by an annotation)
@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-STARTS = (("opens", ("read_trial", "open_take")), ("runs", ("run_trial", "run_take")))
+STARTS = (("opens", ("open_trial", "open_take")), ("runs", ("run_trial", "run_take")))
 PACKAGE = "myomorph"
 Name = tuple[str, str]
 """A module and a name that it defines."""

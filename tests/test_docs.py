@@ -88,7 +88,7 @@ def test_study_files_in_the_docs_are_valid(tmp_path):
             assert [swing.loads.name for swing in (*one.without, *one.intact)] == ["bare1.mot", "full1.mot"]
             continue
         plan = read_plan(tmp_path / "study.toml")
-        assert [take.name for take in plan.takes] == ["walk1"]
+        assert [trial.name for trial in plan.trials] == ["walk1"]
 
 
 def test_python_in_the_readme_runs(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.trial_files import TrialFiles, read_trial
+from myomorph.study.trial.trial_files import TrialFiles, open_trial
 
 STEPS = ("ik", "id", "muscles", "tension", "report")
 OWN = ("calibrate", "identify")
@@ -94,7 +94,7 @@ def _fastest(files: TrialFiles, model: Model, folder: Path) -> dict[str, tuple[i
     """Frames and the shortest seconds of each step."""
     best: dict[str, tuple[int, float]] = {}
     for _ in range(ROUNDS):
-        outcome = run_trial(read_trial(files, {}, model), STEPS, folder / "trial", True)
+        outcome = run_trial(open_trial(files, {}, model), STEPS, folder / "trial", True)
         if outcome.error:
             raise RuntimeError(outcome.error)
         subject = SubjectFiles("rate", files.model, files.mass, trials=(files,))

@@ -24,7 +24,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
-from myomorph.study.trial.inputs import open_trial
+from myomorph.study.trial.inputs import read_recording
 
 TRIALS = 1000
 FRAMES = 30
@@ -61,7 +61,7 @@ def run(trials: int = TRIALS) -> list[Row]:
 def write_study(home: Path, trials: int, few: int = 4) -> Path:
     """A study of short recordings, and beside it one of only a few of them; returns the file of the first."""
     data = data_folder() / "opensim-gait-subject01"
-    recorded = open_trial(data / "experiment/subject01_walk1.trc").markers
+    recorded = read_recording(data / "experiment/subject01_walk1.trc").markers
     assert recorded is not None
     random = np.random.default_rng(1)
     for folder, count in (("trials", trials), ("few", few)):

@@ -11,7 +11,7 @@ from myomorph.contact.plate_corners import FirstCorner, _middle, counted_from, f
 from myomorph.contact.plates import episodes, force_plates, loaded_samples
 from myomorph.model.series import ForcePlate, Markers, PlateRecording, Trial
 from myomorph.model.spatial import axis_rotation
-from myomorph.study.trial.inputs import open_trial
+from myomorph.study.trial.inputs import read_recording
 
 CORNERS = np.array([[-0.07, 0.06, 0.0], [0.08, 0.06, 0.0], [0.08, -0.09, 0.0], [-0.07, -0.09, 0.0]])
 TIME = np.arange(1500) / 1000.0
@@ -71,7 +71,7 @@ def test_what_is_not_clear_is_left_alone():
 @pytest.mark.parametrize("name", ["1L_05_01_26_trial_1", "1R_12_01_26_trial_2", "none_12_01_26_trial_3"])
 def test_mice_on_a_small_plate(data, name):
     """A quarter of a newton is a load: contact is where the animal is, and the forces are those of a mouse."""
-    trial = open_trial(data(f"mouse-gait-c3d-force/Cage6_{name}.c3d"))
+    trial = read_recording(data(f"mouse-gait-c3d-force/Cage6_{name}.c3d"))
     plate = trial.plates[0]
     found = first_corner(plate, trial.plate_time, trial.markers)
     assert found is not None

@@ -10,15 +10,15 @@ from myomorph.identify.recordings import NO_FORCE, NO_MOTION
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.study.trial.inputs import open_loads, open_model, open_motion
+from myomorph.study.trial.inputs import open_model, read_loads, read_motion
 
 
 @pytest.fixture(scope="module")
 def walk(data: Callable[[str], Path]) -> tuple[Model, Motion, Wrenches]:
     folder = data("opensim-gait-subject01")
     model = open_model(folder / "ref_id/subject01.osim")
-    motion = open_motion(folder / "ref_id/subject01_walk1_ik.mot", model)
-    return model, motion, open_loads(folder / "ref_id/subject01_walk1_grf.xml", model, motion)
+    motion = read_motion(folder / "ref_id/subject01_walk1_ik.mot", model)
+    return model, motion, read_loads(folder / "ref_id/subject01_walk1_grf.xml", model, motion)
 
 
 def play(walk: tuple[Model, Motion, Wrenches], options: OnlineOptions, frames: int = 120) -> OnlineIdentification:

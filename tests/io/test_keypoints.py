@@ -12,7 +12,7 @@ from myomorph.io import keypoints
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
 from myomorph.io.parsing.guard import Outcome
 from myomorph.model.errors import BadFile
-from myomorph.study.trial.inputs import open_trial
+from myomorph.study.trial.inputs import read_recording
 
 NAMES = ("nose", "hip", "tail")
 
@@ -114,7 +114,7 @@ def test_files_made_to_fill_the_memory_are_refused(tmp_path):
 
 
 def test_the_mouse_of_34_keypoints(data):
-    trial = open_trial(data("mouse-skeleton-keypoints/mouse_mocap_3600_frames.h5"))
+    trial = read_recording(data("mouse-skeleton-keypoints/mouse_mocap_3600_frames.h5"))
     assert trial.markers.values.shape == (3600, 34, 3)
     assert "names of the points are those of keypoint_to_body_mouse.yaml, in units of 0.001 m" in trial.warnings
     length = np.linalg.norm(trial.markers["Nose"] - trial.markers["TTI"], axis=1)

@@ -10,7 +10,7 @@ from myomorph.io import qualisys_mat
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.model.errors import BadFile
 from myomorph.study.info.inspect import inspect
-from myomorph.study.trial.inputs import open_trial
+from myomorph.study.trial.inputs import read_recording
 
 FRAMES = 40
 
@@ -103,7 +103,7 @@ def test_damaged_and_foreign_files_are_named(tmp_path, monkeypatch):
 
 def test_the_treadmill_mouse(data):
     path = data("mouse-markers-treadmill/treadmill_15m_per_min.mat")
-    trial = open_trial(path)
+    trial = read_recording(path)
     assert (len(trial.markers), len(trial.markers.names), trial.markers.rate) == (10500, 11, pytest.approx(300.0))
     unseen = 1.0 - np.isfinite(trial.markers.values).all(axis=2).mean(axis=0)
     seldom = dict(zip(trial.markers.names, unseen, strict=True))

@@ -133,7 +133,7 @@ def test_plates_of_the_recording_itself_find_their_feet(
         for i, name in enumerate(wrenches.names)
     )
     trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
-    monkeypatch.setattr("myomorph.study.trial.inputs.open_trial", lambda path: trial)
+    monkeypatch.setattr("myomorph.study.trial.inputs.read_recording", lambda path: trial)
     series, found = open_recording(model, Path("walk.c3d"), None)
     assert found is not None
     assert found.bodies == ("", "")

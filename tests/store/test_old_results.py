@@ -19,7 +19,7 @@ from myomorph.study.trial.reporting import report_input
 from myomorph.study.trial.run_trial import kept_steps
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import STEPS
-from myomorph.study.trial.trial_files import read_trial
+from myomorph.study.trial.trial_files import open_trial
 from myomorph.study.trial.trial_inputs import OptionSet
 
 OLD = Path(__file__).with_name("old_results") / "reach.nc"
@@ -60,7 +60,7 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     path.write_text(STUDY, encoding="utf-8")
     plan = read_plan(path)
     monkeypatch.setattr("myomorph.store.results.__version__", read_result(OLD).provenance["ik"].version)
-    trial = read_trial(plan.trials[0], plan.settings)
+    trial = open_trial(plan.trials[0], plan.settings)
     home = arm.folder / "there"
     home.mkdir()
     shutil.copy(OLD, home / "reach.nc")

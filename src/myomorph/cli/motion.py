@@ -22,7 +22,7 @@ from myomorph.cli.output import said, table_beside, warn
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
-from myomorph.study.trial.trial_files import TrialFiles, read_motion_trial, read_trial
+from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial, open_trial
 
 IkOptions = options_class(*ik.STEP.options, leave_out=ik.STEP.not_settings)
 IdOptions = options_class(*dynamics.STEP.options)
@@ -41,7 +41,7 @@ def ik_command(
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
     files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time)
-    trial = read_trial(files, {"ik": given(options)})
+    trial = open_trial(files, {"ik": given(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
     warn(trial.warnings)
@@ -63,7 +63,7 @@ def id_command(
     """Inverse dynamics: the generalized force of every coordinate."""
     use_threads(threads)
     files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
-    trial, poses = read_motion_trial(files, {"id": given(options)})
+    trial, poses = open_motion_trial(files, {"id": given(options)})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         results = run_step(dynamics.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes))

@@ -24,7 +24,7 @@ from myomorph.model.errors import BadData
 from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
-from myomorph.study.trial.trial_files import TrialFiles, read_motion_trial
+from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.tension.solve import Tension
 
 MusclesOptions = options_class(*muscles.STEP.options)
@@ -43,7 +43,7 @@ def muscles_command(
     """Muscle lengths, lengthening velocities and moment arms."""
     use_threads(threads)
     files = TrialFiles(model=model, motion=motion, time=time)
-    trial, poses = read_motion_trial(files, {"muscles": given(options)})
+    trial, poses = open_motion_trial(files, {"muscles": given(options)})
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes))
@@ -100,7 +100,7 @@ def tension_command(
         measured=measured,
         time=time,
     )
-    trial, poses = read_motion_trial(files, {"tension": given(options)})
+    trial, poses = open_motion_trial(files, {"tension": given(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes), f"the report tells them ('myomorph report {out}')")

@@ -18,7 +18,7 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of, steps_before
-from myomorph.study.trial.trial_files import TrialFiles, read_motion_trial
+from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 
 
 def __getattr__(name: str) -> Callable[..., int]:
@@ -44,7 +44,7 @@ def step_command(name: str) -> Callable[..., int]:
     ) -> int:
         use_threads(threads)
         files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
-        trial, poses = read_motion_trial(files, {name: given(options)})
+        trial, poses = open_motion_trial(files, {name: given(options)})
         results = StepResults(poses)
         with folder_with(out, name) as (folder, writer):
             needed = [one for one in steps_before(step) if one.gives in step.needs and results.get(one.gives) is None]

@@ -193,9 +193,9 @@ def open_recording(
     series: Markers | Motion
     wrenches: Wrenches | None = None
     if motion.suffix.lower() in inputs.TABLE_FILES:
-        series = posed = inputs.open_motion(motion, model)
+        series = posed = inputs.read_motion(motion, model)
     else:
-        trial = inputs.fitted_to(model, inputs.open_trial(motion))
+        trial = inputs.fitted_to(model, inputs.read_recording(motion))
         assert trial.markers is not None
         series = trial.markers
         posed = Motion(series.time[:1], (), np.zeros((1, 0)))
@@ -210,7 +210,7 @@ def open_recording(
 def _open_loads(loads: Path, model: Model, motion: Motion) -> Wrenches:
     if loads.suffix.lower() in inputs.TABLE_FILES:
         return inputs.force_table(loads, plates_of_table(loads))
-    return inputs.open_loads(loads, model, motion)
+    return inputs.read_loads(loads, model, motion)
 
 
 def plates_of_table(path: Path) -> Mapping[str, str]:

@@ -61,7 +61,7 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     check_outputs(targets, (source, model_path, markers_path, setup.coordinates))
 
     model = inputs.open_model(model_path)
-    trial = inputs.fitted_to(model, inputs.open_trial(markers_path))
+    trial = inputs.fitted_to(model, inputs.read_recording(markers_path))
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
     options = with_tasks(InverseKinematicsOptions(), setup.tasks, model, str(source))
@@ -92,7 +92,7 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
 
     model = inputs.open_model(model_path)
     inputs.has_mass(model, "inverse dynamics")
-    recorded = inputs.open_motion(motion_path, model)
+    recorded = inputs.read_motion(motion_path, model)
     motion = indexed_frames(differentiate(recorded, setup.cutoff), setup.time_range, motion_path)
     wrenches = loads_at(setup.loads, model, recorded, motion)
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)

@@ -134,7 +134,7 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
 
 
 def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
-    trial = inputs.fitted_to(model, inputs.open_trial(path))
+    trial = inputs.fitted_to(model, inputs.read_recording(path))
     assert trial.markers is not None
     notes += [f"{path.name}: {text}" for text in trial.warnings]
     return trial.markers

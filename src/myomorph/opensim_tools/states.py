@@ -165,7 +165,7 @@ def analyzed(
     notes = []
     if setup.states is not None and setup.coordinates is not None:
         notes.append("coordinates_file is left out: there is a states_file")
-    everything = inputs.open_motion(path, model)
+    everything = inputs.read_motion(path, model)
     kept = without_twins(everything)
     cutoff = setup.cutoff if setup.states is None else None
     recorded = picked(everything, np.flatnonzero(kept))
@@ -299,4 +299,4 @@ def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, 
 
 def loads_at(path: Path | None, model: Model, recorded: Motion, motion: Motion) -> Wrenches | None:
     """External forces at the motion's times, not filtered."""
-    return None if path is None else resample_wrenches(inputs.open_loads(path, model, recorded), motion.time)
+    return None if path is None else resample_wrenches(inputs.read_loads(path, model, recorded), motion.time)

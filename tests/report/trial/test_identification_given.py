@@ -13,7 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.report.trial.identification_tables import identification_tables, wrench_errors
 from myomorph.report.trial.identified import identification_input
-from myomorph.study.trial.inputs import open_loads, open_model, open_motion
+from myomorph.study.trial.inputs import open_model, read_loads, read_motion
 
 
 def balls(model: Model) -> MassPoints:
@@ -34,8 +34,8 @@ def balls(model: Model) -> MassPoints:
 def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]:
     folder = data("opensim-gait-subject01") / "ref_id"
     model = open_model(folder / "subject01.osim")
-    motion = open_motion(folder / "subject01_walk1_ik.mot", model)
-    loads = open_loads(folder / "subject01_walk1_grf.xml", model, motion)
+    motion = read_motion(folder / "subject01_walk1_ik.mot", model)
+    loads = read_loads(folder / "subject01_walk1_grf.xml", model, motion)
     first, second = (
         usable(model, motion, loads, time=span, options=RecordingOptions(cutoff=6.0), name="walk")
         for span in ((0.6, 1.5), (1.5, 2.3))

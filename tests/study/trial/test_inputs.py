@@ -10,7 +10,7 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
 from myomorph.study.trial import inputs
-from myomorph.study.trial.inputs import assigned_wrenches, fitted_to, open_loads, open_model, open_motion
+from myomorph.study.trial.inputs import assigned_wrenches, fitted_to, open_model, read_loads, read_motion
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +21,8 @@ def walker(data):
 def test_c3d_with_z_up_is_turned(data):
     """The same static trial as C3D, whose z axis points up, and as TRC, which was turned by hand."""
     model = open_model(data("c3d-functional-joints/models/scaled.osim"))
-    turned = fitted_to(model, inputs.open_trial(data("c3d-functional-joints/static.c3d")))
-    plain = inputs.open_trial(data("c3d-functional-joints/static.trc"))
+    turned = fitted_to(model, inputs.read_recording(data("c3d-functional-joints/static.c3d")))
+    plain = inputs.read_recording(data("c3d-functional-joints/static.trc"))
     assert any("z axis points up" in text for text in turned.warnings)
     names = [name for name in model.marker_names if name in turned.markers.names and name in plain.markers.names]
     assert len(names) > 40
@@ -36,13 +36,13 @@ def test_c3d_with_z_up_is_turned(data):
 
 
 def test_trc_is_taken_as_it_is(walker, data):
-    trial = inputs.open_trial(data("rajagopal-walk-emg/markers_walk.trc"))
+    trial = inputs.read_recording(data("rajagopal-walk-emg/markers_walk.trc"))
     assert fitted_to(walker, trial) is trial
 
 
 @pytest.mark.parametrize(("factor", "word"), [(1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres")])
 def test_wrong_units_are_suspected(walker, data, factor, word):
-    trial = inputs.open_trial(data("rajagopal-walk-emg/markers_walk.trc"))
+    trial = inputs.read_recording(data("rajagopal-walk-emg/markers_walk.trc"))
     markers = trial.markers
     wrong = Trial(markers=Markers(markers.time, markers.names, factor * markers.values), source="walk.trc")
     with pytest.raises(BadData, match=f"are its numbers {word}"):
@@ -51,8 +51,8 @@ def test_wrong_units_are_suspected(walker, data, factor, word):
 
 def test_plates_go_to_the_feet_that_stand_on_them(walker, data):
     """Forces whose feet are known, as if two plates had measured them: nearness finds the feet again."""
-    motion = open_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
-    known = open_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)
+    motion = read_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
+    known = read_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)
     loaded = known.forces[:, :, 1] > 30.0
     plates = []
     for i in range(2):
@@ -72,18 +72,18 @@ def test_plates_go_to_the_feet_that_stand_on_them(walker, data):
 
 
 def test_loads_of_the_wrong_kind(walker, data, tmp_path):
-    motion = open_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
+    motion = read_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
     with pytest.raises(BadFile, match="not the bodies they act on"):
-        open_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion)
+        read_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion)
     with pytest.raises(BadFile, match=r"ends in '\.txt'"):
-        open_loads(tmp_path / "x.txt", walker, motion)
+        read_loads(tmp_path / "x.txt", walker, motion)
 
 
 def test_force_table_equals_the_loads_file(walker, data):
-    motion = open_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
-    by_xml = open_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)
+    motion = read_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
+    by_xml = read_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion)
     bodies = {"ground_force_r_": "calcn_r", "ground_force_l_": "calcn_l"}
-    by_table = open_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion, bodies)
+    by_table = read_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion, bodies)
     for name in ("time", "forces", "points", "torques"):
         np.testing.assert_array_equal(getattr(by_table, name), getattr(by_xml, name))
     assert by_table.bodies == by_xml.bodies

@@ -21,7 +21,7 @@ from myomorph.store.stored import get_wrenches
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.contact_file import contact_files, read_contacts
-from myomorph.study.trial.inputs import open_loads
+from myomorph.study.trial.inputs import read_loads
 from myomorph.study.trial.stairs_file import read_stairs
 
 MASS = 0.025
@@ -113,7 +113,7 @@ def write(folder, measures=("fx", "fy", "fz"), head='recording = "cells.csv"'):
 
 def test_forces_come_back_on_the_paw(tmp_path):
     model, motion, force, low = recording(tmp_path)
-    loads = open_loads(write(tmp_path), model, motion)
+    loads = read_loads(write(tmp_path), model, motion)
     assert sorted(loads.names) == ["high_paw", "low_paw"]
     assert loads.bodies == ("paw", "paw")
     assert not loads.notes
@@ -126,7 +126,7 @@ def test_forces_come_back_on_the_paw(tmp_path):
 
 def test_the_other_sense_and_the_other_up(tmp_path):
     model, motion, force, _ = recording(tmp_path)
-    other = open_loads(write(tmp_path, head='recording = "cells.csv"\nforce_on = "step"\ntare = "none"'), model, motion)
+    other = read_loads(write(tmp_path, head='recording = "cells.csv"\nforce_on = "step"\ntare = "none"'), model, motion)
     assert not len(other.names)
     path = write(tmp_path, head='recording = "cells.csv"\nup = "z"')
     path.write_text(
@@ -134,17 +134,17 @@ def test_the_other_sense_and_the_other_up(tmp_path):
         .replace("[-90.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]")
         .replace("[0.03, 0.01, 0.0]", "[0.03, 0.0, 0.01]")
     )
-    turned = open_loads(path, model, motion)
+    turned = read_loads(path, model, motion)
     away = np.abs(turned.time - 0.5) > 0.02
     np.testing.assert_allclose(turned.forces.sum(axis=1)[away], force[away], atol=2e-6)
 
 
 def test_one_axis_is_open_until_it_is_told(tmp_path):
     model, motion, force, _ = recording(tmp_path, ("fz",))
-    loads = open_loads(write(tmp_path, ("fz",)), model, motion)
+    loads = read_loads(write(tmp_path, ("fz",)), model, motion)
     assert not loads.names
     assert len(loads.notes) == 2
-    zero = open_loads(write(tmp_path, ("fz",), 'recording = "cells.csv"\nunmeasured = "zero"'), model, motion)
+    zero = read_loads(write(tmp_path, ("fz",), 'recording = "cells.csv"\nunmeasured = "zero"'), model, motion)
     away = np.abs(zero.time - 0.5) > 0.02
     np.testing.assert_allclose(zero.forces.sum(axis=1)[away, 1], force[away, 1], atol=2e-6)
     assert not zero.forces[..., [0, 2]].any()
@@ -219,7 +219,7 @@ def test_what_is_wrong_is_told_at_once(tmp_path):
     path.write_text(good)
     late = Motion(motion.time + 100.0, motion.names, motion.values)
     with pytest.raises(Exception, match="no time in common"):
-        open_loads(path, model, late)
+        read_loads(path, model, late)
 
 
 def test_a_recording_beside_its_trial(tmp_path):

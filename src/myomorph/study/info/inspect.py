@@ -34,9 +34,9 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     recording = trial_format(path)
     if recording is not None:
         from myomorph.study.info.inspect_recording import inspect_trial
-        from myomorph.study.trial.inputs import open_trial
+        from myomorph.study.trial.inputs import read_recording
 
-        return inspect_trial(open_trial(path), recording.name)
+        return inspect_trial(read_recording(path), recording.name)
     if ending in TABLES:
         from myomorph.io.sto import read_sto
         from myomorph.study.info.inspect_recording import inspect_table

@@ -23,7 +23,7 @@ from myomorph.study.trial.changes import NEVER
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.run_trial import PARTS, kept_steps
 from myomorph.study.trial.together import TOGETHER_STEPS
-from myomorph.study.trial.trial_files import TrialFiles, read_trial
+from myomorph.study.trial.trial_files import TrialFiles, open_trial
 
 FRESH = "everything is asked for anew"
 NEW_MODEL = "its model is made anew"
@@ -237,7 +237,7 @@ class _Looked:
             if made is not None:
                 files = replace(files, model=made.path)
             model = self._model(files.model, made)
-            trial = read_trial(files, self.plan.settings_of(files.subject, files.name), model)
+            trial = open_trial(files, self.plan.settings_of(files.subject, files.name), model)
             return kept_steps(trial, steps, folder), ""
         except MyomorphError as error:
             return dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())

@@ -22,7 +22,7 @@ from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import StepResults, large_variables
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.together import TOGETHER_STEPS, Part, Together, join_trials, object_part
-from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
 
 
 def _alone(outcome: Outcome, mark: RunMark | None, work: Callable[[Outcome], Outcome]) -> Outcome:
@@ -56,7 +56,7 @@ def do_trial(
     def work(outcome: Outcome) -> Outcome:
         if read and file_source("model", files.model).sha256 != read:
             raise BadData(f"{files.model}: has changed while the study ran: run it again")
-        trial = read_trial(files, settings, model)
+        trial = open_trial(files, settings, model)
         check = (lambda: None) if mark is None else mark.check
         return run_trial(trial, steps, folder, fresh, check=check)
 
@@ -109,7 +109,7 @@ def do_together(
             if files.model not in opened:
                 opened[files.model] = models[files.model].open() if files.model in models else open_model(files.model)
             stored = out / file_name(subject) / file_name(files.name) / f"{file_name(files.name)}{STORED}"
-            trial = read_trial(files, settings[subject], opened[files.model])
+            trial = open_trial(files, settings[subject], opened[files.model])
             found = ik.STEP.read(read_result(stored, leave_out=large_variables()), trial.options)
             if found is None:
                 raise BadData(f"{stored}: holds no coordinates: run the step 'ik' of subject '{subject}' first")

@@ -20,7 +20,7 @@ from myomorph.study.trial.kept_report import KEY, PAGE, report_key
 from myomorph.study.trial.run_trial import PARTS, VALUES, clear_leftovers, with_results
 from myomorph.study.trial.step import StepResults, step_of, step_provenance
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 
@@ -45,7 +45,7 @@ def kept_trial(
     def look() -> Outcome | None:
         if read and file_source("model", files.model).sha256 != read:
             return None
-        found = unchanged(read_trial(files, settings, model), steps, folder)
+        found = unchanged(open_trial(files, settings, model), steps, folder)
         return None if found is None else replace(found, condition=files.condition)
 
     return _looked(folder, mark, look)

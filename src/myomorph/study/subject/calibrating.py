@@ -62,7 +62,7 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
 
 
 def _recording(path: Path, model: Model, time: tuple[float, float] | None, warnings: list[str]) -> Markers:
-    trial = inputs.fitted_to(model, inputs.open_trial(path))
+    trial = inputs.fitted_to(model, inputs.read_recording(path))
     assert trial.markers is not None
     warnings += [f"{path.name}: {text}" for text in trial.warnings]
     span = inputs.cut_to(time, trial.markers, path)

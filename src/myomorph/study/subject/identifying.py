@@ -109,9 +109,9 @@ def open_motions(
         )
     found = []
     for motion_path, loads_path in zip(motions, loads, strict=True):
-        motion = inputs.open_motion(motion_path, model)
+        motion = inputs.read_motion(motion_path, model)
         cut_to = inputs.cut_to(time, motion, motion_path)
-        wrenches = inputs.open_loads(loads_path, model, motion)
+        wrenches = inputs.read_loads(loads_path, model, motion)
         found.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
     return found
 

@@ -14,7 +14,7 @@ from myomorph.study.subject.body_shape import BodyShape
 from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.step import StepHead
-from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 SUBJECT_STEPS: dict[str, str] = {
@@ -94,7 +94,7 @@ class Prepared:
 
     def trials(self, files: SubjectFiles, settings: Settings) -> list[TrialInputs]:
         """The subject's recordings with this model."""
-        return [read_trial(replace(one, model=self.path), settings, self.model) for one in files.trials]
+        return [open_trial(replace(one, model=self.path), settings, self.model) for one in files.trials]
 
 
 def recordings_provenance(

@@ -14,7 +14,7 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
 from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, raw_faults, without_faults
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
-from myomorph.study.trial.inputs import TABLE_FILES, about, open_trial
+from myomorph.study.trial.inputs import TABLE_FILES, about, read_recording
 
 SWINGS = 0.3
 """Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope does not."""
@@ -106,7 +106,7 @@ def _channels(path: str | Path) -> Series:
 
         return read_sto(path)
     if ending == ".c3d":
-        analog = open_trial(path).analog
+        analog = read_recording(path).analog
         if analog is None:
             raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
         return analog

@@ -55,7 +55,7 @@ def has_mass(model: Model, step: str) -> None:
         )
 
 
-def open_trial(path: str | Path) -> Trial:
+def read_recording(path: str | Path) -> Trial:
     """What a recording of markers or keypoints holds, plates as forces in the laboratory."""
     with about(path):
         trial = read_trial(path)
@@ -172,7 +172,7 @@ def _faces_z(plate: ForcePlate) -> bool:
     return bool(abs(normal[2]) > 0.9 * np.linalg.norm(normal) > 0.0)
 
 
-def open_motion(path: str | Path, model: Model) -> Motion:
+def read_motion(path: str | Path, model: Model) -> Motion:
     """Coordinates over time for a model.
 
     Raises
@@ -199,7 +199,7 @@ def open_motion(path: str | Path, model: Model) -> Motion:
     return motion
 
 
-def open_loads(
+def read_loads(
     path: str | Path,
     model: Model,
     motion: Motion,

@@ -133,7 +133,7 @@ def object_part(table: ObjectTable, path: Path) -> Part:
     told = table.model_dump()
     model = object_model(told)
     sources = (file_source("motion", path), value_source("object", table.name, sorted(told.items())))
-    return Part(TrialInputs(table.name, table.name, model, sources=sources), inputs.open_motion(path, model), told)
+    return Part(TrialInputs(table.name, table.name, model, sources=sources), inputs.read_motion(path, model), told)
 
 
 def join_trials(together: Together, parts: Mapping[str, Part], settings: Settings) -> tuple[TrialInputs, Poses]:

@@ -80,7 +80,7 @@ class TrialFiles:
     condition: str = ""
 
 
-def read_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
+def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
     """Read the files of a recording and make of them what the steps trial.
 
     Parameters
@@ -101,7 +101,7 @@ def read_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     for name in files.labels.values():
         if name not in known:
             raise UnknownName("marker", name, known, "labels: the model")
-    recording = inputs.fitted_to(model, inputs.with_labels(inputs.open_trial(files.markers), files.labels))
+    recording = inputs.fitted_to(model, inputs.with_labels(inputs.read_recording(files.markers), files.labels))
     assert recording.markers is not None
     trial = replace(
         trial,
@@ -126,12 +126,12 @@ def read_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
-def read_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
+def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
     model = inputs.open_model(files.model)
     trial = _common(files, settings, model)
-    recorded, lacking = whole_motion(inputs.open_motion(files.motion, model), model)
+    recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
     warnings = (*trial.warnings, *_rate_warnings(trial, recorded.time))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
@@ -247,7 +247,7 @@ def _file_loads(files: TrialFiles, model: Model) -> Any:
     if files.loads is None:
         return None
     path, bodies, markers = files.loads, files.bodies, files.markers
-    return lambda motion: inputs.open_loads(path, model, motion, bodies, markers)
+    return lambda motion: inputs.read_loads(path, model, motion, bodies, markers)
 
 
 def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
@@ -300,7 +300,7 @@ def task_values(tasks: IkTasks, path: Path | None, model: Model, source: Path) -
         raise BadData(
             f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
         )
-    return inputs.open_motion(path, model)
+    return inputs.read_motion(path, model)
 
 
 def options_of(settings: Settings) -> OptionSet:

@@ -28,7 +28,7 @@ from myomorph.morph.registration.place_clusters import (
 from myomorph.morph.registration.rigid import SurfaceOptions
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.study_file import Strict
-from myomorph.study.trial.inputs import about, open_trial
+from myomorph.study.trial.inputs import about, read_recording
 from myomorph.viscosity.report.given import Residual
 
 UNITS = {"m": 1.0, "mm": 0.001}
@@ -256,7 +256,7 @@ def calibrate(files: PlateFiles) -> PlateCalibration:
     placements: list[Placement] = []
     nominal: PlateRecording | None = None
     for path in files.placements:
-        trial = open_trial(path)
+        trial = read_recording(path)
         with about(path):
             if trial.markers is None:
                 raise BadData("holds no markers of the weight")

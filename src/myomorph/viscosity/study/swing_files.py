@@ -20,7 +20,7 @@ from myomorph.morph.registration.place_clusters import ScannedBone
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure
-from myomorph.study.trial.inputs import about, fitted_to, open_model, open_trial
+from myomorph.study.trial.inputs import about, fitted_to, open_model, read_recording
 from myomorph.study.trial.upright import carrying, turn_to, turned
 from myomorph.viscosity.report.given import Residual
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
@@ -162,7 +162,7 @@ def open_swing(
     BadFile, BadData
         where a file is not what it should be, has none of the model's markers, or hangs aslant
     """
-    recorded = open_trial(swing.markers)
+    recorded = read_recording(swing.markers)
     if files.up is not None:
         recorded = recorded.rotated(turn_to(files.up, model.gravity))
     trial = fitted_to(model, recorded)
@@ -181,7 +181,7 @@ def open_swing(
 
 def recorded_markers(files: SwingFiles) -> Markers:
     """The markers of a recording; raises `BadFile` where it has none."""
-    markers = open_trial(files.markers).markers
+    markers = read_recording(files.markers).markers
     if markers is None or not markers.names:
         raise BadFile(files.markers, "holds no markers")
     return markers
@@ -192,7 +192,7 @@ def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wr
     ending = path.suffix.lower()
     with about(path):
         if ending == ".c3d":
-            return plate_wrenches(open_trial(path) if place is None else place(open_trial(path)))
+            return plate_wrenches(read_recording(path) if place is None else place(read_recording(path)))
         if place is not None:
             raise BadFile(path, "is a table in ground, where no plate can be moved", "'plate' goes with C3D forces")
         if ending == ".xml":
