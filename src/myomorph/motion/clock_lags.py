@@ -9,7 +9,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
 from scipy.ndimage import minimum_filter1d
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.motion.filters import lowpass, natural_spline
 
@@ -37,6 +37,7 @@ SETTLING = 3.0
 """Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated markers are rough."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Compared:
     """Rows on the reference clock beside splines of the other recording.

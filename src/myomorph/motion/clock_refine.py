@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.motion.clock_lags import Compared, orthonormal
 
@@ -16,6 +16,7 @@ SMALLEST = 1e-6
 """Share of its spread below which a signal's residual counts as that: a made recording may leave nothing."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Refined:
     """Where Gauss-Newton ended.

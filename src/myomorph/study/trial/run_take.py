@@ -30,7 +30,7 @@ from myomorph.store.results import (
     stored_values,
     whole_folder,
 )
-from myomorph.study.trial.ahead import compile_ahead
+from myomorph.study.trial.ahead import compile_ahead, wraps_of
 from myomorph.study.trial.changes import NEVER, changes
 from myomorph.study.trial.kept_report import PAGE, keep_facts, report_is_made, told_the_same
 from myomorph.study.trial.steps import read_step, run_step, step_provenance
@@ -128,7 +128,7 @@ def run_take(
     outcome = Outcome(take.subject, take.name, folder, changed=tuple(dict.fromkeys(changed)))
     chain = _Chain(take, found or Found(), earlier)
     held = _Held(parts, _is_short(take) and not earlier.files and not _stored(take, folder).exists())
-    ahead = compile_ahead(wanted) if computed else None
+    ahead = compile_ahead(wanted, wraps_of(take.model)) if computed else None
     try:
         for step in wanted:
             check()
