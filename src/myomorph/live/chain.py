@@ -15,7 +15,7 @@ from myomorph.model.model import Model, index_of
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
 from myomorph.motion.steady_pose import BLEND, SteadyKinematics
-from myomorph.rigid.online import OnlineDynamics
+from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.tension.actuators import floating_joints
 from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame

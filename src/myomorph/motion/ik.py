@@ -11,9 +11,9 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.body_size import coordinate_units
 from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
+from myomorph.motion.lengths import coordinate_units
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import scout_poses
 from myomorph.rigid.coordinates import Ints

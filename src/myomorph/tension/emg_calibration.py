@@ -13,8 +13,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.emg_delay import Delays, find_delays, shifted
-from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
+from myomorph.motion.emg_delay import ChannelMap, Delays, EmgCalibration, channel_means, find_delays, fit_gains, shifted
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.contacts import ContactTask
 from myomorph.tension.dual import OPTIMAL

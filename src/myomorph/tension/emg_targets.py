@@ -12,8 +12,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.emg_delay import USUAL, DelayOptions
-from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, uncalibrated
+from myomorph.motion.emg_delay import USUAL, ChannelMap, DelayOptions, EmgCalibration, uncalibrated
 from myomorph.tension.emg import EmgTarget
 
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from myomorph.io.parsing.text import written
 from myomorph.model.model import Actuator
 from myomorph.model.series import Motion, Series
-from myomorph.motion.emg_delay import USUAL
-from myomorph.motion.emg_gain import EmgCalibration
+from myomorph.motion.emg_delay import USUAL, EmgCalibration
 from myomorph.study.trial.take import Take
 from myomorph.tension.contacts import ContactTask
 from myomorph.tension.emg import EmgTarget
