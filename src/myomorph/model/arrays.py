@@ -61,7 +61,8 @@ def read_only(cls: _Class) -> _Class:
     by `dataclasses.replace`, and when it is unpickled or copied. A class derived from such a one needs the decorator
     itself. Kernels are compiled anew for read-only arrays: what they take as it is stays without.
     """
-    made, restored = cls.__init__, getattr(cls, "__setstate__", None)
+    kind: Any = cls
+    made, restored = kind.__init__, getattr(cls, "__setstate__", None)
 
     @wraps(made)
     def initialize(self: Any, *args: Any, **options: Any) -> None:
@@ -78,7 +79,7 @@ def read_only(cls: _Class) -> _Class:
                     object.__setattr__(self, name, value)
         _lock(self)
 
-    cls.__init__, cls.__setstate__, cls._arrays_are_read_only = initialize, restore, True  # type: ignore[attr-defined]
+    kind.__init__, kind.__setstate__, kind._arrays_are_read_only = initialize, restore, True
     return cls
 
 

@@ -66,7 +66,7 @@ def kernel_folder() -> Path:
     return root / f"myomorph-{__version__}-{copy}"
 
 
-def signatures_on_disk(dispatcher: Dispatcher) -> list[tuple[Any, ...]]:
+def signatures_on_disk(dispatcher: Any) -> list[tuple[Any, ...]]:
     """The argument types for which code of a kernel lies on disk, made from the present sources."""
     return [key[0] for key in dispatcher._cache._cache_file._load_index()]
 
