@@ -8,32 +8,35 @@ import json
 from pathlib import Path
 
 COMPARISONS = {
-    "opensim": ("benchmarks.speed_opensim", "speed of every step against OpenSim 4.6, both in one run"),
-    "mujoco": ("benchmarks.speed_mujoco", "speed of tendon lengths and moment arms against MuJoCo"),
-    "size": ("benchmarks.size", "36,000 frames of the 520-muscle model: time and memory"),
-    "start": ("benchmarks.start", "import, first command with compilation, later commands"),
-    "qp": ("benchmarks.qp", "our tension solver against maintained QP solvers"),
-    "identify": ("benchmarks.speed_identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
-    "live-delay": ("benchmarks.live_delay", "how late angles, torques and tensions are while frames arrive"),
-    "live": ("benchmarks.speed_live", "frames a second that live identification can take"),
-    "morph": ("benchmarks.speed_morph", "997 elements with 3,000 points over 53 bones of 2,000 features: seconds"),
-    "registration": ("benchmarks.speed_registration", "non-rigid registration of a femur of 20,000 vertices"),
+    "opensim": ("benchmarks.speed.opensim", "speed of every step against OpenSim 4.6, both in one run"),
+    "mujoco": ("benchmarks.speed.mujoco", "speed of tendon lengths and moment arms against MuJoCo"),
+    "size": ("benchmarks.speed.size", "36,000 frames of the 520-muscle model: time and memory"),
+    "start": ("benchmarks.speed.start", "import, first command with compilation, later commands"),
+    "qp": ("benchmarks.speed.qp", "our tension solver against maintained QP solvers"),
+    "identify": ("benchmarks.speed.identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
+    "live-delay": ("benchmarks.speed.live_delay", "how late angles, torques and tensions are while frames arrive"),
+    "live": ("benchmarks.speed.live", "frames a second that live identification can take"),
+    "morph": ("benchmarks.speed.morph", "997 elements with 3,000 points over 53 bones of 2,000 features: seconds"),
+    "registration": ("benchmarks.speed.registration", "non-rigid registration of a femur of 20,000 vertices"),
     "matching": ("benchmarks.matching_methods", "ways to match bones: accuracy, seconds"),
-    "masspoints": ("benchmarks.speed_masspoints", "the mass-point problem at full size, and general QP solvers"),
-    "calibrate": ("benchmarks.speed_calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
-    "grid": ("benchmarks.speed_grid", "grid of mass points of an adult at 5 mm, with weights: time and memory"),
-    "viscosity": ("benchmarks.speed_viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
-    "contacts": ("benchmarks.speed_contacts", "tensions and contact forces in one problem, and general QP solvers"),
-    "species": ("benchmarks.speed_species", "a whole human leg to a mouse: bones, muscles, files"),
+    "masspoints": ("benchmarks.speed.masspoints", "the mass-point problem at full size, and general QP solvers"),
+    "calibrate": ("benchmarks.speed.calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
+    "grid": ("benchmarks.speed.grid", "grid of mass points of an adult at 5 mm, with weights: time and memory"),
+    "viscosity": ("benchmarks.speed.viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
+    "contacts": ("benchmarks.speed.contacts", "tensions and contact forces in one problem, and general QP solvers"),
+    "species": ("benchmarks.speed.species", "a whole human leg to a mouse: bones, muscles, files"),
     "view": (
-        "benchmarks.speed_view",
+        "benchmarks.speed.view",
         "results in a page: from the command to the first pose, frames a second of playback",
     ),
-    "rates": ("benchmarks.speed_rates", "what steps of a study take by the size of the model: the table of a dry run"),
-    "study": ("benchmarks.speed_study", "1,000 short trials: workers side by side, memory, what a trial costs"),
+    "rates": ("benchmarks.speed.rates", "what steps of a study take by the size of the model: the table of a dry run"),
+    "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
+    "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
-    "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation.md"),
+    "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
+    "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),
+    "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation"),
 }
 
 
@@ -43,8 +46,12 @@ def main() -> None:
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
-    given = parser.parse_args()
-    rows = importlib.import_module(COMPARISONS[given.name][0]).run()
+    given, rest = parser.parse_known_args()
+    comparison = importlib.import_module(COMPARISONS[given.name][0])
+    own = argparse.ArgumentParser(prog=f"python -m benchmarks {given.name}", add_help=False)
+    if hasattr(comparison, "add_options"):
+        comparison.add_options(own)
+    rows = comparison.run(**vars(own.parse_args(rest)))
     print_rows(rows)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1, default=float))

@@ -18,12 +18,12 @@ from myomorph.io.keypoints import read_keypoint_names, read_keypoints
 from myomorph.io.landmarks import read_body_landmarks, read_landmark_pairs
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mesh import read_mesh
-from myomorph.io.mjcf.guard import check_files
+from myomorph.io.mjcf.compile import check_files
 from myomorph.io.mjcf.read import read_mjcf
-from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.osim.tool_setups import read_setup
 from myomorph.io.osim.write import write_osim
 from myomorph.io.qualisys_mat import read_qualisys_mat
@@ -40,7 +40,7 @@ from myomorph.study.subject.species_table import read_species
 from myomorph.study.trial.contact_file import read_contacts
 from myomorph.study.trial.inputs import open_motion, open_trial
 from myomorph.study.trial.stairs_file import read_stairs
-from myomorph.viscosity.study.ct import read_picks
+from myomorph.viscosity.study.calibration import read_picks
 from myomorph.viscosity.study.plan import read_viscosity_plan
 
 LARGEST_SEED = 40_000

@@ -11,9 +11,9 @@ import numpy as np
 from benchmarks.hands_markers import with_plug_in_gait
 from myomorph.contact.held_objects import needed_wrench
 from myomorph.io.c3d.read import read_c3d
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Motion
 from myomorph.model.sides import split_side

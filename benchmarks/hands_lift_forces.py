@@ -10,12 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
-from myomorph.contact.held_objects import find_holds, needed_wrench
-from myomorph.contact.raised import raised_contacts
+from myomorph.contact.held_objects import find_holds, needed_wrench, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    strengths,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
@@ -24,10 +28,10 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import ContactIntervals, contact_intervals
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 HANDS = ("hand_r", "hand_l")
 WAYS = {
@@ -127,7 +131,7 @@ def soles_of(model: Model, motion: Motion) -> tuple[tuple[Site, ...], Array, Arr
     feet, floor = rest_on_floor(model, motion, foot_sites(model))
     touches = find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
     ready = strengths(model, motion, feet, touches, StrengthOptions(floor=floor.height))
-    return feet, np.array(ready.values), leans(model, motion, feet)
+    return feet, np.array(ready.values), preferred_directions(model, motion, feet)
 
 
 @lru_cache(maxsize=16)

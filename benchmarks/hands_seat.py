@@ -10,14 +10,13 @@ import numpy as np
 
 from benchmarks.hands_lift_forces import Task, soles_of
 from myomorph.contact.assign import assign_bodies
-from myomorph.contact.held_objects import needed_wrench
+from myomorph.contact.held_objects import needed_wrench, raised_contacts
 from myomorph.contact.plates import episodes
-from myomorph.contact.raised import raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
 from myomorph.contact.states import hysteresis
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.trc import read_trc
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
@@ -28,9 +27,9 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 FOLDER = "opencap-subject4-multitask"
 CUTOFF = 6.0

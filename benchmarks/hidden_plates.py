@@ -13,12 +13,18 @@ import numpy as np
 from myomorph.contact.shared import assign_feet
 from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts, steady
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    steady,
+    strengths,
+)
 from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.contacts import Contacts, SharedWrench, Site
@@ -31,8 +37,8 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.trial.inputs import force_table
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
 GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
@@ -251,7 +257,7 @@ def estimated(
         ready or hidden.strengths,
         shared,
         ContactOptions(formulation=formulation),
-        leans(hidden.model, hidden.motion, hidden.sites),
+        preferred_directions(hidden.model, hidden.motion, hidden.sites),
     )
     torques = inverse_dynamics(hidden.model, hidden.motion, known)
     return solve_tension(hidden.model, hidden.motion, torques, contacts=task)

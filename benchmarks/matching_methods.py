@@ -17,11 +17,10 @@ from scipy.interpolate import RBFInterpolator
 
 from benchmarks.leg_shapes import leg_shapes
 from myomorph.model.surface import Surface
-from myomorph.morph.match_quality import vertex_normals
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.smooth_fit import fit_smoothly
-from myomorph.morph.surface_points import Shape
-from myomorph.morph.warp import Drift, MatchOptions, onto, spread_points
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.registration.nonrigid import vertex_normals
+from myomorph.morph.registration.smooth import Drift, MatchOptions, fit_smoothly, onto, spread_points
+from myomorph.morph.shapes.surface_points import Shape
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "morph")]
 

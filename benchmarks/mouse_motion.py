@@ -28,15 +28,14 @@ from benchmarks.mouse_recordings import (
     whole_skeleton,
 )
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
-from myomorph.analysis.strides import Limb, Strides, find_strides
-from myomorph.analysis.walking import walking_strides
+from myomorph.analysis.strides import Limb, Strides, find_strides, walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
-from myomorph.morph.procrustes import procrustes
+from myomorph.morph.maps.linear import procrustes
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.filters import differentiate

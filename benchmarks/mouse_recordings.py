@@ -13,8 +13,8 @@ from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.model import GROUND, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Trial
-from myomorph.morph.mirror import with_other_side
-from myomorph.morph.procrustes import procrustes
+from myomorph.morph.maps.linear import procrustes
+from myomorph.morph.mirror.model import with_other_side
 from myomorph.motion.measurements import default_markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

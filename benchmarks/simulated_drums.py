@@ -16,7 +16,7 @@ from scipy.signal import fftconvolve
 
 from myomorph.contact.sound import Instrument
 from myomorph.model.arrays import Array
-from myomorph.model.sound import Sound
+from myomorph.model.series import Sound
 
 SPEED = 343.0
 RATE = 48_000.0

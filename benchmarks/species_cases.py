@@ -18,17 +18,13 @@ import numpy as np
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.fields import MapKind, MapOptions, fit_map
+from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
+from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.nonrigid import MatchOptions
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.species import LandmarkRule, SpeciesTable
-from myomorph.morph.species_maps import SpeciesBones, species_bones
-from myomorph.morph.species_parts import Posed
-from myomorph.morph.species_transfer import coordinate_table
-from myomorph.morph.transfer import graft_muscles
+from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
+from myomorph.morph.species.maps import SpeciesBones, coordinate_table, species_bones
+from myomorph.morph.transfer.model import graft_muscles
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_table import read_species
 from myomorph.study.trial.inputs import open_model

@@ -56,8 +56,8 @@ def walking() -> Figure:
 
 def one_body() -> Figure:
     """Residuals of the walk with the generic masses and with those identified."""
+    from myomorph.io.formats import read_model
     from myomorph.io.loads import read_external_loads
-    from myomorph.io.models import read_model
     from myomorph.io.sto import motion_from_table, read_sto
     from myomorph.motion.filters import differentiate
     from myomorph.motion.sync import resample_wrenches

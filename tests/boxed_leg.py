@@ -14,10 +14,9 @@ from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.morphed import CarriedPoint, Morph, MuscleChange, RebuiltJoint
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.morphed import Morph, MuscleChange, RebuiltJoint, TransferredPoint
 
 HALF, LENGTH = 0.02, 0.4
 """Half the width of the boxes, and how long they are [m]."""
@@ -72,7 +71,7 @@ def morph_of(source: Model, target: Model, size: float = 1.0) -> Morph:
         for name, one in BONES.items()
     }  # fmt: skip
     points = tuple(
-        CarriedPoint(one.name, p.name, p.body, p.body, p.location, q.location, 0.001, 0.01, 0.01 * size)
+        TransferredPoint(one.name, p.name, p.body, p.body, p.location, q.location, 0.001, 0.01, 0.01 * size)
         for one, other in zip(source.muscles, target.muscles, strict=True)
         for p, q in zip(one.path.points, other.path.points, strict=False)
     )

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from arm_files import table_text
+from myomorph.demo.arm import table_text
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.inertia import inertial_parameters

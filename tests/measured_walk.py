@@ -8,8 +8,8 @@ from pathlib import Path
 
 from myomorph.contact.site_motion import Floor, rest_on_floor
 from myomorph.contact.sites import foot_sites
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Site
 from myomorph.model.model import Model

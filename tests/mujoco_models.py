@@ -8,8 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from myomorph.io.mjcf.coordinates import qpos_from_coordinates
-from myomorph.io.mjcf.read import model_from_mujoco, read_mjcf
+from myomorph.io.mjcf.read import model_from_mujoco, qpos_from_coordinates, read_mjcf
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import axis_rotation

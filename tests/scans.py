@@ -8,7 +8,7 @@ import trimesh
 
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.maps.linear import Similarity
 
 
 def made_scan(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
-from myomorph.viscosity.murai_tables import SPECIMENS, PublishedSpecimen
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
+from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.swings.recording import SwingRecording
 
 MUSCLES = ("BicepsBrachiiLongum", "Supraspinatus", "TeresMajor")
 AXES = ("x", "y", "z")

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import ast
+import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
+from packaging.requirements import Requirement
 
 import myomorph
 
 SOURCE = Path(myomorph.__file__).parent
+ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(SOURCE.rglob("*.py"))
 
 ONLY_POSIX = {
@@ -177,3 +182,36 @@ def test_the_search_finds_what_it_looks_for(text: str) -> None:
 )
 def test_the_search_lets_the_rest_pass(text: str) -> None:
     assert not list(findings(ast.parse(text)))
+
+
+def test_the_runners_do_what_the_readme_says():
+    """Three systems, the Pythons that the package names, and both commands of the quick start, letter by letter."""
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))["jobs"]
+    matrix = jobs["readme"]["strategy"]["matrix"]
+    assert [one.split("-")[0] for one in matrix["os"]] == ["ubuntu", "windows", "macos"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = [one.rpartition(" ")[2] for one in project["classifiers"] if re.search(r":: 3\.\d+$", one)]
+    assert matrix["python"] == named
+    start = (ROOT / "README.md").read_text(encoding="utf-8").split("## Quick start")[1].split("\n## ")[0]
+    commands = re.findall(r"^python -m pip .*$", start, re.MULTILINE)
+    assert [step["run"] for step in jobs["readme"]["steps"] if "run" in step] == commands
+    assert len(commands) == 2
+    assert jobs["everything"]["steps"][-1]["run"] == ".ci/run"
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "wanted"),
+    [
+        ("win32", "ARM64", False),
+        ("win32", "AMD64", True),
+        ("darwin", "arm64", True),
+        ("linux", "aarch64", False),
+        ("linux", "x86_64", True),
+    ],
+)
+def test_ezc3d_is_wanted_where_it_has_wheels(system, machine, wanted):
+    """There is none for Windows and Linux on ARM, where pip would try to build it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (ezc3d,) = (one for one in map(Requirement, project["dependencies"]) if one.name == "ezc3d")
+    assert ezc3d.marker is not None
+    assert ezc3d.marker.evaluate({"sys_platform": system, "platform_machine": machine}) is wanted

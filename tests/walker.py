@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from typing import Any
+
 import numpy as np
 
 from myomorph.model.functions import linear
@@ -10,7 +13,7 @@ from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.page.parts import Note, PageHead, SourceFile, Step
 from myomorph.report.trial.given import ReportInput
 
 RATE = 100.0
@@ -113,6 +116,7 @@ class Tension:
         self.reserve_coordinates = ("hip_flexion_r", "knee_angle_r")
         self.reserves = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
         self.solved = np.ones(len(time), dtype=bool)
+        self.overstretched: tuple[str, ...] = ()
 
 
 def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
@@ -125,6 +129,24 @@ def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
     )
 
 
+def having(given: ReportInput, **values: Any) -> ReportInput:
+    """What a report shows with other values, each put into the part that has a field of its name."""
+    parts = {one.name for one in fields(given)}
+    for name, value in values.items():
+        if name in parts:
+            given = replace(given, **{name: value})
+            continue
+        kinds = ("head", "recorded", "kinematics", "dynamics", "muscles", "contacts", "analysis")
+        kind = next(one for one in kinds if name in {each.name for each in fields(getattr(given, one))})
+        given = replace(given, **{kind: replace(getattr(given, kind), **{name: value})})
+    return given
+
+
+def shown(title: str, **values: Any) -> ReportInput:
+    """What a report shows, given by the names of its values."""
+    return having(ReportInput(PageHead(title)), **values)
+
+
 def everything(frames: int = 200) -> ReportInput:
     """A report with all of its parts."""
     body = model()
@@ -132,7 +154,7 @@ def everything(frames: int = 200) -> ReportInput:
     time = movement.time
     torques = Series(time, body.coordinate_names, 20.0 * np.sin(time[:, None] * 5 + np.arange(8)))
     markers = Markers(time, ("RASI", "RKNE"), np.zeros((frames, 2, 3)))
-    return ReportInput(
+    return shown(
         "walker: first steps",
         subject="a walker",
         date="2026-01-02",

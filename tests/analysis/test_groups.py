@@ -20,8 +20,8 @@ from myomorph.analysis.permutations import (
     permutation_test,
 )
 from myomorph.model.errors import BadData
+from myomorph.report.page.parts import PageHead
 from myomorph.report.study.group_page import group_page
-from myomorph.report.trial.given import ReportInput
 
 PERCENT = np.linspace(0.0, 100.0, 101)
 
@@ -146,7 +146,7 @@ def test_small_groups_are_described():
     three = compare_groups(Group("m", animals("m", rng, 3)), Group("c", animals("c", rng, 3)))
     assert any("cannot reach a p below 0.1" in one for one in three.notes)
     for one in (found, single, three):
-        assert "<html" in group_page(one, ReportInput(title="groups"))
+        assert "<html" in group_page(one, PageHead(title="groups"))
 
 
 def test_gaps_and_what_not_all_have_are_left_out():

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from myomorph.analysis.lagged import LagOptions, correlate
-from myomorph.analysis.locking import lock
+from myomorph.analysis.lagged import LagOptions, correlate, lock
 from myomorph.model.series import Series
 
 TIME = np.arange(1001) / 50.0

@@ -7,17 +7,17 @@ import io
 
 import numpy as np
 import pytest
+from tests.walker import shown
 
 from myomorph.analysis.length_analysis import curves_table, length_analysis, range_row, ranges_table
-from myomorph.analysis.walking import chains, walking_limbs, walking_points, walking_strides
+from myomorph.analysis.strides import chains, walking_limbs, walking_points, walking_strides
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.report.trial.given import ReportInput
-from myomorph.report.trial.length_section import length_cycle_section
+from myomorph.report.trial.muscle_sections import length_cycle_section
 from myomorph.report.trial.prepared import prepare
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
@@ -104,14 +104,14 @@ def test_tables_hold_every_stride(analysis):
 
 
 def test_the_page_shows_them_for_a_walk_only(model, motion, lengths):
-    given = ReportInput("a walk", model=model, motion=motion, lengths=lengths[0], length_rates=lengths[1])
+    given = shown("a walk", model=model, coordinates=motion, lengths=lengths[0], velocities=lengths[1])
     section = length_cycle_section(prepare(given))
     assert section is not None
     assert len(section.figures) >= 8
     assert "band right" in section.figures[0].svg
     assert len(section.grids[0].rows) == len(model.muscles)
     still = Motion(TIME, motion.names, np.tile(motion.values[:1], (len(TIME), 1)))
-    assert length_cycle_section(prepare(ReportInput("still", model=model, motion=still, lengths=lengths[0]))) is None
+    assert length_cycle_section(prepare(shown("still", model=model, coordinates=still, lengths=lengths[0]))) is None
     assert walking_strides(model, still) is None
 
 

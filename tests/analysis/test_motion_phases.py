@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from myomorph.analysis.motion_phases import MOST_STAGES, Cuttable, cut, measure, together
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Series
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.analysis.outliers import FAR, modified_z
+from myomorph.analysis.conditions import FAR, modified_z
 
 
 def test_the_score_is_the_standard_one():

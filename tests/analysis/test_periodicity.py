@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from myomorph.analysis.periodicity import PeriodOptions, find_period
+from myomorph.analysis.cycles import PeriodOptions, find_period
 from myomorph.model.errors import BadData
 
 TIME = np.arange(4001) / 100.0

@@ -258,7 +258,7 @@ def test_a_fault_of_ours_is_told_as_such(arm, command, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("surprise")
 
-    monkeypatch.setattr("myomorph.study.trial.steps.inverse_kinematics", broken)
+    monkeypatch.setattr("myomorph.study.trial.steps.ik.inverse_kinematics", broken)
     assert myomorph.motion.ik.inverse_kinematics is not broken
     step = steps_of(arm)["markers"][0]
     told = command(*step)
@@ -275,7 +275,7 @@ def test_interrupt_leaves_nothing(arm, command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("myomorph.study.trial.steps.inverse_kinematics", interrupted)
+    monkeypatch.setattr("myomorph.study.trial.steps.ik.inverse_kinematics", interrupted)
     before = sorted(arm.folder.iterdir())
     told = command(*steps_of(arm)["markers"][0])
     assert told.status == 130

@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.osim.write import write_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.provenance import Provenance

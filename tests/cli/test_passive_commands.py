@@ -11,7 +11,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
 from myomorph.model.passive_dynamics import with_passive_dynamics
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.passive import passive_generalized_forces
@@ -60,7 +60,7 @@ def test_tensions_know_viscosity(thick, command, tmp_path):
 
 
 def test_a_limit_is_excluded_by_the_name_it_has_in_the_file(data):
-    from myomorph.opensim_tools.inputs import net_torques
+    from myomorph.opensim_tools.run import net_torques
 
     model = read_osim(data("shoulder-bonepin/subject1_abdbonepin.osim"))
     motion = differentiate(

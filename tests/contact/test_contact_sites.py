@@ -13,10 +13,10 @@ from mujoco_models import compiled
 from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_poses, body_sites, feet_of, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mesh import read_surfaces
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models

@@ -12,13 +12,16 @@ from measured_walk import measured_walk
 from myomorph.contact.site_motion import SiteMotion, floor_under, site_motion
 from myomorph.contact.states import (
     ContactStateOptions,
+    StrengthOptions,
     by_kinematics,
+    fade,
     find_contacts,
     hysteresis,
     merge_contacts,
+    preferred_directions,
     steady,
+    strengths,
 )
-from myomorph.contact.strengths import StrengthOptions, fade, leans, strengths
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
@@ -223,7 +226,7 @@ def test_forces_lean_to_a_point_above_the_center_of_mass(walk):
     """All lines through the sites along their leaning forces meet in one point."""
     model, motion, sites, _, _ = walk
     frame = 60
-    way = leans(model, motion, sites, 0.3)[frame] + np.array([0.0, 1.0, 0.0])
+    way = preferred_directions(model, motion, sites, 0.3)[frame] + np.array([0.0, 1.0, 0.0])
     moving = site_motion(model, motion, sites)
     points = moving.places[frame]
     across = np.stack([np.eye(3) - np.outer(one, one) / (one @ one) for one in way])

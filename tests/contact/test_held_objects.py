@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.held_objects import HoldOptions, find_holds, needed_wrench
-from myomorph.contact.raised import raised_contacts
+from myomorph.contact.held_objects import HoldOptions, find_holds, needed_wrench, raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.contact.online_feet import OnlineFeet
+from myomorph.contact.assign import OnlineFeet
 from myomorph.identify.online import total_wrench
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -18,8 +18,8 @@ from myomorph.rigid.tree import compile_tree
 @pytest.fixture(scope="module")
 def walk(data: Callable[[str], Path]) -> tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]:
     """Model, coordinates and wrenches (frames, plates, 6) of a walk, and the feet on the plates."""
+    from myomorph.io.formats import read_model
     from myomorph.io.loads import read_external_loads
-    from myomorph.io.models import read_model
     from myomorph.io.sto import motion_from_table, read_sto
 
     model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))

@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.contact.pair import action_reaction, grip_between
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import rotation_from_euler_xyz

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_corners import counted_from, first_corner
+from myomorph.contact.plate_corners import FirstCorner, _middle, counted_from, first_corner
 from myomorph.contact.plates import episodes, force_plates, loaded_samples
-from myomorph.model.series import Markers, PlateRecording, Trial
+from myomorph.model.series import ForcePlate, Markers, PlateRecording, Trial
+from myomorph.model.spatial import axis_rotation
 from myomorph.study.trial.inputs import open_trial
 
 CORNERS = np.array([[-0.07, 0.06, 0.0], [0.08, 0.06, 0.0], [0.08, -0.09, 0.0], [-0.07, -0.09, 0.0]])
@@ -88,3 +89,116 @@ def test_mice_on_a_small_plate(data, name):
     for start, stop in episodes(loaded_samples([plate], 1000.0)[0]):
         quiet[max(start - 50, 0) : stop + 50] = False
     assert np.abs(pressing[quiet]).max() < 0.05
+
+
+RATE = 64.0
+"""A power of two: times of frames, and half of what is between them, are exact."""
+
+
+def seen_at(times, values):
+    """Two markers on either side of a path (frames, 3), seen at these times; NaN where they are not."""
+    beside = np.array([[0.1, 0.0, 0.02], [-0.1, 0.0, -0.02]])
+    return Markers(np.asarray(times), ("a", "b"), np.asarray(values)[:, None] + beside)
+
+
+def straight(time):
+    """A point (samples, 3) that moves along a line."""
+    return np.array([0.2, -0.1, 1.0]) + np.multiply.outer(time, [1.3, -0.4, 0.05])
+
+
+def test_the_middle_of_markers_on_a_line_comes_back_at_the_plate_s_times():
+    clock = np.arange(65) / RATE
+    plate = np.linspace(0.0, 1.0, 641)
+    np.testing.assert_allclose(_middle(seen_at(clock, straight(clock)), plate), straight(plate), atol=1e-12)
+    # Frames without any marker do not count, and one marker that is lost leaves the other.
+    values = np.array(seen_at(clock, straight(clock)).values)
+    values[::2] = np.nan
+    values[1::4, 0] = np.nan
+    values[1::4, 1] -= [-0.1, 0.0, -0.02]
+    found = _middle(Markers(clock, ("a", "b"), values), plate[(plate > 1.0 / RATE) & (plate < 63.0 / RATE)])
+    known = np.isfinite(found).all(axis=1)
+    assert known.all()
+    np.testing.assert_allclose(found, straight(plate[(plate > 1.0 / RATE) & (plate < 63.0 / RATE)]), atol=1e-12)
+
+
+def test_the_middle_is_known_up_to_one_and_a_half_frames_from_a_marker_that_was_seen():
+    clock = np.arange(128) / RATE
+    path = straight(clock)
+    path[40:60] = np.nan
+    markers = seen_at(clock, path)
+    inside, beyond = 1.49 / RATE, 1.51 / RATE
+    last, first, start, end = clock[39], clock[60], clock[0], clock[-1]
+    known = np.array([last + inside, first - inside, start - inside, end + inside])
+    unknown = np.array([last + beyond, last + 1.5 / RATE, 0.5 * (last + first), first - beyond, start - beyond])
+    found = _middle(markers, np.concatenate([known, unknown, [end + beyond]]))
+    assert np.isfinite(found[:4]).all()
+    assert np.isnan(found[4:]).all()
+    np.testing.assert_allclose(found[:2], straight(known[:2]), atol=1e-12)
+
+
+def test_one_frame_of_markers_tells_nothing():
+    clock = np.arange(20) / RATE
+    path = np.full((20, 3), np.nan)
+    path[7] = straight(clock[7:8])
+    assert np.isnan(_middle(seen_at(clock, path), clock)).all()
+    path[8] = straight(clock[8:9])
+    np.testing.assert_array_equal(np.isfinite(_middle(seen_at(clock, path), clock))[:, 0].nonzero()[0], [6, 7, 8, 9])
+
+
+def test_distances_are_those_of_a_center_turned_by_quarters_about_the_plate_s_middle():
+    """A square plate, standing askew in the laboratory, with the body 3 cm above the true center of pressure."""
+    rotation = axis_rotation(np.array([0.36, 0.48, 0.8]), 0.7)
+    center, square = np.array([0.4, -0.3, 0.2]), 0.3 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0.0]])
+    corners = center + square @ rotation.T
+    normal = np.cross(corners[0] - corners[1], corners[0] - corners[3])
+    normal /= np.linalg.norm(normal)
+    time = np.arange(256) / RATE
+    own = np.stack([0.2 * np.cos(time), 0.1 * np.sin(3.0 * time), 0.0 * time], axis=1) + [0.05, 0.02, 0.0]
+    points = center + own @ rotation.T
+    forces = np.multiply.outer(np.full(len(time), 500.0), normal)
+    plate = ForcePlate("plate", 2, corners, forces, points, np.zeros_like(forces))
+    for turns in range(4):
+        quarter = axis_rotation(normal, 0.5 * np.pi * turns)
+        body = center + (points - center) @ quarter.T + 0.03 * normal
+        found = first_corner(plate, time, seen_at(time, body))
+        away = [(points - center) @ (axis_rotation(normal, 0.5 * np.pi * k) - quarter).T for k in range(4)]
+        wanted = [float(np.median(np.linalg.norm(one, axis=1))) for one in away]
+        np.testing.assert_allclose(found.distances, wanted, atol=1e-9)
+        assert found.best == turns
+        assert found.clear == (turns != 0)
+        np.testing.assert_allclose(counted_from(plate, found.best).points, body - 0.03 * normal, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("distances", "best", "clear"),
+    [
+        ((1.0, 0.249, 0.9, 0.9), 1, True),
+        ((1.0, 0.251, 0.9, 0.9), 1, False),
+        ((1.0, 0.2, 0.41, 0.9), 1, True),
+        ((1.0, 0.2, 0.39, 0.9), 1, False),
+        ((0.1, 0.9, 0.9, 0.9), 0, False),
+        ((1.0, 0.25, 0.9, 0.9), 1, False),
+    ],
+)
+def test_another_corner_is_clear_only_where_much_nearer_than_the_file_s_and_the_next(distances, best, clear):
+    assert FirstCorner(distances, best).clear == clear
+
+
+def test_samples_count_from_a_share_of_the_largest_force_and_from_a_least_number():
+    """Light samples, whose center of pressure is wrong, do not count from 30 % of the load downwards."""
+    time = np.arange(128) / RATE
+    corners = 0.3 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0.0]])
+    body = np.tile([0.1, 0.05, 0.0], (len(time), 1))
+    for share, counted in ((0.305, True), (0.295, False)):
+        size = np.full(len(time), share)
+        size[:40] = 1.0
+        points = np.where((size < 1.0)[:, None], [-0.2, 0.2, 0.0], body)
+        plate = ForcePlate("plate", 2, corners, np.outer(size, [0.0, 0.0, 700.0]), points, np.zeros((len(time), 3)))
+        found = first_corner(plate, time, seen_at(time, body))
+        assert (found.distances[0] > 0.1) == counted
+    for count in (19, 20):
+        few = np.where(np.arange(len(time))[:, None] < count, body, np.nan)
+        plate = ForcePlate(
+            "plate", 2, corners, np.tile([0.0, 0.0, 700.0], (len(time), 1)), few, np.zeros((len(time), 3))
+        )
+        assert (first_corner(plate, time, seen_at(time, body)) is not None) == (count >= 20)

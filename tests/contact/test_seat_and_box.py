@@ -8,10 +8,10 @@ import pytest
 from myomorph.contact.held_objects import find_holds, needed_wrench
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion

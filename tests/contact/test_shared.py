@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose
 from measured_walk import measured_walk
 from myomorph.contact.shared import SharedOptions, assign_feet, misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import site_motion
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import find_contacts, strengths
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate
 from myomorph.motion.sync import resample_wrenches

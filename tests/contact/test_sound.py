@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.accuracy_sound import impulse_errors, matched
+from benchmarks.accuracy.sound import impulse_errors, matched
 from benchmarks.simulated_drums import Scene, instruments, record
 
 from myomorph.contact.onsets import SoundOptions, energy_after, listen, onsets
@@ -20,7 +20,7 @@ from myomorph.contact.sound import (
     speed_of_sound,
 )
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.sound import Sound
+from myomorph.model.series import Sound
 
 RATE = 48_000.0
 CLICKS = np.array([0.31234, 0.77777, 1.2, 1.40001])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from sticks import SITES, rods
 
+from myomorph.contact.clocks import sound_clock
 from myomorph.contact.sound import Instrument, Stroke, Strokes
-from myomorph.contact.sound_clock import sound_clock
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Motion
 

@@ -1,4 +1,4 @@
-"""Stairs that measure force: what was put on them comes back, on the paw that stood there (made, with known forces)."""
+"""Stairs that measure force: what was put on them comes back, on the foot that stood there (known forces)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.paws_on_steps import paws_on_steps, shared_stairs, stair_wrenches
+from myomorph.contact.feet_on_steps import feet_on_steps, shared_stairs, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, StairOptions, Step, loadings, step_loads
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
@@ -98,7 +98,7 @@ def test_six_axes_give_force_place_and_paw():
     model, motion, sites, made, channels, truth, places = walk(noise=0.001)
     loads = step_loads(made, channels, WEIGHT)
     assert [one[0] for one in loadings(loads)] == ["step0", "step1", "step2", "step3"]
-    paws = paws_on_steps(model, motion, sites, loads)
+    paws = feet_on_steps(model, motion, sites, loads)
     wrenches, notes = stair_wrenches(paws)
     assert not notes
     assert sorted(wrenches.names) == ["step0_paw_r", "step1_paw_l", "step2_paw_r", "step3_paw_l"]
@@ -116,7 +116,7 @@ def test_six_axes_give_force_place_and_paw():
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_three_axes_put_the_force_where_the_paw_is(turn):
     model, motion, sites, made, channels, truth, places = walk(0.0005, made=steps(("fz", "fx", "fy"), turn))
-    wrenches, notes = stair_wrenches(paws_on_steps(model, motion, sites, step_loads(made, channels, WEIGHT)))
+    wrenches, notes = stair_wrenches(feet_on_steps(model, motion, sites, step_loads(made, channels, WEIGHT)))
     assert not notes
     for j, body in enumerate(wrenches.bodies):
         pressed = wrenches.forces[:, j, 1] > 0.3 * WEIGHT
@@ -126,7 +126,7 @@ def test_three_axes_put_the_force_where_the_paw_is(turn):
 
 def test_one_axis_leaves_the_horizontal_open():
     model, motion, sites, made, channels, truth, _ = walk(0.0005, made=steps(("fz",), 0.3))
-    paws = paws_on_steps(model, motion, sites, step_loads(made, channels, WEIGHT))
+    paws = feet_on_steps(model, motion, sites, step_loads(made, channels, WEIGHT))
     nothing, notes = stair_wrenches(paws)
     assert not nothing.names
     assert len(notes) == 4
@@ -191,7 +191,7 @@ def test_two_paws_on_a_step_share_by_the_center_of_pressure():
     values[both, column : column + 3] = (places["paw_r"] - places["trunk"])[both] + (0.0, 0.0, 0.01)
     shift = motion.names.index("paw_r_x")
     values[both, shift : shift + 3] = (places["paw_r"] - places["trunk"])[both] - (0.0, 0.0, 0.01)
-    paws = paws_on_steps(model, replace(motion, values=values), sites, step_loads(made, channels, WEIGHT))
+    paws = feet_on_steps(model, replace(motion, values=values), sites, step_loads(made, channels, WEIGHT))
     wrenches, notes = stair_wrenches(paws)
     assert any("carries paw_r and paw_l together" in one for one in notes)
     one, two = (wrenches.forces[:, wrenches.names.index(f"step0_{paw}")] for paw in PAWS)
@@ -202,7 +202,7 @@ def test_two_paws_on_a_step_share_by_the_center_of_pressure():
 
 def test_a_load_that_nobody_bears_is_told():
     model, motion, sites, made, channels, _, _ = walk()
-    paws = paws_on_steps(model, motion, sites[:1], step_loads(made, channels, WEIGHT))
+    paws = feet_on_steps(model, motion, sites[:1], step_loads(made, channels, WEIGHT))
     assert any("step 'step1' is loaded" in one and "on nobody" in one for one in paws.notes)
     assert set(stair_wrenches(paws)[0].bodies) == {"paw_r"}
 

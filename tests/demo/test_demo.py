@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from myomorph.demo.jump import demo_take, run_demo
+from myomorph.analysis.columns import compared
+from myomorph.demo.jump import demo_model, demo_trial, run_demo
 from myomorph.model.errors import UnknownName
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.report.charts.columns import compared
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -103,7 +103,7 @@ def test_noise_is_as_stated(body, squat):
 
 def test_unknown_demo():
     with pytest.raises(UnknownName, match="'simulated'"):
-        demo_take("walk")
+        demo_trial("walk")
 
 
 @pytest.mark.long
@@ -140,5 +140,5 @@ def test_jump_demo(tmp_path):
     assert notes["assumed"]
     assert not notes["simulated"]
     before = (tmp_path / "report.html").stat().st_mtime_ns
-    assert report_folder(tmp_path) == [tmp_path / "report.html"]
+    assert report_folder(tmp_path, demo_model=demo_model) == [tmp_path / "report.html"]
     assert (tmp_path / "report.html").stat().st_mtime_ns > before

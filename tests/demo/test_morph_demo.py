@@ -7,11 +7,10 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.demo.morph import ERRORS, RESULT, run_morph_demo, summary
-from myomorph.io.models import read_model
-from myomorph.morph.penetration import Solid
+from myomorph.demo.morph import ERRORS, RESULT, WRITTEN, run_morph_demo, summary
+from myomorph.io.formats import read_model
+from myomorph.morph.checks.penetration import Solid
 from myomorph.simulate.deformed_leg import LANDMARKS, demo_case, picked_landmarks
-from myomorph.simulate.morph_errors import WRITTEN
 
 
 @pytest.fixture(scope="module")

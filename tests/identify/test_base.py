@@ -12,7 +12,7 @@ from figaroh_base import figaroh_combination
 from myomorph.identify.base import BaseOptions, Recording, base_parameters, fit_base, tree_null_space
 from myomorph.identify.base_parameters import base_sizes, held_in, parameter_sizes
 from myomorph.identify.null_space import clusters, held_values, numerical_null_space, random_states
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.functions import linear, polynomial
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
@@ -220,7 +220,7 @@ def test_truth_is_recovered_without_noise(arm):
     fit = fit_base(arm, [recorded(arm, simulated(arm, 400), truth), recorded(arm, simulated(arm, 300, 1), truth)])
     np.testing.assert_allclose(fit.estimate, fit.base.of(truth), atol=1e-6 * fit.size.max())
     assert fit.frames == 700
-    assert fit.shown.all()
+    assert fit.identifiable.all()
     assert fit.rank == len(fit.base)
 
 
@@ -337,11 +337,11 @@ def test_a_base_that_is_bolted_down(arm):
     fit = fit_base(arm, given, options=BaseOptions(fixed=True))
     assert fit.base.held["root_tx"] == 0.25
     assert np.mean(np.abs(fit.estimate - fit.base.of(truth)) < 3.0 * fit.sd) > 0.95
-    assert fit.shown[0]
+    assert fit.identifiable[0]
     assert fit.carried_mass == pytest.approx(truth[:, 0].sum(), rel=0.05)
     tared = fit_base(arm, given, options=BaseOptions(fixed=True, tare=True))
     assert tared.base.names[0].startswith("body0 m")
-    assert not tared.shown[0]
+    assert not tared.identifiable[0]
     with pytest.raises(BadData, match="'root_tx' moves"):
         fit_base(arm, [recorded(arm, simulated(arm, 50), truth)], options=BaseOptions(fixed=True))
 
@@ -376,7 +376,7 @@ def test_a_motion_that_excites_nothing_leaves_the_model(arm):
     hold = dict.fromkeys(arm.coordinate_names, 0.3)
     fit = fit_base(arm, [recorded(arm, simulated(arm, 200, hold=hold), other_body(arm), noise=0.5)])
     assert fit.rank <= 3
-    assert fit.shown.sum() <= 3
+    assert fit.identifiable.sum() <= 3
     assert not np.isfinite(fit.condition) or fit.condition > 1e12
     inertias = fit.base.columns % 10 > 3
     np.testing.assert_allclose(
@@ -393,8 +393,8 @@ def test_sizes_are_those_of_the_bodies(arm):
 
 
 def test_bad_options_are_named():
-    with pytest.raises(BadData, match="shown"):
-        BaseOptions(shown=0.0)
+    with pytest.raises(BadData, match="identifiable"):
+        BaseOptions(identifiable=0.0)
     given = recorded(random_tree(0), simulated(random_tree(0), 5))
     with pytest.raises(BadData, match="use"):
         replace(given, use=np.ones(3, bool))

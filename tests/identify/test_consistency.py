@@ -3,8 +3,8 @@ import pytest
 
 from made_bodies import AXES, made_body
 from myomorph.identify.body.weights import nearest_weights
-from myomorph.identify.consistency import consistency
-from myomorph.io.models import read_model
+from myomorph.identify.validation import consistency
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 

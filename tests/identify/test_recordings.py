@@ -17,8 +17,8 @@ from myomorph.identify.recordings import (
     check_excited,
     usable,
 )
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.motion.sync import cut
@@ -170,7 +170,7 @@ def test_a_mass_so_wrong_that_no_frame_is_left_is_told(opencap):
     model, trial = opencap
     found = usable(model, *trial("walking1"), mass=80.0, name="walk", options=OPTIONS)
     assert not found.use.any()
-    with pytest.raises(BadData, match=r"the forces say 6\d\.\d kg where the subject is said to weigh 80"):
+    with pytest.raises(BadData, match=r"the forces correspond to 6\d\.\d kg, but the specified mass is 80"):
         check_excited(model, (found,))
 
 

@@ -10,8 +10,8 @@ from test_base import other_body, recorded, simulated
 
 from myomorph.identify.base import BaseOptions, Recording, base_parameters, fit_base
 from myomorph.identify.sequential import SequentialFit
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters

@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from benchmarks.accuracy_simulated import CASES, Size, Trials, fitted, from_markers, standard_of
+from benchmarks.accuracy.simulated import CASES, Size, Trials, fitted, from_markers, standard_of
 from benchmarks.simulated_bodies import TETRAHEDRON
 from benchmarks.simulated_engines import TreeEngine
 from benchmarks.simulated_subject import (

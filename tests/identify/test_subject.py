@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.identify.cross_validation import cross_validate
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import (
     CONIC,
@@ -18,8 +17,9 @@ from myomorph.identify.subject import (
     identify,
     shares_of_data,
 )
+from myomorph.identify.validation import cross_validate
+from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.models import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters

@@ -9,12 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.identify.body.mass_map import ground_pseudo_inertias, parameters_of, spread, spread_mass
-from myomorph.identify.body.regions import Region, center_places, centers_of, regions_of
+from myomorph.identify.body.regions import (
+    Region,
+    center_positions,
+    centers_of,
+    ground_pseudo_inertias,
+    regions_of,
+    spread,
+    spread_mass,
+)
 from myomorph.identify.transfer import transfer
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.muscles.scaling import default_path_lengths
@@ -105,7 +112,9 @@ def test_joint_centers_coincide(transferred, lower):
     # Stretching and posing alone bring them this near; the rest is made up at the joints.
     assert max(transferred.joint_shifts.values()) < 5e-3
     places = [
-        center_places(model, {key: centers_of(model, regions_of(model))[key] for key in transferred.joint_errors}, pose)
+        center_positions(
+            model, {key: centers_of(model, regions_of(model))[key] for key in transferred.joint_errors}, pose
+        )
         for model, pose in ((lower, transferred.lower_pose), (transferred.model, transferred.higher_pose))
     ]
     for key, place in places[0].items():

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from myomorph.io.formats import read_model
 from myomorph.io.landmarks import LARGEST, read_body_landmarks, read_landmark_pairs, read_landmarks
-from myomorph.io.models import read_model
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.landmarks import LandmarkPairs
 

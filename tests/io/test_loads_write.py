@@ -8,8 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.io.loads import read_external_loads
-from myomorph.io.loads_write import loads_table, write_external_loads
+from myomorph.io.loads import loads_table, read_external_loads, write_external_loads
 from myomorph.model.contacts import Cone, ContactForces, Site
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches

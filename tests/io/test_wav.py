@@ -14,7 +14,7 @@ from scipy.io import wavfile
 from myomorph.io import wav
 from myomorph.io.wav import read_wav
 from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.sound import Sound
+from myomorph.model.series import Sound
 
 SOUND = np.random.default_rng(0).uniform(-0.95, 0.95, (1001, 3))
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.live.chain import ChainFrame, LiveChain
-from myomorph.live.run import open_played
-from myomorph.live.session import follow_chain
-from myomorph.live.sources import Replay
+from myomorph.live.loop import follow
+from myomorph.live.sources import Replay, open_recording
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.sync import cut
@@ -37,7 +36,7 @@ class Kept:
 
 def recorded_walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches]:
     model = open_model(data(f"{WALK}/subject_walk_scaled.osim"))
-    markers, wrenches = open_played(model, data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/grf_walk.xml"))
+    markers, wrenches = open_recording(model, data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/grf_walk.xml"))
     assert isinstance(markers, Markers)
     assert wrenches is not None
     return model, cut(markers, 0.5, 1.4), wrenches
@@ -45,5 +44,5 @@ def recorded_walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches
 
 def played(model: Model, markers: Markers | Motion, wrenches: Wrenches | None) -> Kept:
     kept, source = Kept(), Replay(markers, wrenches, 0.0)
-    follow_chain(LiveChain(model, source), source, [kept])
+    follow(LiveChain(model, source), source, [kept])
     return kept

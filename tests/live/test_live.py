@@ -1,3 +1,4 @@
+import time as clock
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,9 +11,9 @@ from rich.console import Console
 from myomorph.identify.base import BaseOptions, Recording, fit_base
 from myomorph.identify.online import OnlineOptions, OnlineState, total_wrench
 from myomorph.identify.recordings import NO_FORCE
-from myomorph.live.channels import force_channels, marker_channels
-from myomorph.live.identification import LiveOptions, LiveRecording, follow, open_recording, run_live, source_of
-from myomorph.live.sources import LabStreams, Replay
+from myomorph.live.identification import LiveOptions, identify_frames, run_live, source_of
+from myomorph.live.sources import LiveRecording, Replay, open_recording
+from myomorph.live.streams import LabStreams, force_channels, marker_channels
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
@@ -21,7 +22,7 @@ from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.inputs import open_model
-from myomorph.viewer.live_view import Clock, live_markdown, live_panel, move_next
+from myomorph.viewer.identification_page import Clock, live_markdown, live_panel, move_next
 from myomorph.viewer.web_page import _viser
 
 FRAMES = 120
@@ -77,7 +78,7 @@ class Seen:
 def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
     """What a live session ends with is what the batch finds from all of it through the same filter, to 1e-8."""
     model, recording = walk
-    result = follow(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS)
+    result = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS)
     online = result.identification
     filtered = online.filter.motion(result.motion)
     total = total_wrench(recording.wrenches.forces, recording.wrenches.points, recording.wrenches.torques)
@@ -96,7 +97,7 @@ def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
 
 def test_what_came_is_kept(walk: tuple[Model, LiveRecording]) -> None:
     model, recording = walk
-    result = follow(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS)
+    result = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS)
     np.testing.assert_array_equal(result.motion.time, recording.motion.time)
     for name in recording.motion.names:
         np.testing.assert_array_equal(result.motion[name], recording.motion[name])
@@ -110,8 +111,8 @@ def test_markers_lead_to_the_same_as_coordinates(
     walk: tuple[Model, LiveRecording], marked: tuple[Model, Markers, Wrenches]
 ) -> None:
     model, markers, wrenches = marked
-    by_markers = follow(model, Replay(markers, wrenches, 0.0), online=OPTIONS)
-    by_coordinates = follow(model, Replay(walk[1].motion, wrenches, 0.0), online=OPTIONS)
+    by_markers = identify_frames(model, Replay(markers, wrenches, 0.0), online=OPTIONS)
+    by_coordinates = identify_frames(model, Replay(walk[1].motion, wrenches, 0.0), online=OPTIONS)
     assert by_markers.marker_rms < 1e-5
     assert by_markers.state.fit.frames == by_coordinates.state.fit.frames
     np.testing.assert_allclose(by_markers.state.levels, by_coordinates.state.levels, atol=2e-3)
@@ -136,7 +137,7 @@ def test_displays_see_the_body_take_color(walk: tuple[Model, LiveRecording]) -> 
     """At ten times the recording's speed the display is shown what is known, and never less than before."""
     model, recording = walk
     seen = Seen()
-    result = follow(model, Replay(recording.motion, recording.wrenches, 4.0), online=OPTIONS, displays=[seen])
+    result = identify_frames(model, Replay(recording.motion, recording.wrenches, 4.0), online=OPTIONS, displays=[seen])
     assert len(seen.states) >= 2
     progress = [one.fit.progress for one in seen.states]
     assert progress == sorted(progress)
@@ -147,7 +148,7 @@ def test_displays_see_the_body_take_color(walk: tuple[Model, LiveRecording]) -> 
 
 def test_the_terminal_tells_segments_and_what_to_move(walk: tuple[Model, LiveRecording]) -> None:
     model, recording = walk
-    state = follow(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS).state
+    state = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS).state
     segments = segments_of(model)
     view = BodyView(model)
     body = half_blocks(view.pixels(state.pose, state.levels, 40, 50))
@@ -250,6 +251,10 @@ class FakeInlet:
     def time_correction(self, timeout: float) -> float:
         return 0.0
 
+    def pull_sample(self, timeout: float) -> tuple[None, None]:
+        clock.sleep(timeout)
+        return None, None
+
     def pull_chunk(self, timeout: float, max_samples: int) -> tuple[list[list[float]], list[float]]:
         if self.sent:
             return [], []
@@ -280,7 +285,7 @@ def stream(name: str, rate: float, labels: list[str], time: np.ndarray, rows: np
 
 def network(*streams: SimpleNamespace) -> SimpleNamespace:
     return SimpleNamespace(
-        proc_clocksync=1, proc_dejitter=4, proc_monotonize=8, StreamInlet=FakeInlet,
+        proc_clocksync=1, proc_dejitter=4, proc_monotonize=8, StreamInlet=FakeInlet, local_clock=clock.monotonic,
         resolve_byprop=lambda key, value, timeout: [one for one in streams if one.name() == value],
         resolve_streams=lambda wait: list(streams),
     )  # fmt: skip
@@ -300,11 +305,11 @@ def laboratory(markers: Markers, wrenches: Wrenches) -> tuple[SimpleNamespace, S
 def test_streams_give_what_a_file_gives(
     marked: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("myomorph.live.sources.SILENCE", 0.3)
+    monkeypatch.setattr("myomorph.live.streams.SILENCE", 0.3)
     model, markers, wrenches = marked
     source = LabStreams("Cameras", "Plates", library=network(*laboratory(markers, wrenches)))
-    result = follow(model, source, online=OPTIONS)
-    played = follow(model, Replay(markers, wrenches, 0.0), online=OPTIONS)
+    result = identify_frames(model, source, online=OPTIONS)
+    played = identify_frames(model, Replay(markers, wrenches, 0.0), online=OPTIONS)
     assert result.state.fit.frames == played.state.fit.frames
     np.testing.assert_allclose(result.state.fit.estimate, played.state.fit.estimate, rtol=1e-6, atol=1e-6)
 
@@ -332,7 +337,7 @@ def test_streams_through_the_real_library(
 
     pylsl = pytest.importorskip("pylsl")
     model, markers, wrenches = marked
-    monkeypatch.setattr("myomorph.live.sources.SILENCE", 2.0)
+    monkeypatch.setattr("myomorph.live.streams.SILENCE", 2.0)
     outlets = []
     for one in laboratory(markers, wrenches):
         labels = one.desc().labels
@@ -366,7 +371,7 @@ def test_streams_through_the_real_library(
 
     sender = threading.Thread(target=send)
     sender.start()
-    result = follow(model, source, online=OPTIONS)
+    result = identify_frames(model, source, online=OPTIONS)
     sender.join()
     assert result.frames == len(markers)
     assert result.marker_rms < 1e-5

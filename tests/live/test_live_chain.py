@@ -12,9 +12,8 @@ from numba.core.dispatcher import Dispatcher
 
 from myomorph.identify.online import total_wrench
 from myomorph.live.chain import HELD, NO_FORCE, SETTLING, SOLVED, LiveChain
-from myomorph.live.run import open_played, plates_of_table
-from myomorph.live.session import follow_chain
-from myomorph.live.sources import Replay
+from myomorph.live.loop import follow
+from myomorph.live.sources import Replay, open_recording, plates_of_table
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
@@ -110,7 +109,7 @@ def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tu
     model, markers, wrenches = walk
     table = data(f"{WALK}/grf_walk.mot")
     assert dict(plates_of_table(table)) == {"ground_force_l_": "", "ground_force_r_": ""}
-    _, unnamed = open_played(model, data(f"{WALK}/markers_walk.trc"), table)
+    _, unnamed = open_recording(model, data(f"{WALK}/markers_walk.trc"), table)
     named, found = played(model, markers, wrenches), played(model, markers, unnamed)
     solved = named.all("state") == SOLVED
     assert (found.all("state") == named.all("state")).all()
@@ -135,7 +134,7 @@ def test_plates_of_the_recording_itself_find_their_feet(
     )
     trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
     monkeypatch.setattr("myomorph.study.trial.inputs.open_trial", lambda path: trial)
-    series, found = open_played(model, Path("walk.c3d"), None)
+    series, found = open_recording(model, Path("walk.c3d"), None)
     assert found is not None
     assert found.bodies == ("", "")
     own, named = played(model, series, found), played(model, markers, wrenches)
@@ -148,7 +147,7 @@ def test_a_runner_on_two_belts_keeps_the_feet_apart(data: Callable[[str], Path],
     """Touchdowns at full speed, centers of pressure that wander: the plates named right and left stay what they are."""
     folder = data("hamner-run-subject04")
     model = open_model(folder / "unscaled_generic.osim")
-    markers, wrenches = open_played(model, folder / speed / "markers.trc", folder / speed / "grf.mot")
+    markers, wrenches = open_recording(model, folder / speed / "markers.trc", folder / speed / "grf.mot")
     assert wrenches is not None
     sides = tuple({"L": "calcn_l", "R": "calcn_r"}[name[0]] for name in wrenches.names)
     found, named = played(model, markers, wrenches), played(model, markers, replace(wrenches, bodies=sides))
@@ -171,7 +170,7 @@ def test_a_long_recording_keeps_its_forces(walk: tuple[Model, Markers, Wrenches]
 
 def test_coordinates_can_be_played(data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]) -> None:
     model, _, _ = walk
-    motion, wrenches = open_played(model, data(f"{WALK}/coordinates.sto"), data(f"{WALK}/grf_walk.xml"))
+    motion, wrenches = open_recording(model, data(f"{WALK}/coordinates.sto"), data(f"{WALK}/grf_walk.xml"))
     motion = cut(motion, 0.5, 0.9)
     kept = played(model, motion, wrenches)
     assert (kept.all("state")[200:] == SOLVED).all()
@@ -181,7 +180,7 @@ def test_coordinates_can_be_played(data: Callable[[str], Path], walk: tuple[Mode
 def test_without_forces_a_floating_body_is_told(walk: tuple[Model, Markers, Wrenches]) -> None:
     model, markers, _ = walk
     source = Replay(markers, None, 0.0)
-    session = follow_chain(LiveChain(model, source), source)
+    session = follow(LiveChain(model, source), source)
     assert any("no external forces" in one for one in session.notes)
     assert session.delays.states()[SOLVED] > 60
 
@@ -195,10 +194,10 @@ def test_nothing_is_compiled_while_frames_come(walk: tuple[Model, Markers, Wrenc
     unnamed = replace(wrenches, bodies=("", ""))
     source = Replay(replace(markers, values=values), unnamed, 0.0)
     chain = LiveChain(model, source)
-    chain.rehearse()
+    chain.warm_up()
     before = kernel_forms()
     assert len(before) > 100
-    session = follow_chain(chain, source)
+    session = follow(chain, source)
     assert session.delays.states()[SOLVED] > 30
     assert {name: forms for name, forms in kernel_forms().items() if forms != before.get(name, 0)} == {}
 

@@ -19,10 +19,10 @@ from live_walk import WALK, Kept, played, recorded_walk
 from myomorph.identify.online import total_wrench
 from myomorph.io.sto import read_sto
 from myomorph.live.chain import SETTLING, SOLVED, ChainFrame, ChainOptions, LiveChain
-from myomorph.live.delays import Delays, Spread
+from myomorph.live.loop import Delays, Spread, follow
 from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
-from myomorph.live.session import follow_chain
-from myomorph.live.sources import LabStreams, Replay
+from myomorph.live.sources import Replay
+from myomorph.live.streams import LabStreams
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
@@ -50,7 +50,7 @@ def test_what_cannot_keep_up_drops_the_oldest_frames(walk: tuple[Model, Markers,
     """At 100 Hz with 30 ms a frame most are dropped, and the order stays."""
     model, markers, wrenches = walk
     source, slow = Replay(markers, wrenches, 1.0), Slow(0.03, 1000)
-    session = follow_chain(LiveChain(model, source), source, [slow])
+    session = follow(LiveChain(model, source), source, [slow])
     assert session.delays.dropped + len(slow.times) == len(markers)
     assert session.delays.dropped > 30
     assert slow.times == sorted(slow.times)
@@ -126,7 +126,7 @@ def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) 
     try:
         assert page.port == port
         assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20).read()
-        follow_chain(chain, source, late=[page], delays=delays)
+        follow(chain, source, late=[page], delays=delays)
         with pytest.raises(BadData, match=f"port {port}"):
             LivePage(model, chain, None, port, delays)
     finally:
@@ -182,7 +182,7 @@ def test_a_stream_that_is_announced_but_silent_is_told() -> None:
 def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers, Wrenches]) -> None:
     """Markers and plates sent over the loopback, results received from it: every frame, in order, on the right time."""
     pylsl = pytest.importorskip("pylsl")
-    from myomorph.live.outlet import LabOutlet
+    from myomorph.live.streams import LabOutlet
 
     model, markers, wrenches = walk
     name = f"myomorph-chain-{clock.time_ns()}"
@@ -198,7 +198,7 @@ def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers,
         pytest.skip("streams are not found on this machine's network")
     source = LabStreams(f"{name}-markers", f"{name}-plates")
     chain = LiveChain(model, source)
-    chain.rehearse()
+    chain.warm_up()
     out = LabOutlet(f"{name}-results", chain, source)
     found = pylsl.resolve_byprop("name", f"{name}-results", timeout=5.0)
     inlet = pylsl.StreamInlet(found[0])
@@ -223,7 +223,7 @@ def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers,
     sender = threading.Thread(target=send)
     sender.start()
     kept = Kept()
-    session = follow_chain(chain, source, [out, kept])
+    session = follow(chain, source, [out, kept])
     sender.join()
     samples, stamps = inlet.pull_chunk(timeout=1.0, max_samples=1000)
     out.close()

@@ -14,7 +14,7 @@ from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.free_object import free_object, hinged_object
+from myomorph.model.inertia import free_object, hinged_object
 from myomorph.model.join import (
     check_clocks,
     join_markers,

@@ -9,11 +9,10 @@ from myomorph.model.model import Model
 from myomorph.model.scale import slides_freely
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.carrier import nearest_rotation
-from myomorph.morph.procrustes import Similarity
-from myomorph.morph.virtual_links import standing_poses
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.transfer.bodies import standing_poses
+from myomorph.morph.transfer.carrier import nearest_rotation
 
 
 def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:

@@ -11,7 +11,7 @@ import trimesh
 from myomorph.io.mesh import read_mesh
 from myomorph.model.spatial import axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.morph.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Shape
 
 
 def real_bone(name: str, edge: float = 0.006) -> Surface:

@@ -10,13 +10,13 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.articular import (
+from myomorph.morph.shapes.articular import (
     articular_cylinder,
     articular_sphere,
-    doubt,
     fit_cylinder,
     fit_sphere,
     spherical_patches,
+    warning_of,
 )
 
 CENTER = np.array([0.3, -0.2, 0.9])
@@ -163,7 +163,7 @@ def test_a_head_is_found_from_a_rough_start():
         found = articular_sphere(bone, np.array([0.01, 0.0, 0.0]) + shift, 0.02)
         np.testing.assert_allclose(found.center, [0.01, 0.0, 0.0], atol=1e-5)
         assert found.radius == pytest.approx(0.024, rel=1e-3)
-        assert doubt(found) == ""
+        assert warning_of(found) == ""
     best = spherical_patches(bone)[0]
     np.testing.assert_allclose(best.center, [0.01, 0.0, 0.0], atol=1e-4)
 
@@ -173,7 +173,7 @@ def test_a_shaft_is_no_sphere():
     direction, along = around_axis(1.0)
     found = fit_sphere(np.outer(0.4 * along, AXIS) + 0.02 * direction, direction)
     assert found.rms < 0.05 * found.radius
-    assert "as a shaft does" in doubt(found)
+    assert "as a shaft does" in warning_of(found)
     assert fit_sphere(0.02 * on_sphere(0.2), on_sphere(0.2)).bent == pytest.approx(1.0)
 
 
@@ -228,7 +228,7 @@ def test_the_trochlea_of_a_talus_is_a_cylinder(data):
     """From starts off by 2 mm, 5 degrees and a tenth of the radius it is the same."""
     talus = meters(data("bones-mri-two-adults/ICL_MRI/talus_r.ply"))
     first = articular_cylinder(talus, talus.vertices.mean(axis=0), [1.0, -0.4, 0.0], 0.022)
-    assert doubt(first) == ""
+    assert warning_of(first) == ""
     assert first.rms < 0.03 * first.radius
     for shift in (np.array([0.0, 0.002, 0.0]), np.array([0.001, 0.0, -0.0017])):
         turned = first.axis + 0.087 * np.cross(first.axis, shift / np.linalg.norm(shift))

@@ -10,8 +10,8 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.landmarks import automatic_landmarks
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.registration.alignment import automatic_landmarks
 from scans import made_scan
 
 

@@ -15,19 +15,15 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.carrier import Carrier
-from myomorph.morph.carry_coordinates import reparametrized, translated_path
-from myomorph.morph.carry_points import combined
-from myomorph.morph.carry_wraps import carried_wrap, surface_points
-from myomorph.morph.fields import FeaturePoints, fit_map
-from myomorph.morph.morphed import CarriedPoint, MorphOptions
-from myomorph.morph.on_surface import put_on_surface
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.transfer import morph_model
-from myomorph.morph.virtual_links import standing_poses
-from myomorph.morph.wraps_and_points import level, points_left_outside
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
+from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
+from myomorph.morph.morphed import MorphOptions, TransferredPoint
+from myomorph.morph.transfer.bodies import standing_poses
+from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.model import morph_model
+from myomorph.morph.transfer.moving_points import reparametrized, translated_path
+from myomorph.morph.transfer.paths import level, points_left_outside, surface_points, transferred_wrap
+from myomorph.morph.transfer.points import combined, put_on_surface
 
 X = np.linspace(-2.0, 2.0, 41)
 SPLINE = simm_spline([-1.0, -0.3, 0.4, 1.2], [0.1, 0.4, -0.2, 0.3])
@@ -85,7 +81,7 @@ def test_a_wrap_object_of_a_larger_twin(kind, size):
     pose = Transform(rotation_from_euler_xyz(rng.uniform(-1, 1, 3)), rng.uniform(-0.1, 0.1, 3))
     turn, offset = rotation_from_euler_xyz((0.7, -0.3, 1.1)), np.array([0.2, 0.1, -0.3])
     wrap = WrapObject("one", "femur", kind, pose, size, "-x")
-    found = carried_wrap(wrap, Carrier(given("femur", 0.6 * turn, offset), "thigh"))
+    found = transferred_wrap(wrap, Carrier(given("femur", 0.6 * turn, offset), "thigh"))
     np.testing.assert_allclose(found.size, 0.6 * np.array(size), rtol=1e-12)
     np.testing.assert_allclose(found.pose.rotation, turn @ pose.rotation, atol=1e-12)
     np.testing.assert_allclose(found.pose.translation, 0.6 * turn @ pose.translation + offset, atol=1e-12)
@@ -95,7 +91,7 @@ def test_a_wrap_object_of_a_larger_twin(kind, size):
 def test_a_stretched_cylinder_stays_along_the_bones_line():
     pose = Transform(rotation_from_euler_xyz((0.4, 0.2, 0.0)), np.zeros(3))
     matrix = np.array([[1.2, 0.3, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.0]])
-    found = carried_wrap(
+    found = transferred_wrap(
         WrapObject("one", "femur", "cylinder", pose, (0.02, 0.1)), Carrier(given("femur", matrix, np.zeros(3)), "femur")
     )
     line = matrix @ pose.rotation[:, 2]
@@ -110,7 +106,7 @@ def test_a_stretched_cylinder_stays_along_the_bones_line():
 def test_an_ellipsoid_stretched_along_its_axes_is_exact():
     growth = np.array([1.3, 0.8, 1.1])
     wrap = WrapObject("one", "femur", "ellipsoid", STILL, (0.02, 0.03, 0.05), "+z")
-    found = carried_wrap(wrap, Carrier(given("femur", np.diag(growth), np.zeros(3)), "femur"))
+    found = transferred_wrap(wrap, Carrier(given("femur", np.diag(growth), np.zeros(3)), "femur"))
     np.testing.assert_allclose(found.size, growth * wrap.size, rtol=1e-12)
     np.testing.assert_allclose(found.pose.rotation, np.eye(3), atol=1e-12)
 
@@ -121,7 +117,7 @@ def test_a_point_outside_a_wrap_object_is_left_outside():
     places = np.array([[0.036, 0.0, 0.0], [0.0, 0.01, 0.0]])
     points = tuple(PathPoint(str(i), "femur", place) for i, place in enumerate(places))
     muscle = Muscle("one", "RigidTendonMuscle", Path(points, (PathWrap("roller"),)), 1.0, 1.0, 1.0)
-    carried = [CarriedPoint("one", str(i), "femur", "femur", place, place) for i, place in enumerate(places)]
+    carried = [TransferredPoint("one", str(i), "femur", "femur", place, place) for i, place in enumerate(places)]
     found, notes = points_left_outside([muscle], carried, {"roller": (before, after)})
     assert level(found["roller"][1], places[0]) == pytest.approx(1.05)
     assert "'roller' to 86 %" in notes[0]

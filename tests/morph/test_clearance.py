@@ -1,5 +1,7 @@
 """Paths brought out of bones: made bones of known thickness, muscles with and without something that can be moved."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,30 +9,30 @@ import trimesh
 from myomorph.model.functions import linear
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
-from myomorph.model.spatial import Transform
+from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.checked import CheckOptions
-from myomorph.morph.clearance import Ground, clear_paths
-from myomorph.morph.moment_arm_table import compared_coordinates
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.checks.clearance import Ground, clear_paths, watched_with, without_worse
+from myomorph.morph.checks.moment_arms import compared_coordinates
+from myomorph.morph.checks.warnings import CheckOptions
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
 
 LENGTH = 0.4
 THIN, THICK = 0.02, 0.026
+STILL = Transform.identity()
 
 
-def shaft(radius):
-    """A closed tube along z, from end to end `LENGTH` long."""
-    made = trimesh.creation.cylinder(radius, LENGTH, sections=48).subdivide_loop(0)
+def shaft(radius, size=1.0):
+    """A closed tube along z, from end to end `LENGTH` long, times a size."""
+    made = trimesh.creation.cylinder(radius, LENGTH * size, sections=48).subdivide_loop(0)
     return Surface(made.vertices, made.faces)
 
 
-def model(muscle, wraps=()):
-    """One body on a pin about z that hardly turns."""
+def model(muscle, wraps=(), pose=STILL):
+    """One body on a pin about z that hardly turns; `pose` of the pin in ground."""
     body = Body("femur", 1.0, np.zeros(3), np.eye(3) * 0.01)
     pin = Joint(
-        "pin", "PinJoint", "ground", "femur", Transform.identity(), Transform.identity(),
+        "pin", "PinJoint", "ground", "femur", pose, STILL,
         (Axis("rotation", [0.0, 0.0, 1.0], linear(1.0, 0.0), ("q",)),), ("q",),
     )  # fmt: skip
     turn = Coordinate("q", range=(-0.1, 0.1))
@@ -42,9 +44,17 @@ def muscle(*places, wraps=()):
     return Muscle("m", "Thelen2003Muscle", Path(points, wraps), 100.0, 0.1, 0.1)
 
 
-def ground(one, thickness=THICK):
+def ground(one, thickness=THICK, size=1.0):
     same = AffineMap(np.eye(3), np.zeros(3))
-    bone = BoneMap("femur", "femur", same, Similarity(np.eye(3), np.zeros(3)), "given", shaft(THIN), shaft(thickness))
+    bone = BoneMap(
+        "femur",
+        "femur",
+        same,
+        Similarity(np.eye(3), np.zeros(3)),
+        "given",
+        shaft(THIN * size, size),
+        shaft(thickness, size),
+    )
     found = Ground.of(one, one, [bone], compared_coordinates(one, one), CheckOptions())
     assert found is not None
     return found
@@ -85,7 +95,7 @@ def test_origin_and_insertion_stay_and_what_cannot_be_helped_is_told():
 
 
 def test_a_wrap_object_grows_until_the_path_is_out():
-    around = WrapObject("shaft", "femur", "cylinder", Transform.identity(), (0.021, 1.0))
+    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.021, 1.0))
     across = ([0.03, -0.05, 0.0], [0.03, 0.05, 0.0])
     one = model(muscle(*across, wraps=(PathWrap("shaft"),)), (around,))
     hidden = model(muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),)), (around,))
@@ -96,8 +106,99 @@ def test_a_wrap_object_grows_until_the_path_is_out():
     assert found.grown["shaft"] == pytest.approx(THICK / 0.021, abs=0.05)
 
 
-def test_a_via_point_is_not_moved_without_end():
+def test_a_via_point_that_cannot_clear_the_bone_goes_back():
     one = model(muscle(*ALONG))
     found = clear_paths(one, one, ground(one, 0.06))
+    assert not found.shifts
+    assert found.model.muscle("m") == one.muscle("m")
+    assert found.after == found.before
+
+
+def test_a_via_point_is_not_moved_further_than_a_share_of_the_bone():
+    one = model(muscle([0.06, 0.0, -0.15], [0.023, 0.0, 0.0], [0.06, 0.0, 0.15]))
+    found = clear_paths(one, one, ground(one, 0.042))
+    assert 0.0 < found.after["m"] < 0.5 * found.before["m"]
+    assert found.shifts["m", "P1"] == pytest.approx(0.04 * LENGTH)
+
+
+def test_a_wrap_object_grows_by_half_at_most():
+    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.02, 1.0))
+    one = model(muscle([0.0, -0.08, 0.0], [0.004, 0.08, 0.0], wraps=(PathWrap("shaft"),)), (around,))
+    found = clear_paths(one, one, ground(one, 0.045))
     assert found.after
-    assert max(found.shifts.values(), default=0.0) <= 0.04 * LENGTH + 1e-12
+    assert found.grown["shaft"] == pytest.approx(1.5)
+
+
+def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
+    """Deepest halfway between origin and via point, the via point goes twice as far as the place."""
+    one = model(muscle([0.03, 0.02, -0.15], [0.03, -0.03, 0.0], [0.03, -0.03, 0.15]))
+    found = clear_paths(one, one, ground(one, 0.034))
+    assert found.before["m"] > 0.001
+    assert not found.after
+    assert 2.0 * found.before["m"] < found.shifts["m", "P1"] < 5.0 * found.before["m"]
+    assert found.model.muscle("m").path.points[1].location[0] > 0.03 + found.before["m"]
+
+
+@pytest.mark.parametrize("size", [0.05, 20.0])
+def test_a_mouse_is_cleared_as_a_man(size):
+    one, other = model(muscle(*ALONG)), model(muscle(*(np.array(ALONG) * size)))
+    found = clear_paths(one, one, ground(one))
+    again = clear_paths(other, other, ground(other, THICK * size, size))
+    assert again.before["m"] == pytest.approx(size * found.before["m"], rel=1e-6)
+    assert again.shifts["m", "P1"] == pytest.approx(size * found.shifts["m", "P1"], rel=1e-6)
+
+
+def test_where_the_body_stands_does_not_matter():
+    pose = Transform(rotation_from_euler_xyz([0.4, -1.1, 2.0]), np.array([0.3, -0.2, 0.9]))
+    one, moved = model(muscle(*ALONG)), model(muscle(*ALONG), pose=pose)
+    found, again = (clear_paths(each, each, ground(each)) for each in (one, moved))
+    places = [each.model.muscle("m").path.points[1].location for each in (found, again)]
+    np.testing.assert_allclose(*places, atol=1e-6)
+
+
+def deeper_by(change):
+    """What is left of a model whose wrap object grew and whose via point moved, where the path got deeper so much."""
+    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.02, 1.0))
+    before = model(muscle(*ALONG, wraps=(PathWrap("shaft"),)), (around,))
+    points = tuple(PathPoint(f"P{i}", "femur", np.array(place) * 1.1) for i, place in enumerate(ALONG))
+    path = Path(points, (PathWrap("shaft"),))
+    after = replace(
+        before,
+        muscles=(replace(before.muscle("m"), path=path),),
+        wrap_objects=(replace(around, size=(0.025, 1.0)),),
+    )
+    return before, after, without_worse(before, after, {"m": 0.003}, {"m": 0.003 + change})
+
+
+@pytest.mark.parametrize("change", [-1e-3, 0.0, 0.5e-7])
+def test_what_makes_no_path_deeper_stays(change):
+    _, after, (found, worse) = deeper_by(change)
+    assert found is after
+    assert worse == frozenset()
+
+
+def test_a_wrap_object_that_makes_its_path_deeper_goes_back_alone():
+    before, after, (found, worse) = deeper_by(1e-5)
+    assert worse == {"shaft"}
+    assert found.wrap_objects == before.wrap_objects
+    assert found.muscle("m") is after.muscle("m")
+
+
+def test_a_path_that_no_wrap_object_made_deeper_goes_back_itself():
+    before = model(muscle(*ALONG))
+    after = model(muscle(*(np.array(ALONG) * 1.1)))
+    found, worse = without_worse(before, after, {}, {"m": 1e-5})
+    assert worse == {"m"}
+    assert found.muscle("m") is before.muscle("m")
+
+
+def test_what_runs_around_a_wrap_object_that_grows_is_watched_too():
+    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.021, 1.0))
+    own = muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),))
+    beside = replace(
+        own, name="beside", path=replace(own.path, points=muscle([0.03, -0.05, 0.1], [0.03, 0.05, 0.1]).path.points)
+    )
+    apart = replace(muscle(*ALONG), name="apart")
+    one = replace(model(own, (around,)), muscles=(own, beside, apart))
+    assert watched_with(one, {"m"}) == ("m", "beside")
+    assert watched_with(one, {"apart"}) == ("apart",)

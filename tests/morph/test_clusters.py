@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.clusters import find_balls, fit_ball, name_cluster, surface_parts
+from myomorph.morph.registration.clusters import find_balls, fit_ball, name_cluster, surface_parts
 from scans import ball, cluster, grown_together, joined
 
 CENTERS = np.array([[0.0, 0.0, 0.0], [0.03, 0.005, 0.0], [0.01, 0.025, 0.0]])

@@ -10,9 +10,9 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.fields import FeaturePoints
-from myomorph.morph.landmark_checks import check_landmarks, matched_landmarks
-from myomorph.morph.procrustes import Similarity
+from myomorph.morph.maps.fields import FeaturePoints
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.registration.landmark_checks import check_landmarks
 from scans import sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))
@@ -101,18 +101,6 @@ def test_few_landmarks_say_little():
     assert "lie on a line" in check_landmarks("femur_r", line).notes[0]
 
 
-def test_landmarks_that_one_side_lacks_are_said():
-    ours, theirs = {"a": np.zeros(3), "b": np.ones(3)}, {"b": np.ones(3), "c": np.zeros(3)}
-    points, notes = matched_landmarks("femur_r", ours, theirs)
-    assert points.names == ("b",)
-    assert notes == (
-        "landmarks of 'femur_r' that the target lacks are left out: 'a'",
-        "landmarks of 'femur_r' that the source lacks are left out: 'c'",
-    )
-    with pytest.raises(BadData, match="the source has 'a', the target 'c'"):
-        matched_landmarks("femur_r", {"a": np.zeros(3)}, {"c": np.zeros(3)})
-
-
 @pytest.fixture
 def femurs(data):
     """Twenty landmarks of a generic femur, the same of a subject's, and the generic surface."""
@@ -120,8 +108,8 @@ def femurs(data):
     ours, theirs = (
         read_landmarks(data(f"{folder}/{name}.landmarks.csv")) for name in ("femur_r_warp", "subject_femur_r")
     )
-    points, notes = matched_landmarks("femur_r", ours, theirs)
-    assert notes == ()
+    assert set(ours) == set(theirs)
+    points = FeaturePoints(tuple(ours), np.array(list(ours.values())), np.array([theirs[name] for name in ours]))
     return points, read_mesh(data(f"{folder}/femur_r.obj"))
 
 

@@ -9,10 +9,10 @@ from made_bones import deformed, made_target, real_bone
 
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
-from myomorph.morph.alignment import align_bones, turned_by
-from myomorph.morph.fields import FeaturePoints, MapOptions
-from myomorph.morph.map_bone import STEPS, map_bone
-from myomorph.morph.nonrigid import MatchOptions
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions
+from myomorph.morph.registration.alignment import align_bones, turned_by
+from myomorph.morph.registration.map_bone import STEPS, map_bone
+from myomorph.morph.registration.nonrigid import MatchOptions
 from scans import joined
 
 QUICK = MatchOptions(match_points=800, feature_count=400)
@@ -72,7 +72,7 @@ def test_of_ways_that_fit_alike_one_that_keeps_the_frame_is_taken(seed):
     ours, theirs = (Surface(block.vertices + rng.normal(0.0, 2e-4, block.vertices.shape), block.faces) for _ in "ab")
     found = align_bones(ours, theirs)
     assert turned_by(found.similarity) < 5.0
-    assert "landmarks would tell" in found.doubts()[0]
+    assert "landmarks would tell" in found.warnings()[0]
 
 
 def test_landmarks_alone(bone):

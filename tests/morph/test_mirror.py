@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadModel, UnknownName
@@ -17,9 +17,8 @@ from myomorph.model.functions import SineProduct, piecewise_linear, simm_spline
 from myomorph.model.series import Motion
 from myomorph.model.sides import other_side
 from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.morph.mirror import mirrored, mirrored_motion, with_other_side
-from myomorph.morph.other_side import other_side_of
-from myomorph.morph.reflection import Reflection, backwards, flip
+from myomorph.morph.mirror.model import mirrored, mirrored_motion, with_other_side
+from myomorph.morph.mirror.sides import Reflection, backwards, flip, other_side_of
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

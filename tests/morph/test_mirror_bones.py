@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from given_maps import given
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.mirror_bones import with_mirrored_bones
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.mirror.model import with_mirrored_bones
+from myomorph.morph.transfer.model import morph_model
 from myomorph.muscles.path import muscle_kinematics
 
 FLIP = np.diag([1.0, 1.0, -1.0])

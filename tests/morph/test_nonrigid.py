@@ -11,11 +11,11 @@ from made_bones import deformed, errors, made_target, real_bone
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.fields import FeaturePoints
-from myomorph.morph.nonrigid import MatchOptions, PlacedBone, match_surfaces, place_bone
-from myomorph.morph.procrustes import Similarity, procrustes
-from myomorph.morph.surface_points import Shape
-from myomorph.morph.warp import onto, spread_points
+from myomorph.morph.maps.fields import FeaturePoints
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.registration.nonrigid import MatchOptions, PlacedBone, match_surfaces, place_bone
+from myomorph.morph.registration.smooth import onto, spread_points
+from myomorph.morph.shapes.surface_points import Shape
 
 QUICK = MatchOptions(match_points=800)
 

@@ -7,7 +7,7 @@ from functools import partial
 import igl
 import numpy as np
 import pytest
-from benchmarks.accuracy_morph_shapes import (
+from benchmarks.accuracy.morph.shapes import (
     Errors,
     Maker,
     attached_landmarks,
@@ -19,7 +19,7 @@ from benchmarks.accuracy_morph_shapes import (
 )
 from benchmarks.leg_shapes import leg_shapes
 
-from myomorph.morph.fields import MapOptions
+from myomorph.morph.maps.fields import MapOptions
 
 PARTS = {"pelvis": 3, "femur": 1, "patella": 1, "tibia": 2}
 

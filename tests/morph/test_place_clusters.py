@@ -11,8 +11,8 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Joint, Mesh, Model
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.place_clusters import Picks, bone_surface, place_bone, place_cluster_markers
-from myomorph.morph.registration import SurfaceOptions
+from myomorph.morph.registration.place_clusters import Picks, bone_surface, place_cluster_markers, place_scanned_bone
+from myomorph.morph.registration.rigid import SurfaceOptions
 from scans import made_scan, sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))
@@ -48,7 +48,7 @@ def test_a_bodys_meshes_lie_in_its_frame():
 def test_markers_come_to_lie_where_they_were():
     """Resized bones carry them exactly; a bone that keeps its size carries the cluster undistorted."""
     surface, scan, truth, markers = scanned()
-    bone = place_bone("humerus", scan, surface, markers)
+    bone = place_scanned_bone("humerus", scan, surface, markers)
     assert bone.scale == pytest.approx(1.02, abs=2e-3)
     resized = place_cluster_markers(arm(), [bone])
     for name, place in MARKERS.items():
@@ -68,13 +68,13 @@ def test_picked_points_start_the_fit_and_a_wrong_one_is_named_and_not_followed()
     points = surface.vertices[[0, 100, 250, 400, 600]]
     names = ("a", "b", "c", "d", "e")
     picks = Picks(names, truth.inverse().apply(points), points)
-    good = place_bone("humerus", scan, surface, markers, picks)
+    good = place_scanned_bone("humerus", scan, surface, markers, picks)
     assert good.picks is not None
     assert good.picks.rms < 1e-9
     assert not good.notes
     wrong = np.array(picks.scanned)
     wrong[3] += 0.02
-    bad = place_bone("humerus", scan, surface, markers, Picks(names, wrong, points))
+    bad = place_scanned_bone("humerus", scan, surface, markers, Picks(names, wrong, points))
     assert "picked point 'd' lies" in bad.notes[0]
     np.testing.assert_allclose(bad.fit.similarity.apply(scan.vertices), truth.apply(scan.vertices), atol=5e-4)
 
@@ -85,7 +85,7 @@ def test_picks_that_lead_elsewhere_are_noticed():
     points = surface.vertices[[0, 100, 250, 400]]
     middle = surface.vertices.mean(axis=0)
     turned = (points - middle) @ rotation_from_euler_xyz((0.0, np.pi, 0.0)).T + middle
-    found = place_bone(
+    found = place_scanned_bone(
         "humerus", scan, surface, markers, Picks(("a", "b", "c", "d"), truth.inverse().apply(turned), points)
     )
     assert any("from other starts" in line for line in found.notes)
@@ -94,15 +94,15 @@ def test_picks_that_lead_elsewhere_are_noticed():
 
 def test_wrong_units_bones_and_far_markers_are_named():
     surface, scan, _, markers = scanned()
-    far = place_bone("humerus", scan, surface, {"hum1": markers["hum1"] + 1.0}, options=QUICK)
+    far = place_scanned_bone("humerus", scan, surface, {"hum1": markers["hum1"] + 1.0}, options=QUICK)
     assert any("'hum1' lies" in line for line in far.notes)
     small = Surface(0.5 * scan.vertices, scan.faces)
-    assert any("wrong unit" in line for line in place_bone("humerus", small, surface, {}, options=QUICK).notes)
+    assert any("wrong unit" in line for line in place_scanned_bone("humerus", small, surface, {}, options=QUICK).notes)
 
 
 def test_bad_bones_are_refused():
     surface, scan, _, markers = scanned()
-    bone = place_bone("humerus", scan, surface, markers, options=QUICK)
+    bone = place_scanned_bone("humerus", scan, surface, markers, options=QUICK)
     with pytest.raises(BadData, match="two scanned bones are for body 'humerus'"):
         place_cluster_markers(arm(), [bone, bone])
     other = replace(bone, body="ulna")

@@ -11,8 +11,8 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.procrustes import Similarity, fit_points, procrustes
-from myomorph.morph.registration import SurfaceOptions, register_surface
+from myomorph.morph.maps.linear import Similarity, fit_points, procrustes
+from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
 from scans import made_scan, sharper
 
 GEOMETRY = "shoulder-thoracoscapular/model_cmc/Geometry"

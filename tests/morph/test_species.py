@@ -13,14 +13,19 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.morph.affine import AffineMap
-from myomorph.morph.fields import MapOptions
+from myomorph.morph.maps.fields import MapOptions
+from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.species import AnatomicalFrame, BoneHomology, CoordinateHomology, LandmarkRule, SpeciesTable
-from myomorph.morph.species_landmarks import landmarks_by_rules, section
-from myomorph.morph.species_maps import species_bones
-from myomorph.morph.species_parts import PlacedMap
-from myomorph.morph.species_transfer import coordinate_table, species_morph
+from myomorph.morph.species.counterparts import (
+    AnatomicalFrame,
+    BoneHomology,
+    CoordinateHomology,
+    LandmarkRule,
+    PlacedMap,
+    SpeciesTable,
+)
+from myomorph.morph.species.landmarks import landmarks_by_rules, section
+from myomorph.morph.species.maps import coordinate_table, species_bones, species_morph
 
 UPRIGHT = AnatomicalFrame(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 ON_FOURS = AnatomicalFrame(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))

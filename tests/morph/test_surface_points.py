@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from myomorph.model.surface import Surface
-from myomorph.morph.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Shape
 
 SLOPE = np.tan(np.radians(8.0))
 

@@ -13,7 +13,7 @@ from myomorph.io.osim.write import write_osim
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.transfer import morph_model
+from myomorph.morph.transfer.model import morph_model
 from myomorph.muscles.path import muscle_kinematics
 from osim_models import body_poses, point_place
 

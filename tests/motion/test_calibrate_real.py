@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.trc import read_trc
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles, looped_tree
-from myomorph.io.models import read_model
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.formats import read_model
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData

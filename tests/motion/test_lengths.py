@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.scale import scale
 from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths, segments_that_stretch

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
-from myomorph.model.measurement import Measurement
+from myomorph.model.landmarks import Measurement
 from myomorph.model.model import Marker
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion

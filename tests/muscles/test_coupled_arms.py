@@ -19,7 +19,7 @@ from myomorph.muscles.path import compile_paths, muscle_kinematics
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.muscle_files import arms_as_reported, crossings
+from myomorph.study.trial.steps.muscles import arms_as_reported, crossings
 
 SHOULDERS = (
     "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_2kgWeight.osim",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from path_models import opensim_kinematics
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.paths import MovingPathPoint
 from myomorph.muscles.path import compile_paths

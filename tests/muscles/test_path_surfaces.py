@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from path_models import QUADRANTS, Surface, Way, opensim_kinematics, opensim_model
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.muscles.path import compile_paths
 
 opensim = pytest.importorskip("opensim")

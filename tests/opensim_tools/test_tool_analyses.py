@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.series import Table

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from myomorph.cli.program import main
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadFile
 from myomorph.muscles.path import muscle_kinematics
-from myomorph.opensim_tools.muscles import FIBERS
+from myomorph.opensim_tools.bodies import FIBERS
 from myomorph.opensim_tools.outputs import write_outputs
 from myomorph.opensim_tools.run import run_tool
 from myomorph.opensim_tools.states import stepped
@@ -119,7 +119,7 @@ def test_inverse_kinematics_of_a_closed_loop(data, tmp_path):
     folder.chmod(0o755)
     path.write_text(path.read_text().replace("<time_range> 0.0 19.0<", "<time_range> 0.0 1.0<"))
     result = run_tool(path)
-    assert "loops closed to" in result.told[0]
+    assert "loops closed to" in result.lines[0]
     ours, stored = read_sto(folder / "subject1_abdbonepin_IK.mot"), read_sto(folder / "std_subject1_abdbonepin_IK.mot")
     assert len(ours) == 101
     for name in stored.names:

@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.scale import scale
 from myomorph.model.spatial import Transform
 from myomorph.rigid.bushings import bushing_forces, deflection

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from looped import SHOULDERS, four_bar, four_bar_angles, looped_tree, mujoco_constraints, pinocchio_rates
+from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.models import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid.couplers import couple_frames, couple_rates_frames

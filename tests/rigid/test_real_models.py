@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_laws import mechanical_energy
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.series import Motion
 from myomorph.rigid.couplers import couple_frames, gather_dependents
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
@@ -70,7 +70,7 @@ def test_power_balances(data, name):
         ("c3d-functional-joints/models/wholebody.osim", 1.0),
         # OpenSim's terms in the squares of the speeds are off where one coordinate turns a joint about
         # several curved axes, as in this knee: its torques do not balance its own energy, and ours do
-        # (test_power_balances, and docs/validation.md). At rest and in its accelerations it agrees.
+        # (test_power_balances, and docs/validation). At rest and in its accelerations it agrees.
         ("rajagopal-walk-emg/subject_walk_scaled.osim", 0.0),
     ],
 )

@@ -10,7 +10,7 @@ from test_oracles import moving
 from test_real_models import middling
 
 from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import GROUND

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -12,8 +13,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices, pseudo_inertias
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint
-from myomorph.simulate.recording import Noise, simulate
+from myomorph.simulate.laboratory import Noise, simulate
 
 QUIET = Noise(marker=0.0, force=0.0)
 CASES = [("hinge", 0.05, 0.0), ("hinge", 0.3, 5.0), ("ball", 0.05, 0.0), ("ball", 0.3, 5.0)]

@@ -16,12 +16,13 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
-from myomorph.morph.clusters import find_balls
-from myomorph.morph.registration import Surface
+from myomorph.morph.registration.clusters import find_balls
+from myomorph.morph.registration.rigid import Surface
 from myomorph.simulate.laboratory import (
     BALL,
     BONES,
     ROD,
+    Noise,
     VirtualPlate,
     at_center,
     bone_of,
@@ -29,10 +30,8 @@ from myomorph.simulate.laboratory import (
     write_scans,
     write_swing_c3d,
 )
-from myomorph.simulate.recording import Noise
 from myomorph.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
-from myomorph.viscosity.study.ct import read_picks
-from myomorph.viscosity.study.plate_files import PlateFiles, calibrate
+from myomorph.viscosity.study.calibration import PlateFiles, calibrate, read_picks
 
 pytest.importorskip("myo_sim")
 

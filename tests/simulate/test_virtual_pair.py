@@ -22,13 +22,12 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate import pair as made
 from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.fighter import GRIP, Build, marker_points, segments
-from myomorph.simulate.mat import LAPEL, PARTS, compile_pair, fighter_text
+from myomorph.simulate.fighter import GRIP, LAPEL, PARTS, Build, compile_pair, fighter_text, marker_points, segments
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
-from myomorph.tension.contacts import ContactOptions, ContactTask
-from myomorph.tension.emg import EmgTarget
-from myomorph.tension.parts import tension_of
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import tension_of
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
 
 CUTOFF = 6.0
 EXACT = PairOptions("pull", 0, marker_noise=0.0, strength_error=0.0, emg_gain=0.0, emg_noise=0.0, until=1.0)

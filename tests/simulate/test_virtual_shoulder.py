@@ -18,9 +18,8 @@ from myomorph.model.paths import Path as MusclePath
 from myomorph.model.paths import PathWrap
 from myomorph.model.series import Motion
 from myomorph.muscles.path import muscle_kinematics
-from myomorph.simulate.files import specimen_mjcf, write_recording
-from myomorph.simulate.limb import HeldLimb, tendon_wraps, with_scaled_muscles
-from myomorph.simulate.recording import Noise, Sampled
+from myomorph.simulate.laboratory import Noise, Sampled, write_recording
+from myomorph.simulate.limb import HeldLimb, specimen_mjcf, tendon_wraps, with_scaled_muscles
 from myomorph.simulate.shoulder import (
     BASE,
     FIRST,
@@ -31,9 +30,9 @@ from myomorph.simulate.shoulder import (
     arm_specimen,
     virtual_specimen,
 )
-from myomorph.viscosity.murai_tables import SPECIMENS
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.cohort import SPECIMENS
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 pytest.importorskip("myo_sim")
 

@@ -16,7 +16,7 @@ from myomorph.store.locks import FORMAT, MARK, folder_lock, read_mark, study_loc
 HOLD = """
 import sys
 from pathlib import Path
-from myomorph.study.locks import {lock}
+from myomorph.store.locks import {lock}
 with {lock}(Path({folder!r})):
     print("held", flush=True)
     sys.stdin.read()

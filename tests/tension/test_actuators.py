@@ -12,7 +12,7 @@ from myomorph.model.scale import scale
 from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.actuators import body_directions, compile_body_actuators, default_reserves, free_coordinates
+from myomorph.tension.terms.actuators import body_directions, compile_body_actuators, default_reserves, free_coordinates
 from stick_figure import person
 
 RAJAGOPAL = "rajagopal-walk-emg/subject_walk_scaled.osim"

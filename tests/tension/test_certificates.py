@@ -9,8 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import find_contacts, strengths
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, SharedWrench, Site
@@ -27,11 +26,11 @@ from myomorph.tension.certificates import (
     open_bounds,
     optimality,
 )
-from myomorph.tension.contacts import ContactOptions, ContactTask
-from myomorph.tension.emg import EmgTarget
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solved import solved_frames
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
 from standing import WEIGHT, block, legs, standing_still
 
 EXACT = CertificateOptions(residual=0.0, reserve=0.0)
@@ -175,7 +174,7 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
     frames = np.arange(0, len(motion), 7)
     dense = solved_frames(problem, tension, frames)
     lower, upper = open_bounds(problem, dense, options)
-    columns = problem.contacts.columns
+    columns = problem.contacts.generators
     members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in found.groups]
     functions = group_functions(problem, dense, members)
     for k, frame in enumerate(frames):

@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from readable import frame_program
 from walking import task, walk
 
 from myomorph.model.series import Motion, Series
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contact_rows import contact_terms
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.frame_program import frame_program
-from myomorph.tension.smoothing import smoothing
 from myomorph.tension.solve import solve_tension, tension_problem
 
 
@@ -32,14 +30,14 @@ def noisy(tau: Series, size: float = 5.0) -> Series:
 
 
 def all_at_once(problem, stiffness) -> np.ndarray:
-    """Amplitudes (frames, edges) of the one program of all frames, by an interior-point method."""
+    """Amplitudes (frames, generators) of the one program of all frames, by an interior-point method."""
     clarabel = pytest.importorskip("clarabel")
-    frames, edges = problem.amplitudes.shape
+    frames, generators = problem.amplitudes.shape
     programs = [frame_program(problem, k) for k in range(frames)]
     n = len(programs[0].c)
     H = sp.block_diag([np.diag(one.H) if one.H.ndim == 1 else one.H for one in programs], format="lil")
-    first = n - edges
-    scale = problem.contacts.amounts / problem.contacts.columns.weight[problem.contacts.columns.site]
+    first = n - generators
+    scale = problem.contacts.amounts / problem.contacts.generators.weight[problem.contacts.generators.site]
     for k in range(1, frames):
         for g in np.flatnonzero((scale[k] > 0.0) & (scale[k - 1] > 0.0)):
             weight = 2.0 * stiffness[k - 1] * problem.contacts.cost[g]
@@ -71,7 +69,7 @@ def test_a_window_reaches_the_optimum_of_all_its_frames_together(walker, smoothn
     problem.solve(0, len(motion))
     stiffness = problem.smooth.stiffness
     np.testing.assert_allclose(stiffness, smoothness * (0.01 / 0.005) ** 2)
-    push = problem.contacts.amounts / problem.contacts.columns.weight[0]
+    push = problem.contacts.amounts / problem.contacts.generators.weight[0]
     theirs = all_at_once(problem, stiffness)
     alone, _ = tension_problem(model, motion, tau, contacts=task(model, motion, compliance=1.0))
     alone.solve(0, len(motion))
@@ -85,8 +83,7 @@ def test_windows_one_after_another_are_as_good_as_one(walker, monkeypatch):
     model, motion, tau = walker
     ask = task(model, motion, smoothness=0.3, window=len(motion))
     whole = solve_tension(model, motion, noisy(tau), contacts=ask)
-    terms = contact_terms(tension_problem(model, motion, tau, contacts=ask)[0].assembly.tree, motion.time, ask)
-    assert smoothing(terms, motion.time).window == len(motion)
+    assert tension_problem(model, motion, tau, contacts=ask)[0].smooth.window == len(motion)
     rolling = replace(ask, options=replace(ask.options, window=4))
     one, _ = tension_problem(model, motion, noisy(tau), contacts=rolling)
     assert one.window < len(motion)

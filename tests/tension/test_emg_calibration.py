@@ -15,8 +15,7 @@ from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.emg_calibration import EmgTrial, _contacts_known, _Piece, calibrate_emg
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, _contacts_known, _Piece, calibrate_emg, emg_targets
 from myomorph.tension.solve import solve_tension
 
 ARM = "opensim-reference-small/"

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from readable import frame_program, solve_program
 from walking import task, walk
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.emg import EmgTarget
-from myomorph.tension.emg_targets import EmgOptions
-from myomorph.tension.frame_program import frame_program
+from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
-from myomorph.tension.terms import solve_program
+from myomorph.tension.terms.emg import EmgTarget
 
 MUSCLES = ("soleus_r", "tibant_l", "gaslat_r", "recfem_r")
 
@@ -33,11 +32,11 @@ def optimality(problem, found, exponent: float) -> float:
         shape, n = problem.assembly.pattern, len(problem.separable.weight)
         A = np.zeros((len(shape.order), n))
         A[shape.row, np.repeat(np.arange(n), np.diff(shape.start))] = given.values[0]
-        x = np.concatenate([found.activations[frame], found.reserves[frame] / problem.assembly.optimal_forces])
+        x = np.concatenate([found.activations[frame], found.reserves[frame] / problem.actuators.optimal_forces])
         slope = exponent * np.sign(x) * np.abs(x) ** (exponent - 1.0)
-        wells = problem.wells[frame : frame + 1][0]
-        beyond = x - np.clip(x, wells[0], wells[1])
-        slope += 2.0 * wells[2] * np.where(wells[2] > 0.0, beyond, 0.0)
+        drawn = problem.penalties[frame : frame + 1][0]
+        beyond = x - np.clip(x, drawn[0], drawn[1])
+        slope += 2.0 * drawn[2] * np.where(drawn[2] > 0.0, beyond, 0.0)
         inside = (x > problem.separable.lower + 1e-7) & (x < problem.separable.upper - 1e-7)
         y = np.linalg.lstsq(A[:, inside].T, slope[inside], rcond=None)[0]
         left = slope - A.T @ y
@@ -70,7 +69,7 @@ def test_emg_without_contacts_is_the_readable_program(walker, mode):
     problem.solve(0, len(motion))
     found = problem.result(names)
     for frame in range(0, len(motion), 3):
-        theirs = solve_program(frame_program(problem, frame)).x[: len(model.muscles)]
+        theirs = solve_program(frame_program(problem, frame))[: len(model.muscles)]
         np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-4)
 
 

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from measured_walk import measured_walk
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    strengths,
+)
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactOptions, ContactTask
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +36,9 @@ def walk(data):
 def test_hidden_forces_of_a_walk_are_found(walk, formulation):
     """Vertical force within 8 % and fore-aft force within 15 % of their ranges, for each foot, with defaults."""
     model, motion, sites, ready, wrenches = walk
-    task = ContactTask(sites, ready, (), ContactOptions(formulation=formulation), leans(model, motion, sites))
+    task = ContactTask(
+        sites, ready, (), ContactOptions(formulation=formulation), preferred_directions(model, motion, sites)
+    )
     tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
     assert tension.contacts is not None
     assert tension.optimal.all()
@@ -48,7 +55,7 @@ def test_leaning_matters_where_physics_does_not_tell(walk):
     """Without it the sequential formulation shares fore-aft forces of double support evenly, which feet do not."""
     model, motion, sites, ready, wrenches = walk
     errors = []
-    for way in (None, leans(model, motion, sites)):
+    for way in (None, preferred_directions(model, motion, sites)):
         task = ContactTask(sites, ready, (), ContactOptions(formulation="sequential"), way)
         tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
         assert tension.contacts is not None

@@ -19,8 +19,8 @@ from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
 
 FOLDER = "shoulder-thoracoscapular"
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")

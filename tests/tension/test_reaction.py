@@ -13,7 +13,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
@@ -25,10 +25,10 @@ from myomorph.rigid.forward import gathered
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.actuators import body_directions, compile_body_actuators
 from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.terms.actuators import body_directions, compile_body_actuators
 from trees import random_rotation, random_tree, swinging
 
 WALK = "rajagopal-walk-emg/"

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts
-from myomorph.contact.strengths import strengths
+from myomorph.contact.states import find_contacts, strengths
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, Site
@@ -18,9 +17,9 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
-from myomorph.tension.contacts import ContactTask
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.relaxation import RelaxationOptions, relaxation_lines, relaxations
+from myomorph.tension.terms.contacts import ContactTask
 from standing import MASS, WEIGHT, block, legs, standing_still
 
 STRICT = RelaxationOptions(residual=1e-6, moment=1e-6)

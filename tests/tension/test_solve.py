@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadModel, UnknownName
@@ -149,7 +149,7 @@ def test_muscles_and_reserves_together_balance_the_torques(data, passive):
     curves = hill_forces(model, kinematics.lengths, kinematics.velocities, "rigid-tendon" if passive else "opensim")
     expected = curves.active * found.activations + (curves.passive if passive else 0.0)
     np.testing.assert_allclose(found.forces, expected, atol=1e-6)
-    assert found.imbalance.max() < 1e-5
+    assert found.equilibrium_residual.max() < 1e-5
 
 
 def test_a_muscle_that_is_switched_off_does_nothing(data):

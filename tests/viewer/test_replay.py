@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.walker import having, shown
 
 from myomorph.model.contacts import ContactForces, Site
 from myomorph.model.errors import BadData
@@ -14,12 +15,11 @@ from myomorph.model.model import Marker
 from myomorph.model.series import Emg, ForcePlate, Markers, Motion
 from myomorph.model.surface import Surface
 from myomorph.report.scene.shapes import normals, outward, reduced, sphere
-from myomorph.report.trial.given import ReportInput
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.viewer import replay_charts as charts
+from myomorph.viewer.replay import MuscleIndex
 from myomorph.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
-from myomorph.viewer.replay_muscles import MuscleIndex
 from myomorph.viewer.replay_scene import outline
 from myomorph.viewer.web_page import quaternions
 from walker import GRAVITY, everything, model, motion, steps
@@ -91,12 +91,12 @@ def test_muscles_that_were_found_stand_out() -> None:
 def test_arrows_stand_where_forces_act_and_are_as_long_as_they_are_strong() -> None:
     given = everything()
     body = PlayedBody(given)
-    assert given.wrenches is not None
+    assert given.dynamics.wrenches is not None
     frame = 60
     ends = body.at(frame).measured
     assert np.isfinite(ends[:, 0, 0]).tolist() == [True, False]
-    assert ends[0, 0] == pytest.approx(given.wrenches.points[frame, 0])
-    length = WEIGHT * body.size * given.wrenches.forces[frame, 0, 1] / (given.model.mass * GRAVITY)  # type: ignore[union-attr]
+    assert ends[0, 0] == pytest.approx(given.dynamics.wrenches.points[frame, 0])
+    length = WEIGHT * body.size * given.dynamics.wrenches.forces[frame, 0, 1] / (given.model.mass * GRAVITY)  # type: ignore[union-attr]
     assert np.linalg.norm(ends[0, 1] - ends[0, 0]) == pytest.approx(length, rel=1e-6)
     assert np.isnan(body.at(0).measured).all()
     shafts, heads = arrows(ends, body.size, np.zeros(3))
@@ -117,7 +117,7 @@ def test_contact_forces_have_arrows_of_their_own() -> None:
     forces[:, :, 1] = [200.0, 100.0]
     points = np.tile([[[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]], (51, 1, 1))
     contacts = ContactForces(time, (site, toe), np.ones((51, 2)), forces, points, np.zeros_like(forces))
-    body = PlayedBody(replace(given, contact_forces=contacts))
+    body = PlayedBody(having(given, forces=contacts))
     assert body.at(75).estimated[:, 0] == pytest.approx(np.array([[0.1, 0.0, 0.0]]))
     assert np.isnan(body.at(10).estimated).all(), "nothing is known before the contacts' clock"
     chart = charts.force_chart(body)
@@ -132,8 +132,8 @@ def test_markers_of_the_model_are_those_recorded() -> None:
     given = everything()
     assert given.model is not None
     markers = tuple(Marker(name, "femur_r", np.array([0.1, 0.0, 0.0])) for name in ("RASI", "RKNE", "UNSEEN"))
-    recorded = Markers(given.markers.time, ("RKNE",), np.full((200, 1, 3), np.nan))  # type: ignore[union-attr]
-    body = PlayedBody(replace(given, model=replace(given.model, markers=markers), markers=recorded))
+    recorded = Markers(given.kinematics.markers.time, ("RKNE",), np.full((200, 1, 3), np.nan))  # type: ignore[union-attr]
+    body = PlayedBody(having(given, model=replace(given.model, markers=markers), markers=recorded))
     instant = body.at(30)
     assert instant.modelled.shape == (1, 3)
     thigh = given.model.body_names.index("femur_r") + 1
@@ -145,12 +145,12 @@ def test_markers_of_the_model_are_those_recorded() -> None:
 
 def test_a_frame_without_a_pose_is_told_and_shows_the_last_one() -> None:
     given = everything()
-    assert given.fit is not None
-    values = np.array(given.fit.motion.values)
+    assert given.kinematics.fit is not None
+    values = np.array(given.kinematics.fit.motion.values)
     values[50:60, 2] = np.nan
     values[:3] = np.nan
-    moved = Motion(given.fit.motion.time, given.fit.motion.names, values)
-    body = PlayedBody(replace(given, fit=replace(given.fit, motion=moved)))
+    moved = Motion(given.kinematics.fit.motion.time, given.kinematics.fit.motion.names, values)
+    body = PlayedBody(having(given, fit=replace(given.kinematics.fit, motion=moved)))
     assert not body.at(55).known
     assert body.at(55).origins == pytest.approx(body.at(49).origins)
     assert body.at(0).origins == pytest.approx(body.at(3).origins)
@@ -162,18 +162,18 @@ def test_a_frame_without_a_pose_is_told_and_shows_the_last_one() -> None:
 def test_what_cannot_be_shown_is_told() -> None:
     body = model()
     with pytest.raises(BadData, match="has no motion to show"):
-        PlayedBody(ReportInput("empty", model=body))
+        PlayedBody(shown("empty", model=body))
     still = motion(body, 5)
     nothing = Motion(still.time, still.names, np.full_like(still.values, np.nan))
     with pytest.raises(BadData, match="no frame of the motion"):
-        PlayedBody(ReportInput("gone", model=body, motion=nothing))
+        PlayedBody(shown("gone", model=body, coordinates=nothing))
 
 
 def test_a_body_without_muscles_forces_or_masses_is_shown() -> None:
     bare = replace(model(), muscles=())
     light = replace(bare, bodies=tuple(replace(one, mass=0.0) for one in bare.bodies))
     for one in (bare, light):
-        body = PlayedBody(ReportInput("bare", model=one, motion=motion(one, 20)))
+        body = PlayedBody(shown("bare", model=one, coordinates=motion(one, 20)))
         instant = body.at(5)
         assert not len(instant.tubes.positions)
         assert not len(instant.measured)
@@ -184,8 +184,8 @@ def test_a_body_without_muscles_forces_or_masses_is_shown() -> None:
 
 def test_curves_hold_the_values_in_their_units() -> None:
     given = everything()
-    emg = Emg(given.wrenches.time, ("CH1",), np.full((200, 1), 0.3))  # type: ignore[union-attr]
-    body = PlayedBody(replace(given, emg=emg, emg_muscles={"CH1": ("recfem_r",)}))
+    emg = Emg(given.dynamics.wrenches.time, ("CH1",), np.full((200, 1), 0.3))  # type: ignore[union-attr]
+    body = PlayedBody(having(given, emg=emg, emg_muscles={"CH1": ("recfem_r",)}))
     choices = charts.coordinate_choices(body)
     label = next(one for one, names in choices.items() if "hip_flexion_r" in names)
     assert set(choices[label]) == {"hip_flexion_r", "hip_flexion_l"}
@@ -247,15 +247,15 @@ def test_two_people_in_one_model_have_a_center_and_a_color_each() -> None:
     moved = join_motions({"anna": motion(one), "bo": motion(one)})
     apart = np.array(moved.values)
     apart[:, moved.names.index("bo_pelvis_tz")] += 1.4
-    body = PlayedBody(ReportInput("pair", model=pair, motion=replace(moved, values=apart)))
+    body = PlayedBody(shown("pair", model=pair, coordinates=replace(moved, values=apart)))
     assert [who.name for who in body.subjects] == ["anna", "bo"]
     centers = body.at(30).centers
     assert centers[1] - centers[0] == pytest.approx([0.0, 0.0, 1.4], abs=1e-9)
     assert body.at(30).middle == pytest.approx(centers.mean(axis=0))
-    alone = PlayedBody(ReportInput("anna", model=one, motion=motion(one)))
+    alone = PlayedBody(shown("anna", model=one, coordinates=motion(one)))
     assert body.size == pytest.approx(alone.size, rel=0.1), "thickness is that of one person"
-    pushed = replace(body.given, wrenches=steps(moved.time, one.mass * GRAVITY))
-    ends, own = PlayedBody(pushed).at(60).measured, PlayedBody(replace(alone.given, wrenches=pushed.wrenches))
+    pushed = having(body.given, wrenches=steps(moved.time, one.mass * GRAVITY))
+    ends, own = PlayedBody(pushed).at(60).measured, PlayedBody(having(alone.given, wrenches=pushed.dynamics.wrenches))
     assert np.linalg.norm(np.diff(ends[0], axis=0)) == pytest.approx(
         np.linalg.norm(np.diff(own.at(60).measured[0], axis=0)), rel=0.1
     ), "a body weight is that of one person"
@@ -269,4 +269,4 @@ def test_two_people_in_one_model_have_a_center_and_a_color_each() -> None:
 def test_the_way_over_the_floor() -> None:
     assert PlayedBody(everything()).travelled == pytest.approx(1.2 * 1.99, rel=1e-6)
     still = motion(model(), 50)
-    assert PlayedBody(ReportInput("x", model=model(), motion=still, wrenches=steps(still.time, 600.0))).travelled < 0.7
+    assert PlayedBody(shown("x", model=model(), coordinates=still, wrenches=steps(still.time, 600.0))).travelled < 0.7

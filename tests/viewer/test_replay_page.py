@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from tests.walker import having
 
 from browser import Browser, browser_program, wait
 from myomorph.model.errors import BadData
@@ -31,19 +32,19 @@ def walker() -> ReportInput:
     """The walker with a marker on a thigh, as recorded a little off, and a plate."""
     given = everything()
     assert given.model is not None
-    assert given.fit is not None
-    time = given.fit.motion.time
+    assert given.kinematics.fit is not None
+    time = given.kinematics.fit.motion.time
     recorded = Markers(time, ("thigh",), np.stack([1.2 * time, np.full_like(time, 0.8), 0 * time], axis=1)[:, None])
     none = np.zeros((0, 3))
     square = np.array([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.6, 0.0, 0.4], [0.0, 0.0, 0.4]])
     plate = ForcePlate("plate", 2, square, none, none, none)
     model = replace(given.model, markers=(Marker("thigh", "femur_r", np.array([0.05, -0.1, 0.0])),))
-    return replace(given, model=model, markers=recorded, plates=(plate,))
+    return having(given, model=model, markers=recorded, plates=(plate,))
 
 
 @pytest.fixture(scope="module")
 def page() -> Iterator[Replay]:
-    replay = Replay([{"first": walker, "second": lambda: replace(walker(), title="another walk")}])
+    replay = Replay([{"first": walker, "second": lambda: having(walker(), title="another walk")}])
     yield replay
     replay.close()
 
@@ -153,7 +154,7 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     browser.until("document.body.innerText.includes('activation')")
     body = page.bodies[0]
     muscle = body.muscles.index("recfem_r")
-    wait(lambda: page.panel.found(0) == (muscle,), 10, "the one muscle")
+    wait(lambda: page.found[0] == (muscle,), 10, "the one muscle")
     frame = body.frame_at(0.6)
     row = ["recfem_r", f"{body.activations[frame, muscle]:.2f}", f"{body.tensions[frame, muscle]:.0f} N"]
     rows = "[...document.querySelectorAll('tr')].map(row => [...row.children].map(one => one.textContent).join('|'))"
@@ -161,14 +162,14 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     other(browser, before)
     focus(browser, "Find")
     browser.type("gluteus maximus left")
-    wait(lambda: len(page.panel.found(0)) == 2, 10, "both parts of the muscle")
-    assert {body.muscles[m] for m in page.panel.found(0)} == {"glmax1_l", "glmax2_l"}
+    wait(lambda: len(page.found[0]) == 2, 10, "both parts of the muscle")
+    assert {body.muscles[m] for m in page.found[0]} == {"glmax1_l", "glmax2_l"}
     focus(browser, "Find")
     browser.type("nobody")
     browser.until("document.body.innerText.includes(\"no muscle is called 'nobody'\")")
     focus(browser, "Find")
     browser.press("Backspace")
-    wait(lambda: not page.panel.found(0), 10, "no muscle")
+    wait(lambda: not page.found[0], 10, "no muscle")
     same_again(browser, before)
 
 
@@ -223,17 +224,19 @@ def test_nothing_went_wrong_and_nothing_left_the_machine(page: Replay, browser: 
 
 def test_two_bodies_share_a_clock() -> None:
     late = walker()
-    assert late.fit is not None
-    motion = late.fit.motion
+    assert late.kinematics.fit is not None
+    motion = late.kinematics.fit.motion
     moved = replace(motion, time=motion.time + 100.0)
-    other = replace(late, title="later", fit=replace(late.fit, motion=moved), markers=None, wrenches=None, tension=None)
+    other = having(
+        late, title="later", fit=replace(late.kinematics.fit, motion=moved), markers=None, wrenches=None, tension=None
+    )
     replay = Replay([{"one": walker}, {"two": lambda: other}])
     try:
         assert replay.span == pytest.approx((0.0, 1.99))
         replay.seek(0.5)
         assert [replay.own_time(i) for i in range(2)] == pytest.approx([0.5, 100.5])
-        assert [shown.body.given.title for shown in replay.shown] == ["walker: first steps", "later"]
-        assert replay.apart > 0.3, "bodies in one place begin side by side"
+        assert [shown.body.given.head.title for shown in replay.shown] == ["walker: first steps", "later"]
+        assert replay.spacing > 0.3, "bodies in one place begin side by side"
         replay.part(1.5)
         assert replay.shown[1].node.position == pytest.approx(1.5 * replay.bodies[0].scene.right)
     finally:

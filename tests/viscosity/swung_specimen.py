@@ -16,9 +16,9 @@ from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.made_clusters import with_clusters
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen_bodies import moved_parameters
+from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.viscosity.specimen.bodies import moved_parameters
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 
 STEP = 1e-3
 EVERY = 5

@@ -9,10 +9,10 @@ import pytest
 from swung_limb import LIMB, released
 
 from myomorph.model.errors import BadData
-from myomorph.viscosity.arm_sensitivity import ArmOptions, arm_sensitivity
+from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
 JOINT, MUSCLE = 0.03, 90.0
-FEW = ArmOptions(draws=2, offset=0.0)
+FEW = MomentArmOptions(draws=2, offset=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def intact() -> list:
 
 @pytest.fixture(scope="module")
 def sensitivity(intact):
-    return arm_sensitivity(intact, LIMB, JOINT, ArmOptions(draws=4000, offset=1e-3))
+    return moment_arm_sensitivity(intact, LIMB, JOINT, MomentArmOptions(draws=4000, offset=1e-3))
 
 
 def test_exact_arms_give_the_truth(sensitivity):
@@ -32,7 +32,7 @@ def test_exact_arms_give_the_truth(sensitivity):
 def test_a_common_factor_acts_by_its_inverse_square(intact, sensitivity):
     assert sensitivity.slopes.sum() == pytest.approx(-2.0)
     longer = [replace(one, lengthening=1.1 * one.lengthening) for one in intact]
-    assert arm_sensitivity(longer, LIMB, JOINT, FEW).spreads[0].exact == pytest.approx(MUSCLE / 1.1**2, rel=1e-3)
+    assert moment_arm_sensitivity(longer, LIMB, JOINT, FEW).spreads[0].exact == pytest.approx(MUSCLE / 1.1**2, rel=1e-3)
     spread = sensitivity.spread("one factor")
     factors = np.sqrt(spread.exact / spread.draws)
     assert np.std(factors) == pytest.approx(0.1, rel=0.05)
@@ -45,7 +45,7 @@ def test_slopes_are_derivatives(intact, sensitivity):
         factor = np.ones((len(sensitivity.muscles), 1))
         factor[m] += step
         moved = [replace(one, lengthening=factor * one.lengthening) for one in intact]
-        other = arm_sensitivity(moved, LIMB, JOINT, FEW).spreads[0].exact
+        other = moment_arm_sensitivity(moved, LIMB, JOINT, FEW).spreads[0].exact
         assert np.log(other / sensitivity.spreads[0].exact) / step == pytest.approx(slope, abs=2e-3)
 
 
@@ -61,18 +61,18 @@ def test_factors_of_each_muscle_average_out_but_a_common_one_does_not(sensitivit
 
 
 def test_offsets_act_as_arms_that_are_moved(intact):
-    spread = arm_sensitivity(intact, LIMB, JOINT, ArmOptions(draws=4, offset=2e-3, seed=7)).spreads[-1]
+    spread = moment_arm_sensitivity(intact, LIMB, JOINT, MomentArmOptions(draws=4, offset=2e-3, seed=7)).spreads[-1]
     random = np.random.default_rng(7)
     random.standard_normal((4, 1))
     random.standard_normal((4, 4))
     for found in spread.draws:
         offset = 2e-3 * random.standard_normal((4, 3))
         moved = [replace(one, lengthening=one.lengthening + offset) for one in intact]
-        assert arm_sensitivity(moved, LIMB, JOINT, FEW).spreads[0].exact == pytest.approx(found, rel=5e-3)
+        assert moment_arm_sensitivity(moved, LIMB, JOINT, FEW).spreads[0].exact == pytest.approx(found, rel=5e-3)
     assert spread.exact == pytest.approx(MUSCLE, rel=1e-3)
 
 
 def test_swings_without_muscles_are_refused(intact):
     bare = [replace(one, muscles=(), lengthening=one.lengthening[:, :0]) for one in intact]
     with pytest.raises(BadData, match="no viscosity of muscles"):
-        arm_sensitivity(bare, LIMB, JOINT)
+        moment_arm_sensitivity(bare, LIMB, JOINT)

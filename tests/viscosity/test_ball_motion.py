@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.simulate.joint import mechanical_joint
-from myomorph.simulate.recording import Sampled
-from myomorph.viscosity.ball_motion import angular_motion, continuous, differentiate_joint
-from myomorph.viscosity.limb_motion import limb_motion
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen
+from myomorph.simulate.laboratory import Sampled
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.viscosity.swings.motion import angular_motion, continuous, differentiate_joint, limb_motion
 
 
 @pytest.fixture(scope="module")

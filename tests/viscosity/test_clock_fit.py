@@ -9,7 +9,7 @@ import pytest
 from myomorph.model.errors import BadData
 from myomorph.motion.clocks import ClockOptions
 from myomorph.motion.filters import natural_spline
-from myomorph.viscosity.clock_fit import wrench_clock
+from myomorph.viscosity.swings.plate import wrench_clock
 
 PENDULUM = """
 <mujoco><option timestep="0.0005" integrator="RK4"/><worldbody><body>

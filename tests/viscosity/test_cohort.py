@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.estimate import Estimate
-from myomorph.viscosity.cohort import QUANTITIES, cohort, exactly, published_row, specimen_row
-from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, exactly, published_row, specimen_row
 from swing_cohort import specimens
 
 

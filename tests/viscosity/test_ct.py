@@ -13,8 +13,8 @@ from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.procrustes import Similarity
-from myomorph.viscosity.study.ct import ScanFiles, ScanTable, model_from_scans, read_picks, scan_files
+from myomorph.morph.maps.linear import Similarity
+from myomorph.viscosity.study.calibration import ScanFiles, model_from_scans, read_picks
 from scans import cluster, made_scan
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
@@ -32,7 +32,7 @@ def written(path: Path, surface: Surface) -> Path:
 def specimen(data, tmp_path_factory):
     """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its markers truly are."""
     from myomorph.io.mesh import read_mesh
-    from myomorph.morph.place_clusters import bone_surface
+    from myomorph.morph.registration.place_clusters import bone_surface
 
     folder = tmp_path_factory.mktemp("ct")
     model = read_osim(data(MODEL))
@@ -97,15 +97,15 @@ def test_without_a_recording_picked_points_must_tell_the_markers_apart(specimen)
 
 def test_wrong_tables_are_named(specimen, tmp_path):
     model, scans, truth = specimen
-    table = ScanTable(bone="humerus", surface="a.stl", cluster="b.stl", markers=["hum1", "hum2", "hum3"])
-    assert scan_files(table, tmp_path).surface == tmp_path / "a.stl"
+    table = ScanFiles(bone="humerus", surface="a.stl", cluster="b.stl", markers=["hum1", "hum2", "hum3"])
+    assert table.within(tmp_path).surface == tmp_path / "a.stl"
     with pytest.raises(BadData, match="2 markers, but a cluster needs three"):
-        scan_files(table.model_copy(update={"markers": ["hum1", "hum2"]}), tmp_path)
+        table.model_copy(update={"markers": ["hum1", "hum2"]}).within(tmp_path)
     with pytest.raises(BadData, match="unit 'inch'"):
-        scan_files(table.model_copy(update={"unit": "inch"}), tmp_path)
+        table.model_copy(update={"unit": "inch"}).within(tmp_path)
     with pytest.raises(BadFile, match=r"a\.stl: cannot be read"):
-        model_from_scans(model, [scan_files(table, tmp_path)])
-    wrong = [ScanFiles("humerus", scans[0].surface, scans[0].cluster, ("hum1", "hum2", "x9"))]
+        model_from_scans(model, [table.within(tmp_path)])
+    wrong = [scans[0].model_copy(update={"markers": ("hum1", "hum2", "x9"), "picked": None})]
     with pytest.raises(UnknownName, match="unknown marker 'x9'"):
         model_from_scans(model, wrong, recorded(truth))
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 
 from myomorph.model.errors import BadData
-from myomorph.simulate.joint import mechanical_joint
-from myomorph.viscosity.cutoff import LEAST, MOST, choice_of, residual_analysis, scan_cutoffs
+from myomorph.viscosity.trust.cutoff import MAX_CUTOFF, MIN_CUTOFF, choice_of, residual_analysis, scan_cutoffs
 
 RATE = 200.0
 TIME = np.arange(0.0, 30.0, 1.0 / RATE)
@@ -36,9 +36,9 @@ def test_a_faster_motion_asks_for_a_higher_cutoff():
 
 def test_a_choice_stays_within_its_limits():
     still = residual_analysis("still", [1e-3 * np.random.default_rng(2).standard_normal(len(TIME))], RATE)
-    assert choice_of([still]).cutoff == LEAST
+    assert choice_of([still]).cutoff == MIN_CUTOFF
     quick = residual_analysis("quick", [decaying(18.0, 1e-4)], RATE)
-    assert choice_of([quick]).cutoff == MOST
+    assert choice_of([quick]).cutoff == MAX_CUTOFF
 
 
 def test_a_signal_full_of_gaps_is_refused():

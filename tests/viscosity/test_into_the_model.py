@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.coordinate_dampers import coordinate_damping, coordinate_stiffness
 from scipy.spatial.transform import Rotation
 
-from arm_files import osim_text
+from myomorph.demo.arm import osim_text
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto
@@ -24,8 +25,7 @@ from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.coordinate_damping import coordinate_damping, coordinate_stiffness
-from myomorph.viscosity.joint_bushing import joint_bushing
+from myomorph.viscosity.identified_model import joint_bushing
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from swung_specimen import CENTER, NAMES, arm_model, limb_parameters
 
 from mujoco_models import compiled
+from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.models import read_model
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -25,11 +25,11 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.limb_motion import lengthening, limb_motion
-from myomorph.viscosity.made_clusters import TRIANGLE, with_clusters
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.specimen_bodies import moved_parameters
-from myomorph.viscosity.specimen_muscles import FIGURE_1, fig1_muscles
+from myomorph.simulate.marker_clusters import TRIANGLE, with_clusters
+from myomorph.viscosity.specimen.bodies import moved_parameters
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.viscosity.specimen.muscles import FIGURE_1, fig1_muscles
+from myomorph.viscosity.swings.motion import lengthening, limb_motion
 
 AT_REST = Motion(np.zeros(1), (), np.zeros((1, 0)))
 THORACOSCAPULAR = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"

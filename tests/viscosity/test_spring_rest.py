@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 
-from myomorph.simulate.joint import mechanical_joint
-from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
-from myomorph.viscosity.spring_rest import counted_from, spring_misfit, spring_rest
-from myomorph.viscosity.swing_sums import swing_sums
-from myomorph.viscosity.viscosity import identify_specimen
+from myomorph.viscosity.identification.identify import identify_specimen
+from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
+from myomorph.viscosity.swings.sums import swing_sums
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_counting_from_the_rest_leaves_less_of_the_torque() -> None:
     sums = swing_sums(swings)
     parameters = limb_inertia(sums, None, InertiaOptions()).parameters
     before = spring_misfit(sums, parameters)
-    shift = spring_rest(sums, parameters)
+    shift = neutral_position(sums, parameters)
     assert np.linalg.norm(shift) == pytest.approx(np.linalg.norm(joint.truth.rest), abs=0.05)
     moved = counted_from(swings, shift)
     assert spring_misfit(swing_sums(moved), parameters) < 1e-2 * before

@@ -9,7 +9,7 @@ import pytest
 from swung_specimen import arm_specimen, swing
 
 from myomorph.contact.plate_placements import MarkedWeight
-from myomorph.io.c3d.write import write_c3d
+from myomorph.io.c3d.ezc3d import write_c3d
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
@@ -17,10 +17,10 @@ from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Table, Wrenches
 from myomorph.model.spatial import axis_rotation
 from myomorph.study.trial.upright import carrying, turn_to, turned
-from myomorph.viscosity.plate_wrench import wrench_about
+from myomorph.viscosity.study.calibration import PlateFiles, calibrate, placed, plate_residuals
 from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
-from myomorph.viscosity.study.plate_files import PlateFiles, calibrate, placed, plate_residuals
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, wrench_of_table
+from myomorph.viscosity.swings.plate import wrench_about
 
 DOWN = np.array([0.0, -9.80665, 0.0])
 LABELS = [f"{what}{axis}" for what in ("ground_force_v", "ground_force_p", "ground_torque_") for axis in "xyz"]

@@ -14,11 +14,10 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
-from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.swing_segments import REACH, swing_numbers, touched_frames, whole_frames
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.tracking import TrackedSpecimen, TrackedTrial, TrackingOptions, track
+from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.swings.recording import REACH, SwingRecording, swing_numbers, touched_frames, whole_frames
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackedTrial, TrackingOptions, track
 
 SPECIMEN = arm_specimen()
 CUTOFF = 10.0

@@ -11,15 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import pseudo_inertias
-from myomorph.viscosity import swing_prediction
-from myomorph.viscosity.condition_solution import solve_condition
-from myomorph.viscosity.joint_viscosity import joint_viscosity, torque_problem
-from myomorph.viscosity.limb_inertia import InertiaOptions, limb_inertia
-from myomorph.viscosity.muscle_viscosity import muscle_problem
-from myomorph.viscosity.resampling import Influences
-from myomorph.viscosity.swing_sums import PLATE, swing_sums
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.viscosity import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.condition import Influences, solve_condition
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.identification.torque import joint_viscosity, muscle_problem, torque_problem
+from myomorph.viscosity.swings import sums as swing_prediction
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.sums import PLATE, swing_sums
 
 BARE = Made(damping=0.05, stiffness=2.0)
 WHOLE = replace(BARE, mass=2.5, **eleven(np.random.default_rng(0)))
@@ -254,7 +252,7 @@ def test_one_condition_is_enough_and_the_other_is_named(bare):
     found = identify_specimen("half", bare, (), options=OPTIONS)
     assert found.intact is None
     assert found.muscles is None
-    assert found.notes[0].startswith("with muscles: no recording")
+    assert found.notes[0].startswith("muscles intact: no recording")
     with pytest.raises(BadData, match="no recording"):
         identify_specimen("none", (), (), options=OPTIONS)
 

@@ -10,16 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.made_clusters import with_clusters
-from myomorph.viscosity.specimen import SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
-from myomorph.viscosity.tracking import TrackedSpecimen, TrackingOptions, track
+from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
+from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackingOptions, track
 
 MARKERS_ONLY = TrackingOptions(clock=False, find_touch=False)
 SPECIMEN = arm_specimen()
@@ -235,7 +235,7 @@ def test_what_moves_between_two_trials_is_named_and_followed():
     found = {(slip.trial, slip.what, slip.before) for slip in tracked.slips}
     assert found >= {("later", "elbow", True), ("later", "base", True)}
     assert apart(rotations(tracked, 2), truth.rotations).max() < 1e-3
-    assert any("'elbow' stands 3.8 degrees off where it stands in the other" in one for one in tracked.trials[2].notes)
+    assert any("'elbow' is 3.8 degrees away from its position in the other" in one for one in tracked.trials[2].notes)
 
 
 def test_markers_that_the_model_does_not_name():

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.estimate import Estimate
-from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
-from myomorph.report.charts.interval_rows import interval_rows
-from myomorph.report.charts.scatter import Cloud, xy_plot
-from myomorph.report.page.head import Note
-from myomorph.viscosity.murai_tables import MEAN, SD, SPECIMENS
+from myomorph.model.provenance import Estimate
+from myomorph.report.charts.marks import Level
+from myomorph.report.charts.points import Cloud, xy_plot
+from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
+from myomorph.report.page.parts import Note
+from myomorph.viscosity.cohort import MEAN, SD, SPECIMENS
 from myomorph.viscosity.report.given import (
     ArmError,
     ArmSpread,
@@ -79,7 +79,7 @@ def test_the_page_says_first_what_is_simulated_and_what_failed(reports):
     assert "made &amp; drawn" in head
     assert "3 of them with and without muscles" in head
     assert "specimen 01: axis z hardly moved" in page
-    assert "Trust in specimen" not in page
+    assert "Sensitivity: specimen" not in page
     assert not re.search(r"(src|href)=\"(?!data:|#|https://doi)", page)
 
 
@@ -133,7 +133,12 @@ def test_points_lie_where_their_values_are():
 def test_bars_reach_their_values_and_intervals_beyond_the_chart_are_cut():
     values = [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.0, 50.0), None]
     drawn = interval_bars(
-        "T", "N", ["a", "b", "c"], values, [Beside("t", "truth", np.array([1.0, np.nan, 3.0]))], [Level("l", 1.5, 0.5)]
+        "T",
+        "N",
+        ["a", "b", "c"],
+        values,
+        [Beside("t", "truth", np.array([1.0, np.nan, 3.0]))],
+        [Level(1.5, "l", "mean", 0.5)],
     )
     heights = [float(one) for one in re.findall(r'class="bar[^>]*height="([\d.]+)"', drawn)]
     assert heights[1] == pytest.approx(2.0 * heights[0], abs=0.2)
@@ -145,7 +150,7 @@ def test_bars_reach_their_values_and_intervals_beyond_the_chart_are_cut():
 
 def test_rows_place_dots_in_proportion():
     drawn = interval_rows(
-        "T", "N", ["a", "b"], [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.5, 2.5)], levels=[Level("<l>", 1.0)]
+        "T", "N", ["a", "b"], [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.5, 2.5)], levels=[Level(1.0, "<l>", "mean")]
     )
     dots = [float(one) for one in re.findall(r'cx="([\d.]+)"', drawn)]
     line = float(re.search(r'class="level [^>]*M([\d.]+) ', drawn).group(1))

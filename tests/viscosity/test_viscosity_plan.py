@@ -115,7 +115,7 @@ def test_a_study_of_subjects_is_another_command(folder):
 
 def test_one_condition_alone_is_remarked(folder):
     plan = plan_of(folder, SMALLEST.replace('with = ["full1.c3d"]\n', ""))
-    assert any("no recordings with muscles" in remark for remark in plan.remarks)
+    assert any("no recordings of muscles intact" in remark for remark in plan.remarks)
 
 
 def test_plate_and_ct(folder):

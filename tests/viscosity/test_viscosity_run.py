@@ -10,11 +10,10 @@ import pytest
 
 from myomorph.cli.program import main
 from myomorph.model.errors import BadData, BadFile
-from myomorph.viscosity.murai_tables import SPECIMENS
+from myomorph.viscosity.cohort import SPECIMENS
 from myomorph.viscosity.report.given import specimen_report
 from myomorph.viscosity.study import run as viscosity
-from myomorph.viscosity.study.options import StudyOptions
-from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
 from myomorph.viscosity.study.specimen import Studied
 from swing_cohort import specimens
 

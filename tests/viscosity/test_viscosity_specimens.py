@@ -87,7 +87,7 @@ def test_one_condition_alone_has_its_own_columns(ran):
     outcomes, out, _ = ran
     one = outcomes["half"]
     assert set(one.report.row) == {"mass_without", "com_without", "joint_viscosity"}
-    assert any("with muscles: no recording" in note for note in one.report.notes)
+    assert any("muscles intact: no recording" in note for note in one.report.notes)
     assert (out / "half" / "without_bare1.sto").is_file()
 
 

@@ -1,4 +1,4 @@
-"""Conditions of a study: mean curves with their spread, and every pair of conditions compared."""
+"""Conditions of a study: mean curves with their spread, every pair compared, and values far from the others."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
 from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups
@@ -101,3 +102,30 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
 
 def _without_curves(group: Group) -> Group:
     return Group(group.name, tuple(replace(one, curves={}) for one in group.animals))
+
+
+FAR = 3.5
+"""Modified z-score from which a value is called an outlier (Iglewicz and Hoaglin 1993)."""
+FEWEST_VALUES = 5
+"""Values of a kind from which on any is judged."""
+ROUNDED = 1e-6
+"""Values that differ by less, as a share of their median, are equal: what is left is rounding."""
+TO_DEVIATION = 0.6745
+"""Median absolute deviation of a normal distribution, in standard deviations."""
+
+
+def modified_z(values: ArrayLike) -> Array:
+    """0.6745 (x - median) / median absolute deviation of values (n,), NaN stays out.
+
+    All NaN with fewer than five known values, or where more than half of them are equal but for rounding.
+    """
+    given = np.asarray(values, dtype=np.float64)
+    known = given[np.isfinite(given)]
+    if len(known) < FEWEST_VALUES:
+        return np.full(given.shape, np.nan)
+    middle = np.median(known)
+    spread = float(np.median(np.abs(known - middle)))
+    if not spread > ROUNDED * abs(float(middle)):
+        return np.full(given.shape, np.nan)
+    found: Array = TO_DEVIATION * (given - middle) / spread
+    return found

@@ -1,4 +1,4 @@
-"""Curves over the cycle: what a signal does from strike to strike, its mean and how sure that is."""
+"""Cycles: curves over the cycle and their mean, and whether a signal repeats, after how long, and how sure that is."""
 
 from __future__ import annotations
 
@@ -7,11 +7,162 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.fft import next_fast_len
+from scipy.special import ndtr
 from scipy.stats import t as student
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
+
+MOST_SAMPLES, LEAST_KNOWN = 4096, 0.5
+
+
+@dataclass(frozen=True)
+class PeriodOptions:
+    """What counts as a period.
+
+    Attributes
+    ----------
+    confidence : a period is named from here on, 0 to 1
+    likeness : and where the signal correlates so much with itself one period later
+    cycles : and where at least so many are in the recording
+    first : the first repetition within this share of the best one is the period, not a multiple of it
+        (McLeod and Wyvill 2005)
+    """
+
+    confidence: float = 0.95
+    likeness: float = 0.4
+    cycles: float = 2.0
+    first: float = 0.85
+
+    def __post_init__(self) -> None:
+        if self.cycles < 2.0:
+            raise BadData(f"a period from {self.cycles:g} cycles: expected 2 or more, or nothing is repeated")
+
+
+@dataclass(frozen=True)
+class Periodicity:
+    """The best candidate for a period, and whether it is one.
+
+    Attributes
+    ----------
+    period : [s], nan where the signal does not even rise again
+    cycles : how many fit the recording
+    likeness : correlation of the signal with itself one period later, -1 to 1
+    confidence : one minus the chance that a signal which does not repeat looks so alike somewhere
+    periodic : whether that passes the limits of `PeriodOptions`
+    """
+
+    period: float
+    cycles: float
+    likeness: float
+    confidence: float
+    periodic: bool
+
+
+NONE = Periodicity(float("nan"), 0.0, 0.0, 0.0, False)
+
+
+def find_period(time: Array, values: Array, options: PeriodOptions | None = None) -> Periodicity:
+    """Period of a signal by its autocorrelation, less its straight line.
+
+    r(k) = 2 sum x_t x_(t+k) / sum (x_t^2 + x_(t+k)^2)  is 1 for k = 0 and for a multiple of a period (McLeod and
+    Wyvill 2005). Its first high maximum after it left its first lobe is the candidate. A signal that forgets itself
+    after that lobe has r(k) of variance (1 + 2 sum_(j < lobe) r(j)^2) / (n - k) there (Bartlett 1946); the chance that
+    one of as many independent lags as were searched is so high gives the confidence.
+
+    Parameters
+    ----------
+    time, values : (frames,) ascending [s]; values that are NaN are left out, up to half of them
+
+    References
+    ----------
+    Bartlett MS (1946), J R Stat Soc Suppl 8:27-41. McLeod P, Wyvill G (2005), Proc Int Comput Music Conf, 138-141.
+    """
+    options = options or PeriodOptions()
+    sampled = _evenly(time, values)
+    if sampled is None:
+        return NONE
+    step, signal, seen = sampled
+    count = len(signal)
+    likeness, pairs = _autocorrelation(signal, seen)
+    longest = int(count / options.cycles)
+    lobe = int(np.argmax(likeness[:longest] <= 0.0))
+    if lobe == 0:
+        return NONE
+    searched = likeness[lobe : longest + 1]
+    inner = np.flatnonzero((searched[1:-1] >= searched[:-2]) & (searched[1:-1] > searched[2:])) + 1 + lobe
+    if not len(inner) or likeness[inner].max() <= 0.0:
+        return NONE
+    first = int(inner[np.argmax(likeness[inner] >= options.first * likeness[inner].max())])
+    # Noise puts small maxima on the shoulder of a wide one.
+    lag = first + int(np.argmax(likeness[first : min(int(1.25 * first), longest) + 1]))
+    memory = 1.0 + 2.0 * float(np.sum(likeness[1:lobe] ** 2))
+    score = float(likeness[lag]) / np.sqrt(memory / pairs[lag])
+    tries = max(1.0, (longest - lobe) / memory)
+    confidence = float(ndtr(score) ** tries)
+    period = step * _refined(likeness, lag, longest)
+    duration = step * (count - 1)
+    high = float(likeness[lag])
+    sure = confidence >= options.confidence and high >= options.likeness
+    return Periodicity(period, duration / period, high, confidence, sure)
+
+
+def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
+    """Step, values less their straight line and which are known, at even times; None where too few are or none differs.
+
+    Values that are not known are 0.
+    """
+    known = np.isfinite(values)
+    if known.sum() < 8 or known.mean() < LEAST_KNOWN:
+        return None
+    count = min(len(time), MOST_SAMPLES)
+    even = np.linspace(time[0], time[-1], count)
+    seen = np.interp(even, time, known.astype(np.float64)) > 0.5
+    signal = np.interp(even, time[known], values[known])
+    along = even - even[0]
+    line = np.polynomial.polynomial.polyfit(along[seen], signal[seen], 1)
+    scale = float(np.ptp(signal)) + float(np.abs(signal).max())
+    signal = np.where(seen, signal - line[0] - line[1] * along, 0.0)
+    if float(np.ptp(signal)) <= 1e-9 * scale:
+        return None
+    return float(even[1] - even[0]), signal, seen.astype(np.float64)
+
+
+def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
+    """r(k) of `find_period` for every lag, and how many pairs of values it compares."""
+    size = next_fast_len(2 * len(signal), real=True)
+    wave, square, mask = np.fft.rfft(np.stack([signal, signal**2, seen]), size, axis=1)
+    spectra = [np.abs(wave) ** 2, square * np.conj(mask), mask * np.conj(square), np.abs(mask) ** 2]
+    products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[:, : len(signal)]
+    return 2.0 * products / np.maximum(later + earlier, 1e-300), np.maximum(pairs, 1.0)
+
+
+def _refined(likeness: Array, lag: int, longest: int) -> float:
+    """A lag between samples, from the last repetition that still stands out: m periods divided by m."""
+    best = _vertex(likeness, lag)
+    multiple = 2
+    while (multiple + 0.5) * best < longest:
+        middle, reach = multiple * best, 0.25 * best
+        low, high = int(middle - reach), int(middle + reach) + 1
+        peak = low + int(np.argmax(likeness[low : high + 1]))
+        if peak in (low, high) or likeness[peak] < 0.5 * likeness[lag]:
+            break
+        best = _vertex(likeness, peak) / multiple
+        multiple += 1
+    return best
+
+
+def _vertex(values: Array, k: int) -> float:
+    """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both sides."""
+    reach = min(max(1, k // 12), k, len(values) - 1 - k)
+    if reach < 1:
+        return float(k)
+    around = np.arange(-reach, reach + 1)
+    _, slope, bend = np.polynomial.polynomial.polyfit(around, values[k - reach : k + reach + 1], 2)
+    return float(k + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(k)
+
 
 SAMPLES = 101
 LONGEST_GAP = 0.1

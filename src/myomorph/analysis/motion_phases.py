@@ -1,4 +1,4 @@
-"""Phases of a motion: how it is cut, and what the center of gravity, muscles and contacts do in each."""
+"""Phases of a motion: how it is cut, and what the center of mass, muscles and contacts do in each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import Cut
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Series

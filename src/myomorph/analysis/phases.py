@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Series, Wrenches
 from myomorph.model.sides import split_side
 
@@ -274,3 +275,16 @@ def _jump_phases(
         ),
     ]
     return Movement("jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a motion: its name, its start and its end [s]."""
+
+    name: str
+    start: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        if not self.start < self.stop:
+            raise BadData(f"phase '{self.name}' lasts from {self.start:g} to {self.stop:g} s: expected a later end")

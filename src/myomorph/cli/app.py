@@ -7,6 +7,7 @@ from typing import NamedTuple
 from cyclopts import App, Parameter
 
 from myomorph import __version__
+from myomorph.study.trial.step_table import STEPS
 
 
 class Command(NamedTuple):
@@ -94,7 +95,13 @@ where an error came from.
 """
 
 
-def _app() -> App:
+def command_names() -> tuple[str, ...]:
+    """All commands: those above, and one for every other step of a trial."""
+    return (*COMMANDS, *(step for step in STEPS if step not in COMMANDS))
+
+
+def new_app() -> App:
+    """The program with all its commands."""
     app = App(
         name="myomorph",
         help=HELP,
@@ -110,7 +117,6 @@ def _app() -> App:
             help=command.told,
             help_epilogue=f"Example: `{command.example}`",
         )
+    for name in command_names()[len(COMMANDS) :]:
+        app.command(f"myomorph.cli.step_command:{name}_command", name=name)
     return app
-
-
-app = _app()

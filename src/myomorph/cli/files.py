@@ -35,7 +35,7 @@ def report_command(
     """Make report.html of a folder of results."""
     from myomorph.demo.jump import demo_model
     from myomorph.study.trial.reporting import report_folder
-    from myomorph.viscosity.study.store import STORE, remake_report
+    from myomorph.viscosity.study.results import STORE, remake_report
 
     if (folder / STORE).is_file():
         paths = [remake_report(folder)]

@@ -54,7 +54,7 @@ def identify_command(
     threads: Threads = None,
 ) -> int:
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
-    from myomorph.live.motions import live_motions
+    from myomorph.live.identification import live_motions
     from myomorph.study.subject import identifying
     from myomorph.study.subject.body_shape import BodyShape
     from myomorph.study.subject.made_model import check_out_model

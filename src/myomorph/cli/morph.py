@@ -10,9 +10,9 @@ from cyclopts import Parameter
 from myomorph.cli.options import Threads, given, options_class, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
-from myomorph.morph.fields import MapOptions
+from myomorph.morph.maps.fields import MapOptions
 from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.nonrigid import MatchOptions
+from myomorph.morph.registration.nonrigid import MatchOptions
 from myomorph.study.subject.morph_files import Unit
 
 MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -20,12 +19,13 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
-from myomorph.motion.crossings import CrossingOptions
-from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.store.settings import Differentiation, TorqueTable
+from myomorph.study.trial.step import StepOutput, StepResults, run_step
+from myomorph.study.trial.steps import id as dynamics
+from myomorph.study.trial.steps import ik
+from myomorph.study.trial.trial_files import TrialFiles, read_motion_trial, read_trial
 
-IkOptions = options_class(InverseKinematicsOptions, CrossingOptions, leave_out=("only_weighted",))
-IdOptions = options_class(Differentiation, TorqueTable)
+IkOptions = options_class(*ik.STEP.options, leave_out=ik.STEP.not_settings)
+IdOptions = options_class(*dynamics.STEP.options)
 
 
 def ik_command(
@@ -39,19 +39,14 @@ def ik_command(
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
-    from myomorph.study.trial.steps import run_step
-    from myomorph.study.trial.take import Found
-    from myomorph.study.trial.takes import FileTake, open_take
-
     use_threads(threads)
-    files = FileTake(model=model, markers=markers, tasks=tasks, time=time)
-    take = open_take(files, {"ik": given(options)})
+    files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time)
+    trial = read_trial(files, {"ik": given(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
-        found = run_step("ik", take, Found(), writer, folder)
-    fit = found.fit
-    assert fit is not None
-    warn(take.warnings)
-    said(f"{fit.summary}; wrote {out}")
+        poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
+    warn(trial.warnings)
+    assert poses.fit is not None
+    said(f"{poses.fit.summary}; wrote {out}")
     return 0
 
 
@@ -66,17 +61,13 @@ def id_command(
     threads: Threads = None,
 ) -> int:
     """Inverse dynamics: the generalized force of every coordinate."""
-    from myomorph.study.trial.steps import run_step
-    from myomorph.study.trial.take import Found
-    from myomorph.study.trial.takes import FileTake, open_motion_take
-
     use_threads(threads)
-    files = FileTake(model=model, motion=motion, loads=loads, time=time)
-    take, recorded = open_motion_take(files, {"id": given(options)})
+    files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
+    trial, poses = read_motion_trial(files, {"id": given(options)})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
-        found = run_step("id", take, dataclasses.replace(Found(), recorded=recorded), writer, folder)
-    assert found.torques is not None
-    warn((*take.warnings, *found.notes))
+        results = run_step(dynamics.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+    warn((*trial.warnings, *results.notes))
+    found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     said(f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces; wrote {out}")
     return 0

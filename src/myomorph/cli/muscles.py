@@ -21,16 +21,14 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
-from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.store.settings import Differentiation, EmgUse, Measured, Side, TensionTables
-from myomorph.tension.contacts import ContactOptions
-from myomorph.tension.emg_targets import EmgOptions
-from myomorph.tension.solve import Tension, TensionOptions
+from myomorph.store.settings import Measured, Side
+from myomorph.study.trial.step import StepOutput, StepResults, run_step
+from myomorph.study.trial.steps import muscles, tension
+from myomorph.study.trial.trial_files import TrialFiles, read_motion_trial
+from myomorph.tension.solve import Tension
 
-MusclesOptions = options_class(Differentiation)
-TensionSettings = options_class(
-    Differentiation, TensionOptions, ContactOptions, EmgOptions, EnvelopeOptions, EmgUse, TensionTables
-)
+MusclesOptions = options_class(*muscles.STEP.options)
+TensionSettings = options_class(*tension.STEP.options)
 
 
 def muscles_command(
@@ -43,17 +41,13 @@ def muscles_command(
     threads: Threads = None,
 ) -> int:
     """Muscle lengths, lengthening velocities and moment arms."""
-    from myomorph.study.trial.steps import run_step
-    from myomorph.study.trial.take import Found
-    from myomorph.study.trial.takes import FileTake, open_motion_take
-
     use_threads(threads)
-    files = FileTake(model=model, motion=motion, time=time)
-    take, recorded = open_motion_take(files, {"muscles": given(options)})
+    files = TrialFiles(model=model, motion=motion, time=time)
+    trial, poses = read_motion_trial(files, {"muscles": given(options)})
     with folder_with(out, "muscles") as (folder, writer):
-        found = run_step("muscles", take, Found(recorded=recorded), writer, folder)
-    warn((*take.warnings, *found.notes))
-    said(f"{len(take.model.muscles)} muscles, {len(recorded)} frames; wrote {out}")
+        results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+    warn((*trial.warnings, *results.notes))
+    said(f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames; wrote {out}")
     return 0
 
 
@@ -90,16 +84,12 @@ def tension_command(
     threads: Threads = None,
 ) -> int:
     """Muscle tensions that make the joint torques with the least effort, and contact forces with them."""
-    from myomorph.study.trial.steps import run_step
-    from myomorph.study.trial.take import Found
-    from myomorph.study.trial.takes import FileTake, open_motion_take
-
     if measured is not None and not contacts:
         raise BadData(f"--measured {measured} without --contacts: give --contacts auto, or a contact file")
     if measured == "shared" and loads is None:
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
     use_threads(threads)
-    files = FileTake(
+    files = TrialFiles(
         model=model,
         motion=motion,
         loads=loads,
@@ -110,13 +100,11 @@ def tension_command(
         measured=measured,
         time=time,
     )
-    take, recorded = open_motion_take(files, {"tension": given(options)})
+    trial, poses = read_motion_trial(files, {"tension": given(options)})
     with folder_with(out, "tension") as (folder, writer):
-        found = run_step("tension", take, Found(recorded=recorded), writer, folder)
-    tension = found.tension
-    assert tension is not None
-    warn((*take.warnings, *found.notes), f"the report tells them ('myomorph report {out}')")
-    said(f"{told_tension(tension)}; wrote {out}")
+        results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+    warn((*trial.warnings, *results.notes), f"the report tells them ('myomorph report {out}')")
+    said(f"{told_tension(results[tension.Tensions].tension)}; wrote {out}")
     return 0
 
 

@@ -61,13 +61,13 @@ def _print_what_the_terminal_cannot() -> None:
 def _run(given: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
-    from myomorph.cli.app import COMMANDS, app
+    from myomorph.cli.app import command_names, new_app
 
     command = given[0] if given and not given[0].startswith("-") else ""
-    if command and command not in COMMANDS:
-        raise UnknownName("command", command, tuple(COMMANDS), "myomorph")
+    if command and command not in command_names():
+        raise UnknownName("command", command, command_names(), "myomorph")
     try:
-        status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
+        status = new_app()(given, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
         return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
@@ -86,7 +86,9 @@ def _say(text: str, status: int, debug: bool = False) -> int:
 def _about_file(error: OSError) -> str:
     """An operating system's error as one line that names the file."""
     reason = error.strerror or str(error)
-    return f"{error.filename}: {reason}" if error.filename is not None else reason
+    # Of two names the second is the one that could not be written, as where a result is open in another program.
+    name = error.filename2 if error.filename2 is not None else error.filename
+    return f"{name}: {reason}" if name is not None else reason
 
 
 def _closed_pipe() -> int:

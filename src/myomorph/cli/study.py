@@ -96,7 +96,7 @@ def _hands(plan: Plan, workers: int | None, memory: float | None, threads: int |
 
     if memory is not None and not math.isfinite(memory):
         raise BadData(f"--memory {memory:g}: expected a number of GB")
-    jobs = len(plan.takes) + len(plan.together)
+    jobs = len(plan.trials) + len(plan.together)
     return local_workers(workers, None if memory is None else int(memory * 1e9), jobs, threads)
 
 

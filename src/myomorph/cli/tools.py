@@ -23,7 +23,7 @@ def run_tool_command(
     use_threads(threads)
     result = run_tool(setup)
     warn(result.warnings)
-    for line in result.told:
+    for line in result.lines:
         said(f"{result.tool}: {line}")
     for path in result.written:
         said(f"wrote {path}")

@@ -12,11 +12,11 @@ from cyclopts import Parameter
 from myomorph.cli.options import OutFolder, Threads, Time, given, options_class, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
-from myomorph.viscosity.study.files import NOTES
-from myomorph.viscosity.study.options import FilterOptions
+from myomorph.viscosity.identification.identify import ViscosityOptions
+from myomorph.viscosity.study.results import NOTES
 from myomorph.viscosity.study.run import SpecimenOutcome
-from myomorph.viscosity.tracking import TrackingOptions
-from myomorph.viscosity.viscosity import ViscosityOptions
+from myomorph.viscosity.tracking.track import TrackingOptions
+from myomorph.viscosity.trust.cutoff import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
 MOST_NOTES = 4
@@ -80,7 +80,7 @@ def viscosity_command(
 
 def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
     """Say how many specimens were done and where the report is; the exit status."""
-    from myomorph.viscosity.study.store import REPORT
+    from myomorph.viscosity.study.results import REPORT
 
     failed = [one for one in outcomes if one.report.failure]
     said(f"{len(outcomes) - len(failed)} of {len(outcomes)} specimens done")

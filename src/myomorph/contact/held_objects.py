@@ -1,4 +1,7 @@
-"""Objects of known inertia that hands hold or push: when they are held, and what their motion asks for."""
+"""Objects of known inertia that hands hold or push: when they are held, and what their motion asks for.
+
+A seat, a step or a table is a surface of its own height at which a site rests.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.plates import episodes
-from myomorph.contact.states import KINEMATICS, hysteresis, steady
+from myomorph.contact.site_motion import site_motion
+from myomorph.contact.states import (
+    KINEMATICS,
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    hysteresis,
+    steady,
+    strengths,
+)
+from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Model
@@ -126,3 +139,32 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
     force = found.forces[:, number]
     torque = found.moments[:, number] - np.cross(at, force)
     return Wrenches(motion.time, (body,), (body,), force[:, None], at[:, None], torque[:, None])
+
+
+RESTING = 10.0
+"""Percentile of a site's heights that is taken for the height it rests at."""
+
+
+def resting_height(model: Model, motion: Motion, site: Site) -> float:
+    """Height at which a site rests on what is under it [m]: the lowest that it gets, but for a tenth of the time."""
+    return float(np.nanpercentile(site_motion(model, motion, (site,)).lowest[:, 0], RESTING))
+
+
+def raised_contacts(
+    model: Model, motion: Motion, site: Site, soles: Sequence[Site], height: float | None = None
+) -> tuple[Contacts, Array]:
+    """When a site touches a surface of its own, and how ready it is to carry force (frames,).
+
+    Parameters
+    ----------
+    soles : sites under the feet, which tell how large the body is; those of other bodies count for nothing, and an
+        object is judged by its own height
+    height : of the surface [m]; None takes `resting_height`
+    """
+    height = resting_height(model, motion, site) if height is None else height
+    tree = compile_tree(model)
+    part = {one.name: tree.roots[tree.body_index[one.body]] for one in (site, *soles)}
+    sites = (site, *(one for one in soles if part[one.name] == part[site.name]))
+    found = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
+    ready = strengths(model, motion, sites, found, StrengthOptions(floor=height))
+    return Contacts((site.name,), found.of(site.name)), ready.values[:, 0]

@@ -15,7 +15,7 @@ from scipy.signal import butter, resample_poly, sosfilt
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.sound import Sound
+from myomorph.model.series import Sound
 
 HOP = 0.001
 """Step of short-time energies [s]."""

@@ -19,15 +19,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from myomorph.contact.plate_notes import believed, line_notes, outlier_notes, sign_notes, unknown_notes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, PlacementOptions, find_placements
 from myomorph.contact.plate_pose import (
     PlateFitOptions,
+    believed,
     best_pose,
+    line_notes,
+    outlier_notes,
     residuals,
     rotation_vector,
+    sign_notes,
     sizes,
     solve_pose,
+    unknown_notes,
 )
 from myomorph.contact.plates import plate_axes
 from myomorph.model.arrays import Array, frozen_array

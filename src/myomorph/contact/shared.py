@@ -16,6 +16,7 @@ from myomorph.model.contacts import Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
+from myomorph.motion.sync import refuse_other_times
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,7 @@ def _on_motion(
         if plate_time is None:
             raise BadData("plates with outlines need their clock: give plate_time")
         return wrenches_from_plates(plates, plate_time, motion.time), [one.corners for one in plates]
-    if len(plates) != len(motion) or np.max(np.abs(plates.time - motion.time), initial=0.0) > 1e-6:
-        raise BadData(
-            f"forces of plates have {len(plates)} frames, the motion {len(motion)}: resample them to its times first"
-        )
+    refuse_other_times("forces of plates", plates.time, motion.time)
     return plates, None
 
 

@@ -18,7 +18,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import index_of
-from myomorph.model.sound import Sound
+from myomorph.model.series import Sound
 
 
 def speed_of_sound(celsius: float) -> float:

@@ -81,15 +81,15 @@ class Step:
 
 @dataclass(frozen=True)
 class StairOptions:
-    """When a step is loaded, and how near a paw must be.
+    """When a step is loaded, and how near a foot must be.
 
     Attributes
     ----------
     loaded, unloaded : shares of body weight between which a step begins and ceases to be loaded
     noise : and as many standard deviations of the cell's noise
     shortest : loadings and gaps that last less are taken for noise [s]
-    reach : distance from a paw to the tread it stands on, at most, over the height of the center of mass
-    still : a paw that stands moves slower than this, over the speed sqrt(g height)
+    reach : distance from a foot to the tread it stands on, at most, over the height of the center of mass
+    still : a foot that stands moves slower than this, over the speed sqrt(g height)
     tare : "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
     """
 

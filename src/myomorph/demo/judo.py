@@ -20,9 +20,11 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
 from myomorph.study.trial.contact_file import ContactPlan
-from myomorph.study.trial.run_take import run_take
-from myomorph.study.trial.take import CHAIN, Take
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.study.trial.run_trial import run_trial
+from myomorph.study.trial.step import large_variables
+from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
+from myomorph.tension.emg_calibration import EmgOptions
 
 CUTOFF = 6.0
 """Low-pass of motion and of the true forces [Hz]."""
@@ -33,10 +35,10 @@ ERRORS = "contact_errors.csv"
 def run_judo_demo(out: Path) -> Outcome:
     """Simulate a bout, run the whole chain on it into a folder, and write `ERRORS` beside its tables and report."""
     pair = virtual_pair(BOUT, CUTOFF)
-    take = judo_take(pair)
-    outcome = run_take(take, (*CHAIN, "report"), out, fresh=True)
+    trial = judo_trial(pair)
+    outcome = run_trial(trial, (*STEPS, REPORT), out, fresh=True)
     if not outcome.error:
-        found = get_contact_forces(read_result(out / f"{file_name(take.name)}{STORED}", leave_out=("moment_arm",)))
+        found = get_contact_forces(read_result(out / f"{file_name(trial.name)}{STORED}", leave_out=large_variables()))
         assert found is not None
         write_errors(found, pair.truth, out / ERRORS)
     return outcome
@@ -47,13 +49,13 @@ def judo_model() -> Model:
     return pair_model(BOUT)
 
 
-def judo_take(pair: VirtualPair) -> Take:
+def judo_trial(pair: VirtualPair) -> TrialInputs:
     """A bout as the steps take it: markers, 16 channels of EMG a fighter, touches; true forces are only compared."""
     sites = pair_sites(pair.builds, directed=True)
     channels = tuple(name for name in pair.emg.names if name.split("_", 1)[1].startswith(CHANNELS))
     emg = Emg(pair.emg.time, channels, np.array([pair.emg[name] for name in channels]).T)
     model, truth = pair.model, pair.truth
-    return Take(
+    return TrialInputs(
         name=f"{pair.options.kind} {pair.options.seed}",
         subject="tori and uke",
         model=model,
@@ -61,7 +63,7 @@ def judo_take(pair: VirtualPair) -> Take:
         loads=lambda motion: truth.wrenches,
         emg=emg,
         emg_muscles=MappingProxyType({name: (name,) for name in channels}),
-        emg_options=EmgOptions(delay=0.0, gains="given"),
+        options=OptionSet(EmgOptions(delay=0.0, gains="given"), Differentiation(CUTOFF), ReportOptions(preset="judo")),
         contacts=ContactPlan(
             feet=False,
             sites=sites,
@@ -70,9 +72,7 @@ def judo_take(pair: VirtualPair) -> Take:
             measured="hidden",
         ),
         mass=model.mass,
-        derivatives=Differentiation(CUTOFF),
-        report=ReportOptions(preset="judo"),
-        simulated=told_of(pair),
+        notes=TrialNotes(simulated=simulated_of(pair)),
         truth=MappingProxyType(known_of(truth, pair)),
         sources=(
             value_source("model", "demo:judo", *(np.append(body.mass_center, body.mass) for body in model.bodies)),
@@ -83,7 +83,7 @@ def judo_take(pair: VirtualPair) -> Take:
     )
 
 
-def told_of(pair: VirtualPair) -> tuple[str, ...]:
+def simulated_of(pair: VirtualPair) -> tuple[str, ...]:
     """What is simulated, and how badly it is measured."""
     options = pair.options
     tori, uke = (model.mass for model in pair.models.values())

@@ -15,11 +15,12 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
 from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
-from myomorph.study.trial.run_take import run_take
-from myomorph.study.trial.take import CHAIN, Take
+from myomorph.study.trial.run_trial import run_trial
+from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 DemoName = Literal["jump", "simulated", "judo"]
-STEPS = (*CHAIN, "report")
+DEMO_STEPS = (*STEPS, REPORT)
 
 
 def run_demo(name: str, out: Path) -> Outcome:
@@ -31,7 +32,7 @@ def run_demo(name: str, out: Path) -> Outcome:
         where there is no such demo
     """
     # Making the recording needs all kernels already: on a new machine both processes compile at once.
-    ahead = compile_ahead(STEPS, frozenset() if name == "judo" else frozenset({TENDONS}))
+    ahead = compile_ahead(DEMO_STEPS, frozenset() if name == "judo" else frozenset({TENDONS}))
     try:
         if ahead.works:
             with compiling():
@@ -44,10 +45,10 @@ def run_demo(name: str, out: Path) -> Outcome:
         from myomorph.demo.judo import run_judo_demo
 
         return run_judo_demo(out)
-    return run_take(demo_take(name), STEPS, out, fresh=True)
+    return run_trial(demo_trial(name), DEMO_STEPS, out, fresh=True)
 
 
-def demo_take(name: str) -> Take:
+def demo_trial(name: str) -> TrialInputs:
     """A demo's recording, ready for the steps.
 
     "jump": a recorded countermovement jump (package `biomdp`) with a leg model (package `myo-sim`);
@@ -60,16 +61,16 @@ def demo_take(name: str) -> Take:
         where there is no such demo
     """
     if name == "jump":
-        return _jump_take()
+        return _jump_trial()
     if name == "simulated":
-        from myomorph.simulate.squat import simulated_take
+        from myomorph.simulate.squat import simulated_trial
 
-        return simulated_take()
+        return simulated_trial()
     if name == "judo":
-        from myomorph.demo.judo import BOUT, CUTOFF, judo_take
+        from myomorph.demo.judo import BOUT, CUTOFF, judo_trial
         from myomorph.simulate.pair import virtual_pair
 
-        return judo_take(virtual_pair(BOUT, CUTOFF))
+        return judo_trial(virtual_pair(BOUT, CUTOFF))
     raise UnknownName("study", name, get_args(DemoName), "the demo")
 
 
@@ -79,30 +80,30 @@ def demo_model(name: str) -> Model:
         from myomorph.demo.judo import judo_model
 
         return judo_model()
-    return demo_take(name).model
+    return demo_trial(name).model
 
 
-def _jump_take() -> Take:
+def _jump_trial() -> TrialInputs:
     from myomorph.motion.envelope import envelopes
     from myomorph.simulate.jump import jump_study
 
     jump = jump_study()
     weights = {name: weight for name, weight in jump.marker_weights.items() if name in jump.markers.names}
-    return Take(
+    return TrialInputs(
         name="countermovement jump",
         subject="jumper",
         model=jump.model,
+        options=OptionSet(
+            InverseKinematicsOptions(marker_weights=MappingProxyType(weights)), Differentiation(jump.cutoff)
+        ),
         markers=jump.markers,
         loads=lambda motion: jump.wrenches,
         emg=envelopes(jump.analog),
         events=jump.events,
         mass=jump.mass,
         time=jump.window,
-        kinematics=InverseKinematicsOptions(marker_weights=MappingProxyType(weights)),
-        derivatives=Differentiation(jump.cutoff),
         plates=jump.trial.plates,
-        real=jump.real,
-        assumed=jump.assumed,
+        notes=TrialNotes(jump.real, jump.assumed),
         sources=(
             value_source("model", "demo:jump", *(np.append(body.mass_center, body.mass) for body in jump.model.bodies)),
             file_source("recording", jump.source),

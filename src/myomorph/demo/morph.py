@@ -12,10 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.morph.checks import PARTS, check_morph
-from myomorph.morph.postures import COUNT
-from myomorph.morph.transfer import morph_model
-from myomorph.report.page.head import Note
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.paths import PathPoint
+from myomorph.morph.checks.checks import PARTS, check_morph
+from myomorph.morph.checks.moment_arms import COUNT, compare_moment_arms, compared_coordinates
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map
+from myomorph.morph.maps.linear import AffineMap, procrustes
+from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.transfer.model import morph_model
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.rows import dot_plot
+from myomorph.report.page.parts import Figure, Grid, Note, Section
 from myomorph.simulate.deformed_leg import (
     AMPLITUDE,
     LANDMARKS,
@@ -25,10 +33,171 @@ from myomorph.simulate.deformed_leg import (
     demo_case,
     picked_landmarks,
 )
-from myomorph.simulate.morph_errors import MorphErrors, error_section, morph_errors
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of, value_source
 from myomorph.study.subject.morphing import Morphed, MorphSettings, map_bones, tables_folder, write_morphed
+
+WRITTEN = "as written"
+DENSE: Mapping[MapKind, str] = {"rbf": "RBF, dense", "ssd": "SSD, dense"}
+STYLES = ("middle", "second", "third", "fourth", "left", "first")
+
+
+@dataclass(frozen=True, eq=False)
+class MorphErrors:
+    """Errors against the truth.
+
+    Attributes
+    ----------
+    points : owner, name and body of the muscles' fixed points
+    distances : (points,) by method [m]
+    joints : distance of each joint's center in its child from the truth [m]
+    arms : by method, root mean square over the range of the error of each moment arm [m]
+    pairs : muscle and coordinate of each of these
+    """
+
+    points: tuple[tuple[str, str, str], ...]
+    distances: Mapping[str, Array]
+    joints: Mapping[str, float]
+    arms: Mapping[str, Array]
+    pairs: tuple[tuple[str, str], ...]
+
+
+def axis_scaling(landmarks: FeaturePoints) -> AffineMap:
+    """Each axis scaled by how far landmarks spread along it, as generic models are scaled."""
+    middle, goal = landmarks.source.mean(axis=0), landmarks.target.mean(axis=0)
+    factors = landmarks.target.std(axis=0) / landmarks.source.std(axis=0)
+    return AffineMap(np.diag(factors), goal - factors * middle)
+
+
+def morph_errors(morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping[str, FeaturePoints]) -> MorphErrors:
+    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation.
+
+    Parameters
+    ----------
+    truth : where the points of each body's frame truly go
+    landmarks : of each body that has a truth
+    """
+    fixed = {(m.name, p.name) for m in morph.source.muscles for p in m.path.points if isinstance(p, PathPoint)}
+    points = [one for one in morph.points if (one.owner, one.name) in fixed and one.body in truth]
+    bodies, source = [one.body for one in points], np.array([one.source for one in points])
+    true = _carried(truth, bodies, source)
+    methods = _methods(morph, landmarks)
+    distances = {name: np.linalg.norm(_carried(by, bodies, source) - true, axis=1) for name, by in methods.items()}
+    distances[WRITTEN] = np.linalg.norm(np.array([one.target for one in points]) - true, axis=1)
+    scaled = next(iter(methods))
+    arms, pairs = _arm_errors(morph, truth, {scaled: methods[scaled]})
+    return MorphErrors(
+        tuple((one.owner, one.name, one.body) for one in points), distances, _joint_errors(morph, truth), arms, pairs
+    )
+
+
+def _methods(morph: Morph, landmarks: Mapping[str, FeaturePoints]) -> dict[str, Mapping[str, PointMap]]:
+    """Maps by body, by method; scaling first."""
+    count = max(len(one) for one in landmarks.values())
+    found: dict[str, Mapping[str, PointMap]] = {
+        f"scaling, {count} landmarks": {body: axis_scaling(one) for body, one in landmarks.items()}
+    }
+    kinds: dict[MapKind, str] = {"affine": "affine", "rbf": "RBF", "ssd": "SSD"}
+    for kind, name in kinds.items():
+        maps = {body: fit_map(one, MapOptions(map=kind)) for body, one in landmarks.items()}
+        found[f"{name}, {count} landmarks"] = maps
+    for kind, name in DENSE.items():
+        found[name] = {body: fit_map(_features(morph.bones[body]), MapOptions(map=kind)) for body in landmarks}
+    return found
+
+
+def _features(bone: BoneMap) -> FeaturePoints:
+    if bone.features is None:
+        raise BadData(f"the map of '{bone.body}' has no feature points")
+    return bone.features
+
+
+def _carried(maps: Mapping[str, PointMap], bodies: list[str], points: Array) -> Array:
+    found, owner = np.empty_like(points), np.array(bodies)
+    for body in set(bodies):
+        found[owner == body] = maps[body].apply(points[owner == body])
+    return found
+
+
+def _joint_errors(morph: Morph, truth: Mapping[str, PointMap]) -> dict[str, float]:
+    joints = {joint.name: joint for joint in morph.source.joints}
+    found = {}
+    for one in morph.joints:
+        joint = joints[one.name]
+        if joint.child in truth and joint.parent in truth:
+            goal = truth[joint.child].apply(joint.child_frame.translation)
+            found[one.name] = float(np.linalg.norm(one.in_child - goal))
+    return found
+
+
+def _arm_errors(
+    morph: Morph, truth: Mapping[str, PointMap], others: Mapping[str, Mapping[str, PointMap]]
+) -> tuple[dict[str, Array], tuple[tuple[str, str], ...]]:
+    """Errors of moment arms against the model that the truth itself carries, and what they are of."""
+    exact = MorphOptions(surface_within=0.0, joints="mapped")
+    true = morph_model(morph.source, _bones(morph, truth), exact).model
+    models = {name: morph_model(morph.source, _bones(morph, by), exact).model for name, by in others.items()}
+    found, pairs = {}, []
+    for name, model in {**models, WRITTEN: morph.model}.items():
+        tables = compare_moment_arms(true, model, compared_coordinates(true, model))
+        turning = [one for one in tables if one.kind == "rotational"]
+        found[name] = np.concatenate([np.sqrt(np.mean((one.target - one.source) ** 2, axis=0)) for one in turning])
+        pairs = [(muscle, one.pair.source) for one in turning for muscle in one.muscles]
+    return found, tuple(pairs)
+
+
+def _bones(morph: Morph, maps: Mapping[str, PointMap]) -> dict[str, BoneMap]:
+    """Bones that go by given maps."""
+    found = {}
+    for body, one in maps.items():
+        surface = morph.bones[body].source
+        if surface is None:
+            raise BadData(f"the source has no bone of '{body}'")
+        whole = procrustes(surface.vertices, one.apply(surface.vertices), True)
+        found[body] = BoneMap(body, body, one, whole, "given", surface, None)
+    return found
+
+
+def error_section(found: MorphErrors) -> Section:
+    """How far each method puts muscles and joints from where they truly are."""
+    bodies = list(dict.fromkeys(body for _, _, body in found.points))
+    owner = np.array([body for _, _, body in found.points])
+    shown = [name for name in found.distances if not name.startswith("affine")]
+    medians = [
+        np.array([1e3 * float(np.median(found.distances[name][owner == body])) for body in bodies]) for name in shown
+    ]
+    styles = STYLES[: len(shown)]
+    plot = dot_plot("Median error of the muscle points on each bone", "mm", bodies, medians, styles, shown, 880)
+    lead = (
+        f"{len(found.points)} points of muscles, each where a map puts it, against where the known deformation puts "
+        f"it. “{WRITTEN.capitalize()}” is the model of this page: the dense map, then points near a surface put back "
+        "onto it, and via points brought out of bones. Moment arms are held against those of the model that the known "
+        "deformation itself carries; joint centers against where it puts the source's."
+    )
+    head = ("Method", "Median [mm]", "Mean [mm]", "95 % [mm]", "Worst [mm]")
+    grids = (
+        Grid(head, tuple(_row(name, one) for name, one in found.distances.items()), "Error of the muscle points"),
+        Grid(head, tuple(_row(name, one) for name, one in found.arms.items()),
+             f"Error of {len(found.pairs)} moment arms, root mean square over the range of the coordinate"),
+        Grid(("Joint", "Error [mm]"), tuple((name, number(1e3 * one)) for name, one in found.joints.items()),
+             "Error of the joint centers in the child's frame"),
+        _worst_points(found),
+    )  # fmt: skip
+    legend = tuple(zip(styles, shown, strict=True))
+    return Section("errors", "Error against the truth", lead, legend, (Figure(plot, "full"),), grids)
+
+
+def _row(name: str, errors: Array) -> tuple[str, ...]:
+    values = (np.median(errors), errors.mean(), np.percentile(errors, 95.0), errors.max())
+    return (name, *(number(1e3 * float(one)) for one in values))
+
+
+def _worst_points(found: MorphErrors, most: int = 10) -> Grid:
+    written = found.distances[WRITTEN]
+    order = np.argsort(-written)[:most]
+    rows = tuple((*found.points[i], number(1e3 * float(written[i]))) for i in order)
+    return Grid(("Muscle", "Point", "Bone", "Error [mm]"), rows, f"The {len(rows)} worst points as written", True)
+
 
 RESULT = "leg.osim"
 ERRORS = "errors.csv"

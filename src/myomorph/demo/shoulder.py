@@ -9,15 +9,23 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.model.spatial import Transform
-from myomorph.simulate.files import specimen_mjcf, write_recording
-from myomorph.simulate.laboratory import ROD, VirtualPlate, write_rod, write_scans, write_swing_c3d
-from myomorph.simulate.recording import Noise, VirtualTrial
+from myomorph.simulate.laboratory import (
+    ROD,
+    Noise,
+    VirtualPlate,
+    VirtualTrial,
+    write_recording,
+    write_rod,
+    write_scans,
+    write_swing_c3d,
+)
+from myomorph.simulate.limb import specimen_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
 from myomorph.store.progress import progress
-from myomorph.viscosity.arm_sensitivity import OFFSET
-from myomorph.viscosity.murai_tables import SPECIMENS, PublishedSpecimen
+from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.study.plan import read_viscosity_plan
 from myomorph.viscosity.study.run import SpecimenOutcome, run_viscosity
+from myomorph.viscosity.trust.moment_arms import OFFSET
 
 STUDY, RECORDINGS = "shoulder.toml", "recordings"
 SECONDS, TRIALS = 10.0, 3

@@ -16,10 +16,19 @@ from myomorph.identify.base_parameters import (
     link_levels,
     parameter_sizes,
 )
-from myomorph.identify.factors import Solution, levels, rank_and_condition, solve
+from myomorph.identify.least_squares import (
+    Recording,
+    Rows,
+    Solution,
+    correlation_times,
+    gather,
+    levels,
+    rank_and_condition,
+    residuals,
+    solve,
+)
 from myomorph.identify.null_space import tree_null_space
-from myomorph.identify.wrench_rows import Recording, Rows, correlation_times, gather, residuals
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -53,7 +62,7 @@ class BaseOptions:
         without it the constant is still estimated apart and reported
     prior : standard deviation of a weak prior about the model's own parameters, in multiples of their
         size; what the motion does not excite stays at the model's value
-    shown : a base parameter counts as shown where its standard deviation is below this share of its size
+    identifiable : a base parameter counts as identifiable where its standard deviation is below this share of its size
     rank_tolerance : singular values below this share of the largest do not count for the rank, columns
         scaled to length 1
     block : frames that are taken at a time
@@ -66,19 +75,19 @@ class BaseOptions:
     fixed: bool = False
     tare: bool = False
     prior: float = 100.0
-    shown: float = 0.2
+    identifiable: float = 0.2
     rank_tolerance: float = 1e-6
     block: int = 512
 
     def __post_init__(self) -> None:
-        for name in ("moment_noise", "force_noise", "prior", "shown", "rank_tolerance", "block"):
+        for name in ("moment_noise", "force_noise", "prior", "identifiable", "rank_tolerance", "block"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise BadData(f"{name} is {value:g}: expected above 0")
 
 
 @dataclass(frozen=True, eq=False)
-class Tare:
+class Tare(FrozenArrays):
     """A constant wrench that fits the data beside the parameters: a plate's offset or tare.
 
     Attributes
@@ -100,7 +109,7 @@ class Tare:
 
 
 @dataclass(frozen=True, eq=False)
-class BaseFit:
+class BaseFit(FrozenArrays):
     """Base parameters of a body with what the data say of each.
 
     Attributes
@@ -110,7 +119,7 @@ class BaseFit:
     size : (n,) how large each would be in the model, for comparison
     information, z : (n, n) upper triangular R and (n,) with R phi_B = z in units of noise, data alone
     relative_sd : (n,) sd / |estimate|
-    shown : (n,) whether this motion showed it (`BaseOptions.shown`)
+    identifiable : (n,) whether this motion tells it (`BaseOptions.identifiable`)
     levels : (n,) share of what is known of each that comes from the motion rather than from the model, 0 to 1
     link_levels : of every body, the mean over the base parameters named after it
     rank : of the information, columns scaled to length 1
@@ -134,7 +143,7 @@ class BaseFit:
     z: Array
     rank: int
     condition: float
-    shown: np.ndarray
+    identifiable: np.ndarray
     levels: Array
     link_levels: Mapping[str, float]
     sigma: Array
@@ -148,9 +157,7 @@ class BaseFit:
     options: BaseOptions = field(default_factory=BaseOptions)
 
     def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+        super().__post_init__()
         for name in ("left_out", "link_levels"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
@@ -222,7 +229,7 @@ def fit_base(
         z=z,
         rank=rank,
         condition=condition,
-        shown=sd <= options.shown * np.maximum(np.abs(estimate), sizes),
+        identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), sizes),
         levels=own,
         link_levels=link_levels(model, base, own),
         sigma=sigma,

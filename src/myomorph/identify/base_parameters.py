@@ -18,7 +18,7 @@ from myomorph.identify.null_space import (
     random_states,
     tree_null_space,
 )
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, checked_array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import PARAMETERS, inertial_parameters
 from myomorph.model.model import GROUND, Model
@@ -27,7 +27,7 @@ from myomorph.rigid.regressor import base_regressor
 
 
 @dataclass(frozen=True, eq=False)
-class BaseParameters:
+class BaseParameters(FrozenArrays):
     """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
 
     Y phi = Y[:, columns] Z phi for every motion of the model.
@@ -57,10 +57,10 @@ class BaseParameters:
     tared: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "combination", frozen_array(self.combination, (len(self.columns), -1)))
-        object.__setattr__(self, "tared", frozen_array(self.tared, (len(self.columns), -1)))
+        checked_array(self.combination, (len(self.columns), 10 * len(self.bodies)), "combination of base parameters")
+        checked_array(self.tared, (len(self.columns), "constants"), "tared base parameters")
         object.__setattr__(self, "held", MappingProxyType(dict(self.held)))
-        self.columns.setflags(write=False)
+        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.columns)
@@ -185,7 +185,7 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
         seen = np.concatenate([one[np.isfinite(one)] for one in values] or [np.array([coordinate.default])])
         reach = np.ptp(seen) if len(seen) else 0.0
         if name in roots and reach > 1e-6:
-            raise BadData(f"the base is said to be fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
+            raise BadData(f"the base is given as fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
         if len(seen) and reach < 1e-6:
             held[name] = float(np.median(seen))
     return held

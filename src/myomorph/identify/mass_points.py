@@ -24,7 +24,7 @@ from scipy import linalg, sparse
 from myomorph.identify.body.point_sums import PointSums
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.body.weights import checked_weights
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 
 SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
@@ -96,7 +96,7 @@ class Optimality:
 
 
 @dataclass(frozen=True, eq=False)
-class MassPointFit:
+class MassPointFit(FrozenArrays):
     """Masses of points, the inertial parameters they make, and the proof that they are the optimum.
 
     Attributes
@@ -121,10 +121,6 @@ class MassPointFit:
     iterations: int
     converged: bool
     options: MassPointOptions = field(repr=False)
-
-    def __post_init__(self) -> None:
-        for name in ("masses", "parameters", "link_sd"):
-            getattr(self, name).setflags(write=False)
 
 
 def prior_variances(points: MassPoints, options: MassPointOptions | None = None) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from myomorph.model.arrays import Array
-from myomorph.model.inertia import pseudo_inertias
+from myomorph.model.inertia import parameters_of, pseudo_inertias
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.rigid.couplers import couple_frames, couple_rates_frames
@@ -280,11 +280,7 @@ def parameters_in_parent(rotation: Array, origin: Array) -> Array:
     pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = rotation, origin, 1.0
     unit = pseudo_inertias(np.eye(10))
     moved = np.einsum("...ij,njk,...lk->...nil", pose, unit, pose)
-    second = moved[..., :3, :3]
-    inertia = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
-    parts = [moved[..., 3, 3], *(moved[..., i, 3] for i in range(3)), *(inertia[..., i, i] for i in range(3))]
-    parts += [inertia[..., 1, 2], inertia[..., 2, 0], inertia[..., 0, 1]]
-    return np.stack(parts, axis=-2)
+    return np.ascontiguousarray(np.swapaxes(parameters_of(moved), -1, -2))
 
 
 def momentum_rows(twist: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from myomorph.identify.base_parameters import BaseParameters, base_parameters
 from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UNLOADED, UNMEASURED, WINDOW
 from myomorph.identify.sequential import NOISE, Proposal, SequentialFit, SequentialState
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -43,7 +43,7 @@ class OnlineOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class OnlineState:
+class OnlineState(FrozenArrays):
     """What is known by now, for a display.
 
     Attributes
@@ -138,7 +138,7 @@ class OnlineIdentification:
         if self._force.full:
             self._forces.append((self._force.time, self._force.filtered[0]))
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Do everything once without effect, so that nothing is compiled when the first frame comes."""
         still = Motion(np.zeros(1), (), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
         rows = next(regressor_blocks(self.model, still)).rows[0]

@@ -14,16 +14,14 @@ entropic divergence too).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 import clarabel
 import numpy as np
 from scipy import linalg, sparse
 
-from myomorph.identify.body.mass_map import parameters_of
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import pseudo_inertias
+from myomorph.model.inertia import parameters_of, pseudo_inertias
 
 TRIANGLE = tuple((i, k) for k in range(4) for i in range(k + 1))
 """Entries of a symmetric 4 x 4 matrix in the order of the solver: columns of the upper triangle."""
@@ -38,23 +36,17 @@ class PseudoInertiaOptions:
 
     Attributes
     ----------
-    metric : "pullback": d^2 = sum_i tr((P_ref_i^-1 (P_i - P_ref_i))^2); "euclidean": squares of the ten
-        parameters' changes over m, m k and m k^2 of the reference, k its radius of gyration about its mass center
     mass_sd : relative standard deviation of a link's mass that the prior amounts to; a mass center then has
         mass_sd k / sqrt(2) along an axis of radius of gyration k, a second moment of mass mass_sd of itself
-        ("pullback")
     margin : least eigenvalue of P(phi_i), relative to its reference
     tolerance : of the solver's residuals and gap
     """
 
-    metric: Literal["pullback", "euclidean"] = "pullback"
     mass_sd: float = 0.15
     margin: float = 1e-3
     tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
-        if self.metric not in ("pullback", "euclidean"):
-            raise BadData(f"unknown metric '{self.metric}': there are 'pullback', 'euclidean'")
         for name in ("mass_sd", "tolerance"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"{name} of the pseudo-inertia problem is {getattr(self, name):g}: expected above 0")
@@ -63,7 +55,7 @@ class PseudoInertiaOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class PseudoInertiaFit:
+class PseudoInertiaFit(FrozenArrays):
     """Parameters of the links, and how far to trust the solution.
 
     Attributes
@@ -89,10 +81,6 @@ class PseudoInertiaFit:
     iterations: int
     options: PseudoInertiaOptions = field(repr=False)
 
-    def __post_init__(self) -> None:
-        for name in ("parameters", "smallest", "kept"):
-            getattr(self, name).setflags(write=False)
-
 
 def solve_pseudo_inertia(
     A: Array,
@@ -101,7 +89,6 @@ def solve_pseudo_inertia(
     *,
     mass: float | None = None,
     options: PseudoInertiaOptions | None = None,
-    ellipsoids: Array | None = None,
 ) -> PseudoInertiaFit:
     """Physically possible parameters that meet measured ones and stay near a reference.
 
@@ -110,9 +97,6 @@ def solve_pseudo_inertia(
     A : (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`)
     reference : (links, 10) parameters before anything is measured; those of massless links are kept
     mass : total [kg], or None
-    ellipsoids : (links, 4, 4) Q of an ellipsoid that holds each link, in the link's frame (`ellipsoid_matrix`);
-        tr(P Q) >= 0 then says that some mass within it has these parameters (Wensing et al. 2018), so that
-        the mass center is inside too; a link of zeros is free; see `equivalent_ellipsoids`
 
     Raises
     ------
@@ -120,9 +104,9 @@ def solve_pseudo_inertia(
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     free = _least_squares(problem, mass)
-    if _keeps(problem, free, ellipsoids):
+    if _keeps(problem, free):
         return problem.fit(free, status="closed form", converged=True, residual=0.0, iterations=0)
-    limits = _limits(problem, mass, ellipsoids)
+    limits = _limits(problem, mass)
     for residuals in (False, True):
         found = _solve(problem, limits, residuals)
         if str(found.status) == "Solved":
@@ -165,32 +149,6 @@ def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
                 P[:3, :3] += (axes * lift) @ axes.T
                 row[:] = parameters_of(P)
     return repaired
-
-
-def ellipsoid_matrix(center: Array, axes: Array) -> Array:
-    """(4, 4) Q with (x, 1)^T Q (x, 1) = 1 - |axes^-1 (x - center)|^2, at least 0 inside the ellipsoid.
-
-    Parameters
-    ----------
-    center : (3,) [m]
-    axes : (3, 3) semi-axes as columns [m]
-    """
-    inverse = np.linalg.inv(np.asarray(axes, float))
-    M, c = inverse.T @ inverse, np.asarray(center, float)
-    return np.block([[-M, (M @ c)[:, None]], [(M @ c)[None], np.array([[1.0 - c @ M @ c]])]])
-
-
-def equivalent_ellipsoids(reference: Array, grow: float = 1.0) -> Array:
-    """(links, 4, 4) `ellipsoid_matrix` of uniform ellipsoids with the inertia of each link, `grow` times larger.
-
-    Their semi-axes are sqrt(5) radii of gyration. A link without mass has a matrix of zeros: it is free.
-    """
-    matrices = np.zeros((len(reference), 4, 4))
-    for matrix, row, P in zip(matrices, reference, pseudo_inertias(reference), strict=True):
-        if row[0] > 0.0:
-            c = row[1:4] / row[0]
-            matrix[:] = ellipsoid_matrix(c, grow * np.linalg.cholesky(5.0 * (P[:3, :3] / row[0] - np.outer(c, c))))
-    return matrices
 
 
 @dataclass(eq=False)
@@ -238,7 +196,7 @@ class _Changes:
         total = basis[:, 0].ravel()
         return _Changes(
             reduced, b - A @ reference.ravel(), A, b, reference, moved, basis,
-            _prior(reference[moved], P[moved], basis, options), total,
+            np.eye(10 * len(moved)) / options.mass_sd**2, total,
             0.0 if mass is None else mass - reference[:, 0].sum(), options,
         )  # fmt: skip
 
@@ -267,7 +225,7 @@ class _Changes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Limits:
+class _Limits(FrozenArrays):
     """right - rows x in the cones, x the changes."""
 
     rows: sparse.csr_array
@@ -275,18 +233,13 @@ class _Limits:
     cones: list
 
 
-def _limits(problem: _Changes, mass: float | None, ellipsoids: Array | None) -> _Limits:
-    """The total mass, the ellipsoids and the inequalities of the pseudo-inertias, in this order."""
+def _limits(problem: _Changes, mass: float | None) -> _Limits:
+    """The total mass and the inequalities of the pseudo-inertias, in this order."""
     rows, right, cones = [], [], []
     if mass is not None:
         rows.append(sparse.csr_array(problem.total[None]))
         right.append(np.array([problem.lacking]))
         cones.append(clarabel.ZeroConeT(1))
-    if ellipsoids is not None:
-        inside, limit = _inside(problem, np.asarray(ellipsoids, float))
-        rows.append(sparse.csr_array(-inside))
-        right.append(limit)
-        cones.append(clarabel.NonnegativeConeT(len(limit)))
     links = len(problem.moved)
     rows.append(sparse.csr_array(-sparse.eye_array(10 * links)))
     right.append(np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links))
@@ -341,13 +294,10 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
     return x
 
 
-def _keeps(problem: _Changes, x: Array, ellipsoids: Array | None) -> bool:
+def _keeps(problem: _Changes, x: Array) -> bool:
     """Whether changes keep every inequality, so that they are the optimum with it too."""
     least = 1.0 + np.linalg.eigvalsh(_symmetric(x.reshape(-1, 10)))[:, 0]
-    if ellipsoids is None:
-        return bool((least >= problem.options.margin).all())
-    inside, limit = _inside(problem, np.asarray(ellipsoids, float))
-    return bool((least >= problem.options.margin).all() and (inside @ x + limit >= 0.0).all())
+    return bool((least >= problem.options.margin).all())
 
 
 def _symmetric(entries: Array) -> Array:
@@ -362,32 +312,3 @@ def _basis(L: Array) -> Array:
     """(10, 10) the change of a link's parameters from its scaled triangle: those of L E L^T."""
     columns: Array = parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T
     return columns
-
-
-def _prior(reference: Array, P: Array, basis: Array, options: PseudoInertiaOptions) -> Array:
-    """(10 links, 10 links) Hessian of the prior in the changes."""
-    if options.metric == "pullback":
-        return np.eye(10 * len(reference)) / options.mass_sd**2
-    m = reference[:, 0]
-    center = reference[:, 1:4] / m[:, None]
-    gyration = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2) / m - (center**2).sum(axis=1))
-    scales = m[:, None] * gyration[:, None] ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    weighted = basis / (options.mass_sd * scales)[:, :, None]
-    return linalg.block_diag(*(one.T @ one for one in weighted))
-
-
-def _inside(problem: _Changes, ellipsoids: Array) -> tuple[Array, Array]:
-    """Rows of tr(P Q) = limit + row . changes, scaled by the mass."""
-    reference = problem.reference
-    if ellipsoids.shape != (len(reference), 4, 4):
-        raise BadData(f"expected ellipsoids ({len(reference)}, 4, 4), but got {ellipsoids.shape}")
-    P, width = pseudo_inertias(reference), 10 * len(problem.moved)
-    rows, limits = [np.zeros((0, width))], []
-    for number, i in enumerate(problem.moved):
-        if ellipsoids[i].any():
-            row = np.zeros((1, width))
-            changes = pseudo_inertias(problem.basis[number].T)
-            row[0, 10 * number : 10 * number + 10] = np.einsum("qij,ij->q", changes, ellipsoids[i]) / reference[i, 0]
-            rows.append(row)
-            limits.append(float((P[i] * ellipsoids[i]).sum()) / reference[i, 0])
-    return np.concatenate(rows), np.array(limits)

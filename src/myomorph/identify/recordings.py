@@ -39,16 +39,16 @@ UNLOADED = 20.0
 FLIGHT = 0.05
 """Share of the body's weight under which nothing touches."""
 
-AGREED = 0.03
+MASS_TOLERANCE = 0.03
 """Share of the body's weight by which plates and stated mass may differ without a word."""
 
 REACH = 0.75
 """How far a filter's ends and gaps reach, times 1 / cutoff: nearer, motion and forces disagree by more than noise."""
 
-ELSEWHERE = 0.25
+MAX_FORCE_DISTANCE = 0.25
 """Distance of forces from where they should act, over the body's extent from its base, that no masses explain."""
 
-STILL = 0.1
+MIN_ROTATION = 0.1
 """Largest turn of any body against the base over which a motion counts as standing still [rad]."""
 
 
@@ -200,7 +200,7 @@ def check_excited(model: Model, recordings: tuple[Usable, ...], options: Recordi
             + "".join(f"; {note}" for one in recordings for note in one.notes)
         )
     turn = max(_largest_turn(model, one.recording) for one in recordings)
-    if turn < STILL:
+    if turn < MIN_ROTATION:
         raise BadData(
             f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees against the "
             f"'{model.body_names[0]}' in {seconds:.2g} s; masses show only while limbs and trunk move"
@@ -282,7 +282,7 @@ def _refuse_elsewhere(name: str, model: Model, motion: Motion, missing: Array, w
     tree = compile_tree(model)
     origins = forward_kinematics(tree, tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]).origins[0, 1:]
     size = float(np.linalg.norm(origins - origins[0], axis=1).max())
-    if arm > ELSEWHERE * size:
+    if arm > MAX_FORCE_DISTANCE * size:
         raise BadData(
             f"{name}: the forces act {arm:.2f} m from where the body of this motion could stand on them: do they "
             "belong to this recording, and have motion and forces the same ground and clock?"
@@ -323,11 +323,11 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def _weight_note(name: str, weighs: float, mass: float) -> tuple[str, ...]:
-    if not abs(weighs / mass - 1.0) > AGREED:
+    if not abs(weighs / mass - 1.0) > MASS_TOLERANCE:
         return ()
     return (
-        f"{name}: the forces say {weighs:.1f} kg where the subject is said to weigh {mass:.1f}: a plate's zero or gain "
-        "is off, a load is carried, or the mass is another",
+        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a plate's zero or "
+        "gain is off, a load is carried, or the mass is wrong",
     )
 
 

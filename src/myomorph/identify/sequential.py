@@ -19,9 +19,8 @@ from myomorph.identify.base_parameters import (
     link_levels,
     root_coordinates,
 )
-from myomorph.identify.factors import levels, rank_and_condition, with_prior
-from myomorph.identify.householder import fold
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.identify.least_squares import fold, levels, rank_and_condition, with_prior
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -57,7 +56,7 @@ class Proposal:
 
 
 @dataclass(frozen=True, eq=False)
-class SequentialState:
+class SequentialState(FrozenArrays):
     """What is known after some frames.
 
     Attributes

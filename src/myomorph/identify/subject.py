@@ -13,8 +13,6 @@ from scipy import sparse
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.body.points import MassPoints, point_moments
-from myomorph.identify.consistency import Consistency, Inside, consistency
-from myomorph.identify.held_out import Parts, held_out, parts_of
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.pseudo_inertia import (
     PseudoInertiaFit,
@@ -23,7 +21,8 @@ from myomorph.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.identify.validation import Consistency, Inside, Parts, consistency, held_out, parts_of
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
@@ -36,16 +35,16 @@ Looser ones predict more of the same motion and give masses that nobody has: fau
 every step are then blamed on hands and forearms.
 """
 
-FEW_POINTS = 60
+POINTS_PER_LINK = 60
 """Points a link that stand for all of them while strengths are tried."""
 
-FAR, LIGHT = 0.6, 0.003
+MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.6, 0.003
 """Change of a link's mass, of itself, that is told; and the share of the body under which a link does not count."""
 
 ROUNDS = 5
 """Times that the noise is taken anew from what the fit leaves of unseen parts."""
 
-SHOWN = 0.5
+IDENTIFIABLE = 0.5
 """Share of a parameter's prior variance that the data must take away to count as shown by them."""
 
 
@@ -71,7 +70,7 @@ class IdentificationOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(FrozenArrays):
     """A model of one body, and how far to trust it.
 
     Attributes
@@ -88,7 +87,7 @@ class Identification:
     base : the base parameters, with what the data say of each
     points : the mass points of the chosen way
     shares : (bodies, 10) share of what was not known before that the data told, of each parameter, 0..1;
-        what is below `SHOWN` comes from the shape of the body
+        what is below `IDENTIFIABLE` comes from the shape of the body
     consistency : of every link, for each way
     recordings : what was used of each, and why not more
     notes : what looks wrong, one line each
@@ -114,9 +113,9 @@ class Identification:
         """Body -> its parameters that the data do not show, so that they come from the shape of the body."""
         return MappingProxyType(
             {
-                name: tuple(PARAMETERS[j] for j in np.flatnonzero(row < SHOWN))
+                name: tuple(PARAMETERS[j] for j in np.flatnonzero(row < IDENTIFIABLE))
                 for name, row in zip(self.model.body_names, self.shares, strict=True)
-                if (row < SHOWN).any()
+                if (row < IDENTIFIABLE).any()
             }
         )
 
@@ -244,7 +243,7 @@ def _no_gain(held_out: Array, generic: Array) -> tuple[str, ...]:
 
 def _far_from_shape(names: Sequence[str], masses: Array, shape: Array, mass_sd: float) -> tuple[str, ...]:
     """Which links got a mass that is hard to believe, as one line."""
-    far = np.flatnonzero((shape > LIGHT * shape.sum()) & (np.abs(masses - shape) > FAR * shape))
+    far = np.flatnonzero((shape > MIN_MASS_SHARE * shape.sum()) & (np.abs(masses - shape) > MAX_MASS_CHANGE * shape))
     if not len(far):
         return ()
     worst = far[np.argsort(-np.abs(masses - shape)[far])][:3]
@@ -309,7 +308,7 @@ def _tried(
     return {sd: np.sqrt(weights @ found[sd]) for sd in sorted(found)}, best
 
 
-def _thinned(points: MassPoints, most: int = FEW_POINTS) -> MassPoints:
+def _thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
     """Fewer points with the same mass in every link, spread evenly over the given ones."""
     links = len(points.links.names)
     step = max(1, len(points.points) // (most * links))

@@ -1,6 +1,6 @@
 """A calibrated model's lengths, markers and masses given to a model with more joints ([D] 3.2.1, step 5).
 
-Both models are cut into the same regions. The higher model's bodies are stretched until the joint centers
+Both models are cut into the same regions. The higher model's bodies are scaled until the joint centers
 of its regions lie as far from each other as in the lower model, and it is posed so that they coincide; in
 that pose markers keep their place in space, and the masses of each region are spread over its bodies.
 """
@@ -21,25 +21,27 @@ from myomorph.identify.body.center_fit import (
     hinge_cues,
     skeleton,
 )
-from myomorph.identify.body.mass_map import (
-    frames_in_ground,
+from myomorph.identify.body.points import Links, frames_in_ground, links_of
+from myomorph.identify.body.regions import (
+    Center,
+    Region,
+    center_positions,
+    centers_of,
     ground_pseudo_inertias,
-    parameters_of,
+    regions_of,
     spread,
     spread_mass,
 )
-from myomorph.identify.body.points import Links, links_of
-from myomorph.identify.body.regions import Center, Region, center_places, centers_of, regions_of
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
 from myomorph.muscles.scaling import default_path_lengths
 
-FEWEST_CENTERS = 4
+MIN_CENTERS = 4
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class TransferOptions:
 
     Attributes
     ----------
-    rounds : of stretching and posing, at most
+    rounds : of scaling and posing, at most
     tolerance : the rounds end when no joint center moves further relative to the lower model's [m]
     keep_markers : keep markers of the higher model that the lower one lacks
     lower_segments, higher_segments : segments of bodies whose names do not tell them
@@ -85,7 +87,7 @@ class MassMatch:
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer:
+class Transfer(FrozenArrays):
     """A higher model with a lower model's lengths, markers and masses, and how well it took them.
 
     Attributes
@@ -94,7 +96,7 @@ class Transfer:
     lower_pose, higher_pose : one frame each, in which the joint centers coincide
     rotation : (3, 3) from the lower model's ground axes to the higher's
     factors : (3,) scale factors of the higher model's bodies
-    joint_shifts : how far each joint had to be moved in its inner body, which stretching and posing left [m]
+    joint_shifts : how far each joint had to be moved in its inner body, which scaling and posing left [m]
     joint_errors : distance of each pair of corresponding joint centers that is left [m]
     without_center : joint centers that only one of the models has
     without_counterpart : bodies of regions that the other model lacks; they follow the region they hang on
@@ -123,7 +125,7 @@ def transfer(
 ) -> Transfer:
     """Give a model with more joints the lengths, marker places and masses of one with fewer.
 
-    Lengths: a region with two joint centers is stretched evenly in all directions, so that their distance
+    Lengths: a region with two joint centers is scaled evenly in all directions, so that their distance
     is the lower model's; the pelvis and the torso, which have three or more, along the axes of their
     bodies, one factor an axis for all of them, as evenly as their distances allow: the chain of the spine
     shares the length of the trunk. Head, hands and toes, which have one, take the mean factor of the
@@ -153,18 +155,18 @@ def transfer(
     lower_pose = first_frame(pose, lower)
     rotation = between_grounds(lower, higher, lower_pose, centers, shared)
     lower_centers = {key: centers[0][key] for key in shared}
-    targets = {key: rotation @ place for key, place in center_places(lower, lower_centers, lower_pose).items()}
+    targets = {key: rotation @ place for key, place in center_positions(lower, lower_centers, lower_pose).items()}
     cues = hinge_cues(lower, higher, lower_pose, centers, shared, rotation)
 
     fit = CenterFit(skeleton(higher), regions[1], {key: centers[1][key] for key in shared}, targets, cues)
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
-    model = _stretched(higher, shifted, factors, path_lengths)
+    model = _scaled(higher, shifted, factors, path_lengths)
     model, masses = _with_masses(lower, model, lower_pose, higher_pose, regions, rotation)
     markers, notes = _markers(lower, model, lower_pose, higher_pose, regions, rotation, options)
     model = replace(model, markers=markers)
 
-    places = center_places(model, centers_of(model, regions[1]), higher_pose)
+    places = center_positions(model, centers_of(model, regions[1]), higher_pose)
     errors = {key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}
     lonely = sorted(set(centers[0]) ^ set(centers[1]))
     common = set(regions[0].values()) & set(regions[1].values())
@@ -190,15 +192,15 @@ def _shared_centers(
 ) -> tuple[str, ...]:
     """Joint centers that both models have."""
     shared = tuple(key for key in centers[0] if key in centers[1])
-    if len(shared) < FEWEST_CENTERS:
+    if len(shared) < MIN_CENTERS:
         raise BadData(
             f"models '{lower.name}' and '{higher.name}' have only {len(shared)} joint centers in common "
-            f"({', '.join(shared) or 'none'}): expected at least {FEWEST_CENTERS}"
+            f"({', '.join(shared) or 'none'}): expected at least {MIN_CENTERS}"
         )
     return shared
 
 
-def _stretched(
+def _scaled(
     given: Model, shifted: Model, factors: Mapping[str, Array], path_lengths: Callable[[Model], Array] | None
 ) -> Model:
     """The model with its joints shifted, scaled; muscles keep the ratios they have in the model as given."""

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.c3d.plain import BLOCK, claimed_frames
+from myomorph.io.c3d.plain import BLOCK, KEY, claimed_frames
 from myomorph.io.trc import trc_head
 from myomorph.model.errors import BadFile, MyomorphError
 
-C3D_KEY = 0x50
 HEAD = 1 << 18
 """Bytes that hold the header of any recording, long lists of C3D parameters included."""
 
@@ -63,7 +62,7 @@ def count_frames(path: str | os.PathLike[str]) -> FrameCount:
     try:
         if ending == ".trc":
             return _trc(head, path)
-        if ending == ".c3d" and len(head) >= BLOCK and head[1] == C3D_KEY:
+        if ending == ".c3d" and len(head) >= BLOCK and head[1] == KEY:
             return _told(*claimed_frames(head))
         if ending in (".h5", ".hdf5"):
             return _keypoints(path)

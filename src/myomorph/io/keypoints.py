@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.io.parsing.hdf5_guard import check_hdf5
+from myomorph.io.parsing.guard import run_guarded, seconds_for
 from myomorph.io.parsing.text import unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
@@ -30,6 +30,12 @@ MOST_VALUES = 1 << 28
 
 MOST_NAMES = 10_000
 LONGEST_TEXT = 1 << 20
+MAX_BYTES = 1 << 31
+"""Bytes of a data set that are read to see whether they can be."""
+
+MEMORY = 4.0
+"""Of the child at most [GiB]."""
+
 HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, points, 3)"
 
 
@@ -124,7 +130,7 @@ def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointN
 
     if not path.is_file():
         raise BadFile(path, "does not exist")
-    check_hdf5(path, HINT)
+    _check_hdf5(path)
     try:
         with h5py.File(path, "r") as file:
             tracks = file.get("tracks")
@@ -148,6 +154,30 @@ def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointN
     except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError) as error:
         raise BadFile(path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT) from None
     return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), own
+
+
+def _check_hdf5(path: Path) -> None:
+    """Raise `BadFile` where the library crashes or hangs on a file; what it says of one, the reader meets itself."""
+    outcome = run_guarded(f"{__name__}:_read_all", [path.resolve()], seconds_for(path), MEMORY)
+    if outcome.status == "hung":
+        raise BadFile(path, f"cannot be read as HDF5 (the library {outcome.message})", f"is it damaged? {HINT}")
+    if outcome.status == "failed":
+        raise BadFile(path, f"cannot be read as HDF5 ({outcome.message[:120]})", HINT)
+
+
+def _read_all(path: str) -> None:
+    """The child's side: touch everything that the reader may read."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            for holder in (file, *file.values()):
+                dict(holder.attrs)
+                if isinstance(holder, h5py.Dataset) and holder.nbytes <= MAX_BYTES:
+                    holder[...]
+    except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError):
+        # The reader tells what it is that it cannot read.
+        return
 
 
 def _own_facts(file: Any, tracks: Any) -> KeypointNames:

@@ -1,4 +1,4 @@
-"""External loads (OpenSim's ExternalLoads XML and its table) as wrenches in ground."""
+"""External loads (OpenSim's ExternalLoads XML and its table) as wrenches in ground, read and written."""
 
 from __future__ import annotations
 
@@ -6,19 +6,23 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
+from lxml import etree
 
-from myomorph.io.osim.document import Node, read_document
+from myomorph.io.osim.document import Node, read_document, write_document
 from myomorph.io.osim.joints import plain_name
-from myomorph.io.sto import read_sto
+from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadFile, BadModel, UnknownName
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import GROUND
 from myomorph.model.series import Table, Wrenches
 
 UNASSIGNED = ("", "Unassigned", "NULL")
 PosesOf = Callable[[str, Array], tuple[Array, Array]]
+
+PARTS = ("force_v", "force_p", "torque_")
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ def read_load_entries(
     shared = loads.text("", "datafile")
     entries = []
     for node in loads.items("objects"):
-        if not node.flag("appliesForce", not node.flag("isDisabled", False)):
+        if not node.is_applied:
             continue
         own = node.text("", "data_source_name")
         source = shared if shared not in UNASSIGNED else "" if own in UNASSIGNED else own
@@ -201,3 +205,56 @@ def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> t
             "its place in ground needs the motion of that body, which is not given here"
         )
     return poses(body, time)
+
+
+def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
+    """Forces, points and torques in ground as OpenSim's external loads name them.
+
+    Columns of a load NAME are NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and NAME_torque_x, y, z
+    [N m]: the force on the body. An unknown point of a load without force becomes 0.
+
+    Raises
+    ------
+    BadData
+        where a load has no body, or two have one name
+    """
+    for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
+        if not body:
+            raise BadData(f"load '{load}' acts on no body: assign it first")
+    if len(set(wrenches.names)) != len(wrenches.names):
+        raise BadData(f"two loads have one name among {', '.join(wrenches.names)}")
+    columns, blocks = [], []
+    idle = (wrenches.forces == 0.0).all(axis=2, keepdims=True)
+    points: Array = np.where(idle & np.isnan(wrenches.points), 0.0, wrenches.points)
+    for k, load in enumerate(wrenches.names):
+        for part, values in zip(PARTS, (wrenches.forces, points, wrenches.torques), strict=True):
+            columns += [f"{load}_{part}{axis}" for axis in "xyz"]
+            blocks.append(values[:, k])
+    values = np.hstack([*blocks, np.zeros((len(wrenches), 0))])
+    return Table(wrenches.time, tuple(columns), values, facts=MappingProxyType({"name": name}))
+
+
+def write_external_loads(
+    wrenches: Wrenches, table: str | os.PathLike[str], loads: str | os.PathLike[str], name: str = "Contact forces"
+) -> None:
+    """Write a table of loads (.sto or .mot) and the external loads file (.xml) that names it, both in ground.
+
+    OpenSim and `io.loads.read_external_loads` take them back; the XML finds the table beside itself.
+    """
+    write_sto(loads_table(wrenches, name), table)
+    document = etree.Element("OpenSimDocument", Version="40000")
+    group = etree.SubElement(document, "ExternalLoads", name=name.replace(" ", "_"))
+    objects = etree.SubElement(group, "objects")
+    for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
+        force = etree.SubElement(objects, "ExternalForce", name=load)
+        for tag, text in (
+            ("applied_to_body", body),
+            ("force_expressed_in_body", GROUND),
+            ("point_expressed_in_body", GROUND),
+            ("force_identifier", f"{load}_force_v"),
+            ("point_identifier", f"{load}_force_p"),
+            ("torque_identifier", f"{load}_torque_"),
+        ):
+            etree.SubElement(force, tag).text = text
+    etree.SubElement(group, "datafile").text = Path(table).name
+    write_document(document, loads)

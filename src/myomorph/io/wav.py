@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.model.errors import BadFile
-from myomorph.model.sound import Sound
+from myomorph.model.series import Sound
 
 LARGEST = 4 << 30
 """Bytes of samples, in single precision, that are read at most."""

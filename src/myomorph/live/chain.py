@@ -1,4 +1,4 @@
-"""The chain while frames arrive: pose, torques and tensions of one frame, without a look ahead."""
+"""The chain while frames arrive: pose, torques and tensions of one frame from what has come until then."""
 
 from __future__ import annotations
 
@@ -7,29 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.contact.online_feet import OnlineFeet
+from myomorph.contact.assign import OnlineFeet
+from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
-from myomorph.motion.steady_pose import BLEND, SteadyKinematics
+from myomorph.motion.online import OnlineKinematics
+from myomorph.motion.steady_pose import BLEND, SteadyFrame, SteadyKinematics
 from myomorph.rigid.dynamics import OnlineDynamics
-from myomorph.tension.actuators import floating_joints
 from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame
 from myomorph.tension.tension import TensionOptions
-
-GAP = 0.1
-"""Time without a sample of force after which forces are unknown [s]."""
+from myomorph.tension.terms.actuators import floating_joints
 
 KEPT = 2.0
 """Forces that no frame has asked for are kept so long [s]."""
-
-SOLVED, HELD, NO_FORCE, SETTLING, UNSOLVED = range(5)
-STATES = ("solved", "markers lost", "no force", "settling", "no solution")
-"""What a frame's torques and activations are: known, or unknown because of what."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +79,76 @@ class ChainFrame:
     state: int
 
 
+class Poses:
+    """The pose of each frame: inverse kinematics of its markers, or its coordinates as they come.
+
+    Parameters
+    ----------
+    source : whose `names` and `markers` say what comes
+    blend : time constant with which the jump of a lost or found marker is given back [s]; None for no blending
+
+    Attributes
+    ----------
+    marker_names : of the markers that model and source share; none where coordinates come
+
+    Raises
+    ------
+    BadData : model and source share no marker
+    UnknownName : a coordinate is not in the model
+    """
+
+    def __init__(self, model: Model, source: Source, blend: float | None = None):
+        self._model, self._names, self._blend = model, source.names, blend
+        self._rest = np.array([one.default for one in model.coordinates])
+        self._kinematics = self._solver() if source.markers else None
+        self.marker_names = () if self._kinematics is None else self._kinematics.marker_names
+        self._columns = (
+            [] if source.markers else [index_of("coordinate", name, model.coordinate_names) for name in source.names]
+        )
+
+    def _solver(self) -> SteadyKinematics | OnlineKinematics:
+        if self._blend is None:
+            return OnlineKinematics(self._model, self._names)
+        return SteadyKinematics(self._model, self._names, blend=self._blend)
+
+    def warm_up(self) -> None:
+        """Solve the default pose with a solver of its own, with all markers and with one lost."""
+        if self._kinematics is None:
+            return
+        solver = self._solver()
+        tracked = [self._names.index(name) for name in solver.marker_names]
+        positions = np.full((len(self._names), 3), np.nan)
+        positions[tracked] = default_markers(self._model, solver.marker_names)
+        solver.solve(0.0, positions)
+        positions[tracked[0]] = np.nan
+        solver.solve(0.01, positions)
+
+    def solve(self, time: float, row: Array) -> SteadyFrame:
+        """Pose of a frame: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+        if isinstance(self._kinematics, SteadyKinematics):
+            return self._kinematics.solve(time, row)
+        if self._kinematics is not None:
+            coordinates, error = self._kinematics.solve(time, row)
+            return SteadyFrame(coordinates, error, int(np.isfinite(row).all(axis=1).sum()), False, 0.0)
+        pose = self._rest.copy()
+        pose[self._columns] = row
+        return SteadyFrame(pose, float("nan"), 0, False, 0.0)
+
+
 class LiveChain:
     """From markers and forces to coordinates, torques, activations.
 
     Parameters
     ----------
-    source : which tells what will come: names of markers or coordinates, plates and rates
+    source : which says what will come: names of markers or coordinates, plates and rates
 
     Attributes
     ----------
+    poses : of the frames
+    filter_delay : how much older torques and tensions are than their frame [s]
+    max_age : frames older than that are dropped [s]
     bodies : that external forces act on
     actuators : reserves and residuals, names
-    notes : what is assumed, one line each
 
     Raises
     ------
@@ -111,11 +164,8 @@ class LiveChain:
     ):
         self.model, self.options = model, options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
-        self.kinematics = SteadyKinematics(model, source.names, blend=self.options.blend) if source.markers else None
-        self._columns = (
-            [] if self.kinematics else [index_of("coordinate", name, model.coordinate_names) for name in source.names]
-        )
-        self._names = source.names
+        self.filter_delay, self.max_age = self.filter.delay, self.options.late
+        self.poses = Poses(model, source, self.options.blend)
         self.feet = OnlineFeet(model, source.plates, source.bodies)
         self.bodies = self.feet.bodies
         self.dynamics = OnlineDynamics(model, self.bodies)
@@ -124,7 +174,7 @@ class LiveChain:
         count = len(model.coordinates)
         self._motion = CausalStream(self.filter, count)
         self._forces = CausalStream(self.filter, 6 * len(self.bodies))
-        self._has_forces = source.force_rate > 0.0
+        self._force_rate = source.force_rate
         self._waiting: deque[tuple[float, Array]] = deque()
         self._pose: Array | None = None
         self._unknown = -np.inf
@@ -132,28 +182,28 @@ class LiveChain:
         nothing, no_reserves = np.full(len(model.muscles), np.nan), np.full(len(self.actuators), np.nan)
         no_torques = np.full(len(self.tension.rows), np.nan)
         self._unshared = TensionFrame(nothing, nothing, no_reserves, no_torques, MISSING, float("nan"))
-        self.notes = self._told()
 
-    def _told(self) -> tuple[str, ...]:
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is assumed, and how long plates were loaded near no foot so far, one line each."""
+        missed = tuple(
+            f"plate '{name}' was loaded for {count / self._force_rate:.2f} s near no foot: that force was left out"
+            for name, count in zip(self.feet.plates, self.feet.nobody.tolist(), strict=True)
+            if count > 0.02 * self._force_rate
+        )
         floating = floating_joints(self.model)
-        if self._has_forces or not floating:
-            return ()
+        if self._force_rate or not floating:
+            return missed
         return (
             f"no external forces: what carries '{floating[0].child}' is a residual, and torques are those of a body "
             "that nothing supports",
+            *missed,
         )
 
-    def rehearse(self) -> None:
-        """Do everything once on the default pose, so that nothing is compiled when the first frame comes."""
-        if self.kinematics is not None:
-            rehearsal = SteadyKinematics(self.model, self._names)
-            tracked = [self._names.index(name) for name in rehearsal.marker_names]
-            positions = np.full((len(self._names), 3), np.nan)
-            positions[tracked] = default_markers(self.model, rehearsal.marker_names)
-            rehearsal.solve(0.0, positions)
-            positions[tracked[0]] = np.nan
-            rehearsal.solve(0.01, positions)
-        if self._has_forces:
+    def warm_up(self) -> None:
+        """Compute everything once on the default pose, so that nothing is compiled when the first frame comes."""
+        self.poses.warm_up()
+        if self._force_rate:
             self.feet.given(np.zeros((1, len(self.feet.plates), 6)), None)
         for stream, width in ((self._motion, len(self._rest)), (self._forces, 6 * len(self.bodies))):
             stream.push(np.array([0.0, 0.01]), np.zeros((2, width)))
@@ -181,7 +231,7 @@ class LiveChain:
 
     def _forces_at(self, time: float) -> Array | None:
         """(bodies, 6) filtered wrenches at a time, None where they are not known."""
-        if not self._has_forces:
+        if not self._force_rate:
             return np.zeros((len(self.bodies), 6))
         times, rows = [], []
         while self._waiting and self._waiting[0][0] <= time:
@@ -199,18 +249,13 @@ class LiveChain:
 
     def frame(self, time: float, row: Array) -> ChainFrame:
         """One frame: markers (markers, 3) [m], or coordinates (coordinates,) of the source's names [rad or m]."""
-        error, seen, owed, held = float("nan"), 0, 0.0, False
-        if self.kinematics is not None:
-            steady = self.kinematics.solve(time, row)
-            pose, error, seen, owed, held = steady.coordinates, steady.error, steady.seen, steady.owed, steady.held
-        else:
-            pose = self._rest.copy()
-            pose[self._columns] = row
+        steady = self.poses.solve(time, row)
+        pose = steady.coordinates
         self._motion.push(np.array([time]), pose[None])
         self._pose = pose if np.isfinite(pose).all() else self._pose
         wrenches = self._forces_at(time)
         value, velocity, acceleration = self._motion.at(time)
-        state = self._state(time, held, value, wrenches)
+        state = self._state(time, steady.held, value, wrenches)
         if wrenches is None:
             wrenches = np.full((len(self.bodies), 6), np.nan)
         torques = np.full(len(self._rest), np.nan)
@@ -222,8 +267,9 @@ class LiveChain:
             shared = self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
             state = SOLVED if shared.status == OPTIMAL else UNSOLVED
         return ChainFrame(
-            time, pose, value.copy(), velocity.copy(), torques, shared, wrenches, error, seen, owed, state
-        )
+            time, pose, value.copy(), velocity.copy(), torques, shared, wrenches,
+            steady.error, steady.seen, steady.owed, state,
+        )  # fmt: skip
 
     def _state(self, time: float, held: bool, value: Array, wrenches: Array | None) -> int:
         """Whether torques can be known."""

@@ -1,39 +1,45 @@
-"""`identify --live`: frames arrive, the body takes color, and the subject is told what to move next."""
+"""`identify --live`: frames arrive, the body takes color, and the subject is asked to move what shows most."""
 
 from __future__ import annotations
 
 import sys
 import time as clock
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import islice
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from myomorph.identify.base_parameters import held_in
 from myomorph.identify.online import OnlineIdentification, OnlineOptions, OnlineState
-from myomorph.live.displays import Display, TerminalDisplay, WebDisplay
-from myomorph.live.sources import Arrived, LabStreams, Replay, Source
+from myomorph.live.chain import Poses
+from myomorph.live.loop import SOLVED, Delays, follow
+from myomorph.live.sources import LiveRecording, Replay, Source, open_recording
+from myomorph.live.streams import LabStreams
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model, index_of
+from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
-from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
-from myomorph.motion.measurements import default_markers
-from myomorph.motion.online import OnlineKinematics
-from myomorph.viewer.live_view import Clock
+from myomorph.motion.steady_pose import SteadyFrame
+from myomorph.store.settings import with_settings
+from myomorph.study.subject.identifying import SubjectMotion, _surfaces, open_motions
+from myomorph.viewer.identification_page import (
+    Clock,
+    Display,
+    TerminalDisplay,
+    WebDisplay,
+)
 
 INTERVAL = 0.2
 """Time between two looks at the estimate [s]."""
 
 SHARE = 0.25
 """Part of the time that looking may take."""
-
-IDLE = 0.004
-"""Pause where nothing has come [s]."""
 
 
 @dataclass(frozen=True)
@@ -87,19 +93,177 @@ class LiveResult:
         """One line for the end."""
         fit = self.state.fit
         weakest = fit.least
-        told = f"{self.frames} frames in {self.seconds:.1f} s, {fit.frames} used"
-        told += "".join(f"; {count} left out: {reason}" for reason, count in self.state.left_out.items())
-        told += f"; markers {1000 * self.marker_rms:.1f} mm" if np.isfinite(self.marker_rms) else ""
-        told += f"; identified {100 * fit.progress:.0f} %, least '{weakest}' {100 * fit.link_levels[weakest]:.0f} %"
-        return told + f"; kept up with {self.frames_per_second:.0f} frames a second"
+        line = f"{self.frames} frames in {self.seconds:.1f} s, {fit.frames} used"
+        line += "".join(f"; {count} left out: {reason}" for reason, count in self.state.left_out.items())
+        line += f"; markers {1000 * self.marker_rms:.1f} mm" if np.isfinite(self.marker_rms) else ""
+        line += f"; identified {100 * fit.progress:.0f} %, least '{weakest}' {100 * fit.link_levels[weakest]:.0f} %"
+        return line + f"; kept up with {self.frames_per_second:.0f} frames a second"
 
 
-@dataclass(frozen=True)
-class LiveRecording:
-    """What is played: markers or coordinates, and forces, see `run_live`."""
+@dataclass(frozen=True, eq=False)
+class IdentificationFrame:
+    """The pose of one frame, which the estimate has taken in."""
 
-    motion: Markers | Motion
-    wrenches: Wrenches
+    time: float
+    pose: SteadyFrame
+    state: int = SOLVED
+
+
+class LiveIdentification:
+    """Steps of the loop that fold every frame into an estimate, and keep what came.
+
+    Parameters
+    ----------
+    source : which says what will come
+    mass : of the subject [kg]; None where it is not known
+
+    Attributes
+    ----------
+    estimate : with everything that was folded in
+    max_age, newest_force : infinite: no frame is dropped, and none waits, since the estimate itself waits for forces
+    """
+
+    max_age = newest_force = float("inf")
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, model: Model, source: Source, mass: float | None = None, options: OnlineOptions | None = None):
+        played = source.played if isinstance(source, Replay) else None
+        held = held_in(model, [played]) if isinstance(played, Motion) else None
+        self.model, self.poses = model, Poses(model, source)
+        self.estimate = OnlineIdentification(model, source.rate, source.force_rate, mass, options, held)
+        self.filter_delay = self.estimate.delay
+        self._frames: list[IdentificationFrame] = []
+        self._forces: list[tuple[Array, Array]] = []
+        self._waiting: deque[tuple[float, Array]] = deque()
+
+    def warm_up(self) -> None:
+        """Compute once without effect, so that nothing is compiled when the first frame comes."""
+        self.estimate.warm_up()
+        self.poses.warm_up()
+
+    def push_forces(self, time: Array, wrenches: Array) -> None:
+        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m], [N]."""
+        totals = wrenches.sum(axis=1)
+        self._forces.append((time, totals))
+        self._waiting.extend(zip(time.tolist(), totals, strict=True))
+
+    def frame(self, time: float, row: Array) -> IdentificationFrame:
+        """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+        self._pass_on_forces(time)
+        found = IdentificationFrame(time, self.poses.solve(time, row))
+        self._frames.append(found)
+        self.estimate.push_motion(time, found.pose.coordinates)
+        return found
+
+    def _pass_on_forces(self, until: float) -> None:
+        """Give the estimate the forces up to a time, for it keeps no more than frames need [s]."""
+        while self._waiting and self._waiting[0][0] <= until:
+            self.estimate.push_force(*self._waiting.popleft())
+
+    def finish(self) -> None:
+        """Fold in what still waits for its forces."""
+        self._pass_on_forces(float("inf"))
+        self.estimate.finish()
+
+    def result(self, seconds: float, busy: float) -> LiveResult:
+        """What the session ends with; raises `BadData` where no frame could be used."""
+        state = self.estimate.state()
+        if not state.fit.frames:
+            left = ", ".join(f"{count} {reason}" for reason, count in state.left_out.items())
+            raise BadData(
+                f"none of the {len(self._frames)} frames that came can be used: {left or 'too few for the filter'}"
+            )
+        errors = np.array([one.pose.error for one in self._frames])
+        errors = errors[np.isfinite(errors)]
+        time, totals = (np.concatenate(parts) for parts in zip(*self._forces, strict=True))
+        base, zero = self.model.body_names[0], np.zeros((len(time), 1, 3))
+        return LiveResult(
+            identification=self.estimate,
+            state=state,
+            motion=Motion(
+                np.array([one.time for one in self._frames]),
+                self.model.coordinate_names,
+                np.array([one.pose.coordinates for one in self._frames]),
+            ),
+            wrenches=Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3]),
+            frames=len(self._frames),
+            seconds=seconds,
+            busy=busy,
+            marker_rms=float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan"),
+        )
+
+
+def identify_frames(
+    model: Model,
+    source: Source,
+    *,
+    mass: float | None = None,
+    online: OnlineOptions | None = None,
+    displays: Sequence[Display] = (),
+    now: Callable[[], float] = clock.monotonic,
+) -> LiveResult:
+    """Take frames from a source until it is done.
+
+    Parameters
+    ----------
+    model : scaled to the subject
+    mass : of the subject [kg]; None where it is not known
+    now : a clock [s]
+
+    Raises
+    ------
+    BadData : no frame came, or none could be used
+    """
+    steps, delays = LiveIdentification(model, source, mass, online), Delays()
+    looks = Looks(steps.estimate, source, displays, now)
+    session = follow(steps, source, late=[looks] if displays else [], delays=delays, now=now)
+    if session.interrupted and source.duration is not None:
+        raise KeyboardInterrupt
+    steps.finish()
+    looks.show(float(delays.table[-1, 0]), 0.0)
+    return steps.result(session.seconds, float(delays.table[:, 3].sum()))
+
+
+class Looks:
+    """Lets displays look at the estimate every now and then.
+
+    Parameters
+    ----------
+    now : a clock [s]
+    """
+
+    def __init__(
+        self,
+        estimate: OnlineIdentification,
+        source: Source,
+        displays: Sequence[Display],
+        now: Callable[[], float],
+    ):
+        self._estimate, self._source, self._displays, self._now = estimate, source, displays, now
+        self._first = float("nan")
+        self._looked, self._pause = now(), INTERVAL
+
+    def put(self, frame: IdentificationFrame, markers: Array) -> None:
+        """Show a frame's pose, and the estimate where the last look is some time ago."""
+        if np.isnan(self._first):
+            self._first = frame.time
+        if np.isfinite(frame.pose.coordinates).all():
+            for display in self._displays:
+                display.pose(frame.pose.coordinates, markers if self._source.markers else None)
+        start = self._now()
+        if start - self._looked >= self._pause:
+            self.show(frame.time, max(self._source.age(frame.time), 0.0) if self._source.speed else 0.0)
+            self._looked = self._now()
+            # A look that takes long is taken less often, so that frames are never held up by it.
+            self._pause = max(INTERVAL, (self._looked - start) / SHARE)
+
+    def show(self, time: float, late: float) -> None:
+        """Show the estimate at the time of a frame that came so late [s]."""
+        if not self._displays:
+            return
+        state, at = self._estimate.state(), Clock(time - self._first, self._source.duration, late)
+        for display in self._displays:
+            display.show(state, at)
 
 
 def run_live(
@@ -136,7 +300,7 @@ def run_live(
             displays.append(WebDisplay(model, segments, surfaces, live.web))
         if terminal and sys.stderr.isatty():
             displays.append(TerminalDisplay(model, segments, surfaces))
-        return follow(model, source, mass=mass, online=online, displays=displays)
+        return identify_frames(model, source, mass=mass, online=online, displays=displays)
     finally:
         for display in displays:
             display.close()
@@ -158,158 +322,41 @@ def source_of(recording: LiveRecording | None, live: LiveOptions) -> Source:
     return Replay(recording.motion, recording.wrenches, live.speed)
 
 
-@dataclass
-class _Kept:
-    """Everything that came, for the result."""
-
-    time: list[float] = field(default_factory=list)
-    coordinates: list[Array] = field(default_factory=list)
-    errors: list[float] = field(default_factory=list)
-    force_time: list[Array] = field(default_factory=list)
-    forces: list[Array] = field(default_factory=list)
-
-
-def follow(
+def live_motions(
     model: Model,
-    source: Source,
-    *,
-    mass: float | None = None,
-    online: OnlineOptions | None = None,
-    displays: Sequence[Display] = (),
-    now: Callable[[], float] = clock.monotonic,
-) -> LiveResult:
-    """Take frames from a source until it is done.
+    motions: Sequence[Path],
+    loads: Sequence[Path],
+    mass: float | None,
+    time: tuple[float, float] | None,
+    settings: Mapping[str, Any],
+) -> list[SubjectMotion]:
+    """Motions as they arrive, shown while they do, from recordings one after the other or from streams.
 
     Raises
     ------
-    BadData : no frame came, or none could be used
+    BadData : neither recordings nor streams, or nothing usable came
     """
-    from threadpoolctl import threadpool_limits
-
-    # One frame's matrices are small: waking further threads for them costs more than they save.
-    with threadpool_limits(limits=1, user_api="blas"):
-        return _follow(model, source, mass, online, displays, now)
-
-
-def _follow(
-    model: Model,
-    source: Source,
-    mass: float | None,
-    online: OnlineOptions | None,
-    displays: Sequence[Display],
-    now: Callable[[], float],
-) -> LiveResult:
-    held = held_in(model, [source.played]) if isinstance(source, Replay) and isinstance(source.played, Motion) else None
-    identification = OnlineIdentification(model, source.rate, source.force_rate, mass, online, held)
-    kinematics = OnlineKinematics(model, source.names) if source.markers else None
-    identification.rehearse()
-    if kinematics is not None:
-        _rehearse(model, source)
-    columns = [] if kinematics else [index_of("coordinate", name, model.coordinate_names) for name in source.names]
-    kept = _Kept()
-    began = looked = now()
-    busy, pause = 0.0, INTERVAL
-    try:
-        while not source.done:
-            arrived = source.take()
-            start = now()
-            coordinates, seen = _take(identification, kinematics, columns, kept, arrived)
-            busy += now() - start
-            if coordinates is None:
-                clock.sleep(IDLE)
-                continue
-            if np.isfinite(coordinates).all():
-                for display in displays:
-                    display.pose(coordinates, seen)
-            if displays and now() - looked >= pause:
-                start = now()
-                at = _clock(source, kept, start - began)
-                state = identification.state()
-                for display in displays:
-                    display.show(state, at)
-                looked = now()
-                # A look that takes long is taken less often, so that frames are never held up by it.
-                pause = max(INTERVAL, (looked - start) / SHARE)
-    except KeyboardInterrupt:
-        # Streams end when the user says so.
-        if source.duration is not None or not kept.time:
-            raise
-    if not kept.time:
-        raise BadData("no frame came")
-    identification.finish()
-    state = identification.state()
-    for display in displays:
-        display.show(state, _clock(source, kept, 0.0))
-    if not state.fit.frames:
-        told = ", ".join(f"{count} {reason}" for reason, count in state.left_out.items())
-        raise BadData(f"none of the {len(kept.time)} frames that came can be used: {told or 'too few for the filter'}")
-    errors = np.array(kept.errors)
-    errors = errors[np.isfinite(errors)]
-    return LiveResult(
-        identification=identification,
-        state=state,
-        motion=Motion(np.array(kept.time), model.coordinate_names, np.array(kept.coordinates)),
-        wrenches=_on_base(model, np.concatenate(kept.force_time), np.concatenate(kept.forces)),
-        frames=len(kept.time),
-        seconds=now() - began,
-        busy=busy,
-        marker_rms=float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan"),
-    )
-
-
-def _take(
-    identification: OnlineIdentification,
-    kinematics: OnlineKinematics | None,
-    columns: Sequence[int],
-    kept: _Kept,
-    arrived: Arrived,
-) -> tuple[Array | None, Array | None]:
-    """Push what arrived in the order of its times; the newest coordinates and markers, None where none came."""
-    kept.force_time.append(arrived.force_time)
-    totals = arrived.forces.sum(axis=1)
-    kept.forces.append(totals)
-    coordinates: Array | None = None
-    seen: Array | None = None
-    forces = zip(arrived.force_time, totals, strict=True)
-    sample = 0
-    before = np.searchsorted(arrived.force_time, arrived.motion_time, side="right")
-    for stop, time, row in zip(before, arrived.motion_time, arrived.motion, strict=True):
-        for moment, wrench in islice(forces, int(stop) - sample):
-            identification.push_force(float(moment), wrench)
-        sample = int(stop)
-        if kinematics is not None:
-            coordinates, error = kinematics.solve(float(time), row)
-            kept.errors.append(error)
-            seen = row
-        else:
-            coordinates = np.array([coordinate.default for coordinate in identification.model.coordinates])
-            coordinates[columns] = row
-        kept.time.append(float(time))
-        kept.coordinates.append(coordinates)
-        identification.push_motion(float(time), coordinates)
-    for moment, wrench in forces:
-        identification.push_force(float(moment), wrench)
-    return coordinates, seen
-
-
-def _rehearse(model: Model, source: Source) -> None:
-    """Solve the default pose once, so that nothing is compiled when the first frame comes."""
-    kinematics = OnlineKinematics(model, source.names)
-    positions = np.full((len(source.names), 3), np.nan)
-    places = default_markers(model, kinematics.marker_names)
-    positions[[source.names.index(name) for name in kinematics.marker_names]] = places
-    kinematics.solve(0.0, positions)
-
-
-def _clock(source: Source, kept: _Kept, elapsed: float) -> Clock:
-    at = kept.time[-1] - kept.time[0]
-    return Clock(at, source.duration, max(elapsed - at / source.speed, 0.0) if source.speed else 0.0)
-
-
-def _on_base(model: Model, time: Array, totals: Array) -> Wrenches:
-    zero = np.zeros((len(time), 1, 3))
-    base = model.body_names[0]
-    return Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3])
+    live = with_settings(LiveOptions(), settings)
+    online = with_settings(OnlineOptions(), settings)
+    surfaces = _surfaces(model)
+    if live.lsl_markers or live.lsl_forces:
+        result = run_live(model, mass=mass, live=live, online=online, surfaces=surfaces)
+        sys.stderr.write(result.summary() + "\n")
+        return [SubjectMotion("live", result.motion, result.wrenches)]
+    opened = open_motions(model, motions, loads, time)
+    if not opened:
+        raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
+    for motion_path, loads_path in zip(motions, loads, strict=True):
+        result = run_live(
+            model,
+            open_recording(model, motion_path, loads_path, time),
+            mass=mass,
+            live=live,
+            online=online,
+            surfaces=surfaces,
+        )
+        sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
+    return opened
 
 
 def _segments(model: Model) -> Mapping[str, Segment]:
@@ -318,26 +365,3 @@ def _segments(model: Model) -> Mapping[str, Segment]:
         return segments_of(model)
     except BadData:
         return MappingProxyType({name: Segment(name) for name in model.body_names})
-
-
-def open_recording(model: Model, motion: Path, loads: Path, time: tuple[float, float] | None = None) -> LiveRecording:
-    """Files to play: markers (.trc, .c3d) or coordinates (.mot, .sto), and an external loads file.
-
-    Raises
-    ------
-    MyomorphError : a file cannot be read, or does not fit the model
-    """
-    from myomorph.motion.sync import cut
-    from myomorph.study.trial import inputs
-
-    if motion.suffix.lower() in inputs.MARKER_FILES:
-        trial = inputs.fitted_to(model, inputs.open_trial(motion))
-        assert trial.markers is not None
-        series: Markers | Motion = trial.markers
-        posed = Motion(series.time[:1], (), np.zeros((1, 0)))
-        wrenches = inputs.open_loads(loads, model, posed)
-    else:
-        series = inputs.open_motion(motion, model)
-        wrenches = inputs.open_loads(loads, model, series)
-    span = inputs.cut_to(time, series, motion)
-    return LiveRecording(series if span is None else cut(series, *span), wrenches)

@@ -10,8 +10,8 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from myomorph.live.chain import SOLVED, STATES, ChainFrame, LiveChain
-from myomorph.live.delays import Delays
+from myomorph.live.chain import ChainFrame, LiveChain
+from myomorph.live.loop import SOLVED, STATES, Delays
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
@@ -25,7 +25,7 @@ START = 120.0
 """Longest time that the page may take to start, compilation on a new machine included [s]."""
 
 LOOK = 200
-"""Frames that the delay told on the page is of."""
+"""Frames that the delay on the page is of."""
 
 
 class LivePage:
@@ -35,7 +35,7 @@ class LivePage:
     ----------
     surfaces : meshes by `Mesh.file`
     port : of the page
-    delays : which are told on it
+    delays : which it shows
 
     Attributes
     ----------
@@ -51,8 +51,7 @@ class LivePage:
         self, model: Model, chain: LiveChain, surfaces: Mapping[str, Surface] | None, port: int, delays: Delays
     ):
         self._delays, self._filter_delay = delays, chain.filter.delay
-        self._coordinates_only = chain.kinematics is None
-        self._markers = 0 if chain.kinematics is None else len(chain.kinematics.marker_names)
+        self._markers = len(chain.poses.marker_names)
         own: Connection
         context = multiprocessing.get_context("spawn")
         own, other = context.Pipe()
@@ -62,18 +61,18 @@ class LivePage:
         )
         self._process.start()
         other.close()
-        told = self._answer(START)
-        if not isinstance(told, int):
+        answer = self._answer(START)
+        if not isinstance(answer, int):
             self._process.join()
-            raise told
-        self.port = told
+            raise answer
+        self.port = answer
         self._ready, self._drawn = True, 0.0
 
-    def _answer(self, most: float) -> int | MyomorphError:
+    def _answer(self, timeout: float) -> int | MyomorphError:
         try:
-            if self._pipe.poll(most):
-                told: int | MyomorphError = self._pipe.recv()
-                return told
+            if self._pipe.poll(timeout):
+                answer: int | MyomorphError = self._pipe.recv()
+                return answer
         except (EOFError, OSError):
             pass
         self._process.terminate()
@@ -102,7 +101,7 @@ class LivePage:
             "Torques and tensions are older by": f"{1e3 * self._filter_delay:.0f} ms (filter)",
             "Frames dropped": f"{self._delays.dropped}",
         }
-        if not self._coordinates_only:
+        if self._markers:
             facts["Markers"] = f"{frame.seen} of {self._markers}, {1e3 * frame.error:.0f} mm"
         return Shown(
             coordinates=frame.pose,
@@ -110,7 +109,7 @@ class LivePage:
             forces=frame.tension.forces,
             torques=frame.torques,
             wrenches=frame.wrenches,
-            markers=np.zeros((0, 3)) if self._coordinates_only else np.array(markers),
+            markers=np.array(markers) if self._markers else np.zeros((0, 3)),
             state="" if frame.state == SOLVED else STATES[frame.state],
             facts=facts,
         )

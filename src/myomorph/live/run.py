@@ -1,26 +1,35 @@
-"""`live` from files or streams to a page, a stream and a folder."""
+"""`live`: from files or streams to a page, a stream, and a folder of tables, one result file and delays."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import IO
 
 import numpy as np
 
-from myomorph.live.chain import ChainOptions, LiveChain
-from myomorph.live.delays import Delays
-from myomorph.live.session import LiveSession, Output, follow_chain
-from myomorph.live.sources import LabStreams, Replay, Source
-from myomorph.model.errors import BadData, BadFile
+from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
+from myomorph.live.loop import STATES, Delays, LiveSession, Output, follow
+from myomorph.live.page import LivePage
+from myomorph.live.sources import Replay, Source, open_recording
+from myomorph.live.streams import LabOutlet, LabStreams
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source as Input
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.store.results import file_source, value_source, whole_folder
+from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
+from myomorph.store import stored as store
+from myomorph.store.results import STORED, file_source, new_result, provenance_of, value_source, whole_folder
+from myomorph.store.settings import plain_settings
 from myomorph.study.trial import inputs
-from myomorph.tension.tension import TensionOptions
+from myomorph.study.trial.reporting import surfaces_of
+from myomorph.study.trial.steps.id import torque_table
+from myomorph.tension.tension import Tension, TensionOptions
 
 
 @dataclass(frozen=True)
@@ -82,7 +91,7 @@ def run_live_chain(
 
     Parameters
     ----------
-    said : told where results can be seen, and when frames may come
+    said : called with a line for every place where results can be seen
 
     Raises
     ------
@@ -99,26 +108,20 @@ def run_live_chain(
     with ExitStack() as stack:
         record = None
         if outputs.folder is not None:
-            from myomorph.live.record import LiveRecord
-
             folder = stack.enter_context(whole_folder(outputs.folder))
             record = stack.enter_context(LiveRecord(chain, folder))
             late.append(record)
         if outputs.stream:
-            from myomorph.live.outlet import LabOutlet
-
-            direct.append(LabOutlet(outputs.stream, chain, source))
-            stack.callback(direct[-1].close)
+            outlet = LabOutlet(outputs.stream, chain, source)
+            direct.append(outlet)
+            stack.callback(outlet.close)
             said(f"results are sent as stream '{outputs.stream}'")
         if outputs.web is not None:
-            from myomorph.live.page import LivePage
-            from myomorph.study.trial.reporting import surfaces_of
-
             page = LivePage(opened, chain, surfaces_of(opened), outputs.web, delays)
             stack.callback(page.close)
             late.append(page)
             said(f"the body is at http://localhost:{page.port}")
-        session = follow_chain(chain, source, direct, late, delays)
+        session = follow(chain, source, direct, late, delays)
         if record is not None:
             record.write(session, (file_source("model", model), *read), tension)
     return session
@@ -132,8 +135,6 @@ def open_source(model: Model, given: LiveFiles | LiveStreams) -> tuple[Source, t
     MyomorphError : a file cannot be read or does not fit the model, or a stream is not there
     """
     if isinstance(given, LiveStreams):
-        from myomorph.model.series import Z_UP_TO_Y_UP
-
         if given.up not in ("y", "z"):
             raise BadData(f"--up {given.up}: expected y or z")
         turn = Z_UP_TO_Y_UP if given.up == "z" else None
@@ -141,55 +142,162 @@ def open_source(model: Model, given: LiveFiles | LiveStreams) -> tuple[Source, t
         names = [one for one in (given.markers, given.forces) if one]
         return streams, tuple(value_source("stream", name, name) for name in names)
     files = [("markers", given.markers)] + ([("loads", given.loads)] if given.loads else [])
-    series, wrenches = open_played(model, given.markers, given.loads)
+    series, wrenches = open_recording(model, given.markers, given.loads)
     return Replay(series, wrenches, given.speed), tuple(file_source(role, path) for role, path in files)
 
 
-def open_played(model: Model, markers: Path, loads: Path | None) -> tuple[Markers | Motion, Wrenches | None]:
-    """A recording to be played: markers or coordinates, and its forces.
+STEP = "live"
+BLOCK = 256
+"""Frames that are written at once."""
 
-    Raises
-    ------
-    MyomorphError : a file cannot be read, or does not fit the model
+
+class LiveRecord:
+    """Keeps every frame on the disk while the session runs, and writes the results at its end.
+
+    Parameters
+    ----------
+    folder : that the results go into, which exists
     """
-    from myomorph.contact.plates import wrenches_from_plates
 
-    if markers.suffix.lower() in inputs.TABLE_FILES:
-        motion = inputs.open_motion(markers, model)
-        return motion, None if loads is None else _open_loads(loads, model, motion)
-    trial = inputs.fitted_to(model, inputs.open_trial(markers))
-    assert trial.markers is not None
-    if loads is not None:
-        nowhere = Motion(trial.markers.time[:1], (), np.zeros((1, 0)))
-        return trial.markers, _open_loads(loads, model, nowhere)
-    if trial.plates:
-        return trial.markers, wrenches_from_plates(trial.plates, trial.plate_time)
-    return trial.markers, None
+    def __init__(self, chain: LiveChain, folder: Path):
+        self._chain, self._folder = chain, folder
+        model = chain.model
+        n, muscles = len(model.coordinates), len(model.muscles)
+        widths = {
+            "time": 1, "coordinates": n, "velocities": n, "torques": n, "activations": muscles, "forces": muscles,
+            "reserves": len(chain.actuators), "balanced": len(chain.tension.rows), "wrenches": 6 * len(chain.bodies),
+            "imbalance": 1, "status": 1, "error": 1, "seen": 1, "owed": 1,
+        }  # fmt: skip
+        ends = np.cumsum([0, *widths.values()])
+        self._part = {name: slice(a, b) for name, a, b in zip(widths, ends, ends[1:], strict=False)}
+        self._rows = np.empty((BLOCK, int(ends[-1])))
+        self._filled = 0
+        self._path = folder / "frames.tmp"
+        self._file: IO[bytes] = self._path.open("wb")
 
+    def __enter__(self) -> LiveRecord:
+        return self
 
-def _open_loads(loads: Path, model: Model, motion: Motion) -> Wrenches:
-    if loads.suffix.lower() in inputs.TABLE_FILES:
-        return inputs.force_table(loads, plates_of_table(loads))
-    return inputs.open_loads(loads, model, motion)
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+        self._path.unlink(missing_ok=True)
 
+    def put(self, frame: ChainFrame, markers: Array) -> None:
+        """Keep one frame."""
+        row, part, shared = self._rows[self._filled], self._part, frame.tension
+        row[part["time"]] = frame.time
+        row[part["coordinates"]], row[part["velocities"]] = frame.coordinates, frame.velocities
+        row[part["torques"]], row[part["activations"]] = frame.torques, shared.activations
+        row[part["forces"]], row[part["reserves"]] = shared.forces, shared.reserves
+        row[part["balanced"]], row[part["wrenches"]] = shared.balanced, frame.wrenches.ravel()
+        row[part["imbalance"]], row[part["status"]] = shared.equilibrium_residual, shared.status
+        row[part["error"]], row[part["seen"]], row[part["owed"]] = frame.error, frame.seen, frame.owed
+        self._filled += 1
+        if self._filled == BLOCK:
+            self._flush()
 
-def plates_of_table(path: Path) -> Mapping[str, str]:
-    """What the columns of each plate of a table begin with; the bodies on them are not known ("").
+    def _flush(self) -> None:
+        self._file.write(self._rows[: self._filled].tobytes())
+        self._filled = 0
 
-    Raises
-    ------
-    BadFile : no column is that of a force with a point of application
-    """
-    from myomorph.io.sto import read_sto
+    def close(self) -> None:
+        """Nothing more comes."""
+        if not self._file.closed:
+            self._flush()
+            self._file.close()
 
-    names = set(read_sto(path).names)
-    found = {
-        match[1]: ""
-        for match in (re.match(r"(.+)vx$", name) for name in sorted(names))
-        if match and f"{match[1]}px" in names
-    }
-    if not found:
-        raise BadFile(
-            path, "holds no plate: no columns NAMEvx ... and NAMEpx ...", "give an external loads file (.xml) with it"
+    def write(self, session: LiveSession, sources: Iterable[Input], tension: TensionOptions | None) -> None:
+        """Write tables, `live.nc`, `delays.csv` and `session.json`."""
+        self.close()
+        width = self._rows.shape[1]
+        rows = np.fromfile(self._path, dtype=np.float64).reshape(-1, width)
+        self._write_delays(session, rows)
+        # What has a value is of an instant before the newest frame by the filter's delay.
+        known = np.isfinite(rows[:, self._part["coordinates"]]).all(axis=1)
+        if known.any():
+            self._write_results(session, rows[known], sources, tension or TensionOptions())
+
+    def _write_delays(self, session: LiveSession, rows: Array) -> None:
+        table = session.delays.table
+        with (self._folder / "delays.csv").open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(
+                "time_s,taken_after_ms,result_after_ms,computation_ms,state,markers_seen,marker_error_mm,jump_owed\n"
+            )
+            markers = rows[:, [self._part[one].start for one in ("seen", "error", "owed")]]
+            for (time, taken, age, busy, state), (seen, error, owed) in zip(table, markers, strict=True):
+                stream.write(
+                    f"{time:.6f},{1e3 * taken:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
+                    f"{1e3 * error:.3f},{owed:.3g}\n"
+                )
+        delays, spread = session.delays, {}
+        for name, one in (("from_frame_to_result", delays.end_to_end), ("computation", delays.busy)):
+            milliseconds = {"median": one.median, "percentile_99": one.late, "worst": one.worst}
+            spread[f"{name}_ms"] = {
+                key: round(1e3 * value, 4) if np.isfinite(value) else None for key, value in milliseconds.items()
+            }
+        facts = {
+            "frames": len(delays),
+            "dropped": delays.dropped,
+            "seconds": round(session.seconds, 3),
+            "states": {STATES[state]: count for state, count in delays.states().items()},
+            "filter_delay_s": round(session.filter_delay, 6),
+            **spread,
+            "notes": list(session.notes),
+        }
+        (self._folder / "session.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+
+    def _write_results(
+        self, session: LiveSession, rows: Array, sources: Iterable[Input], options: TensionOptions
+    ) -> None:
+        chain, folder, part = self._chain, self._folder, self._part
+        model, time = chain.model, rows[:, 0] - session.filter_delay
+        motion = Motion(time, model.coordinate_names, rows[:, part["coordinates"]], rows[:, part["velocities"]])
+        torques = Series(time, model.coordinate_names, rows[:, part["torques"]])
+        tension = self._tension(time, rows, options)
+        write_sto(table_from_motion(motion, model), folder / "coordinates.mot")
+        write_sto(torque_table(torques, model), folder / "torques.sto")
+        for name, values in (("activations", tension.activations), ("muscle_forces", tension.forces)):
+            facts = MappingProxyType({"name": name.replace("_", " ")})
+            write_sto(Table(time, tension.muscles, values, facts=facts), folder / f"{name}.sto")
+        with new_result(folder / f"{STEP}{STORED}", STEP) as writer:
+            chosen = plain_settings(chain.options) | plain_settings(options)
+            writer.provenance(provenance_of(STEP, sources, chosen))
+            store.put_derivatives(writer, motion, model)
+            store.put_torques(writer, torques, self._wrenches(time, rows))
+            acts = {one.name: one.coordinate for one in model.actuators}
+            driven = tuple(acts.get(name, "") for name in tension.reserve_names)
+            store.put_tension(writer, tension, driven)
+            writer.fact("trial", STEP)
+
+    def _tension(self, time: Array, rows: Array, options: TensionOptions) -> Tension:
+        solver, part = self._chain.tension, self._part
+        return Tension(
+            time=np.array(time),
+            muscles=solver.muscles,
+            activations=np.array(rows[:, part["activations"]]),
+            forces=np.array(rows[:, part["forces"]]),
+            reserve_names=solver.actuators,
+            reserves=np.array(rows[:, part["reserves"]]),
+            coordinates=solver.rows,
+            torques=np.array(rows[:, part["balanced"]]),
+            equilibrium_residual=np.array(rows[:, part["imbalance"]][:, 0]),
+            status=rows[:, part["status"]][:, 0].astype(np.int8),
+            iterations=np.zeros(len(rows), np.int64),
+            lower=np.array(solver.lower),
+            upper=np.array(solver.upper),
+            overstretched=(),
+            options=options,
         )
-    return found
+
+    def _wrenches(self, time: Array, rows: Array) -> Wrenches | None:
+        """External forces where they meet the floor."""
+        bodies = self._chain.bodies
+        if not bodies:
+            return None
+        each = rows[:, self._part["wrenches"]].reshape(len(rows), len(bodies), 6)
+        moments, forces = each[..., :3], each[..., 3:]
+        up = self._chain.feet.up
+        lift = forces @ up
+        acts = np.abs(lift) > 1.0
+        points = np.where(acts[..., None], np.cross(up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0)
+        return Wrenches(time, bodies, bodies, forces, points, moments - np.cross(points, forces))

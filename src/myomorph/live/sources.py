@@ -1,32 +1,28 @@
-"""Where live frames come from: a recording played again, or streams of the Lab Streaming Layer."""
+"""Where live frames come from: what every source has, and recordings that are played."""
 
 from __future__ import annotations
 
+import re
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from myomorph.contact.plates import wrenches_from_plates
 from myomorph.identify.online import total_wrench
-from myomorph.live.channels import force_channels, marker_channels
-from myomorph.model.arrays import Array, frozen_array
-from myomorph.model.errors import BadData, MyomorphError, UnknownName
-from myomorph.model.model import GROUND
+from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.motion.sync import cut
+from myomorph.study.trial import inputs
 
 CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""
-
-WAIT = 10.0
-"""How long a stream is waited for [s]."""
-
-SILENCE = 5.0
-"""A stream that sends nothing for so long has ended [s]."""
-
-RATE_ERROR = 0.2
-"""Share by which a stream's samples may come faster or slower than it says."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,150 +168,66 @@ class Replay:
         return self._now() - self._began - (time - float(self._time[0])) / self.speed
 
 
-class LabStreams:
-    """Markers and forces that other programs send over the Lab Streaming Layer.
+class LiveRecording(NamedTuple):
+    """What is played: markers or coordinates, and all external forces, None for no forces."""
 
-    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . : -` or a
-    space before the axis), in the unit that the channels name (m where none), NaN while hidden. The forces'
-    stream has either nine channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of
-    application [m]), NAME_Tx Ty Tz (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz
-    (moment about the laboratory's origin [N m]). Both are in the model's ground axes.
+    motion: Markers | Motion
+    wrenches: Wrenches | None
+
+
+def open_recording(
+    model: Model, motion: Path, loads: Path | None = None, time: tuple[float, float] | None = None
+) -> LiveRecording:
+    """Files to play.
 
     Parameters
     ----------
-    markers, forces : names of the streams; "" for no forces
-    wait : for the streams to appear [s]
-    turn : (3, 3) rows are the ground's axes in the laboratory; None where they are the same
-    library : `pylsl`, or something that behaves like it
+    motion : markers (.trc, .c3d) or coordinates (.mot, .sto)
+    loads : external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
+    time : first and last time that is played [s]; None for all
 
     Raises
     ------
-    MyomorphError : `pylsl` is not installed
-    BadData : no such stream, or channels that cannot be told apart
+    MyomorphError : a file cannot be read, or does not fit the model
     """
-
-    markers = True
-    duration: float | None = None
-    speed = 0.0
-
-    def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
-        self._lsl = lsl = library or streaming_library()
-        self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
-        self._markers = _Stream(lsl, markers, "markers", wait)
-        self.names, self._columns, self._scale = marker_channels(*self._markers.channels)
-        self.rate = self._markers.rate
-        self._forces: _Stream | None = None
-        self.plates: tuple[str, ...] = ()
-        self.force_rate = 0.0
-        if forces:
-            self._forces = _Stream(lsl, forces, "forces", wait)
-            self.force_rate = self._forces.rate
-            self.plates, self._layout = force_channels(*self._forces.channels)
-        self.bodies: tuple[str, ...] = ("",) * len(self.plates)
-        self._last: float | None = None
-
-    @property
-    def done(self) -> bool:
-        """Whether nothing has come for a while since the first look."""
-        return self._last is not None and clock.monotonic() - self._last > SILENCE
-
-    def take(self) -> Arrived:
-        """Everything that came since the last call."""
-        force_time, wrenches = np.zeros(0), np.zeros((0, len(self.plates), 6))
-        if self._forces is not None:
-            force_time, samples = self._forces.pulled()
-            if len(samples):
-                wrenches = self._layout(samples)
-        time, rows = self._markers.pulled()
-        if len(time) or self._last is None:
-            self._last = clock.monotonic()
-        positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
-        if self._turn is not None:
-            positions = positions @ self._turn.T
-            wrenches = np.concatenate([wrenches[..., :3] @ self._turn.T, wrenches[..., 3:] @ self._turn.T], axis=-1)
-        return Arrived(time, positions, force_time, wrenches)
-
-    def wait(self, most: float) -> None:
-        """Sleep until the markers' stream sends."""
-        self._markers.wait(most)
-
-    def age(self, time: float) -> float:
-        """How long ago the sender gave a frame its time, on this machine's clock."""
-        return float(self._lsl.local_clock() - time)
+    series: Markers | Motion
+    wrenches: Wrenches | None = None
+    if motion.suffix.lower() in inputs.TABLE_FILES:
+        series = posed = inputs.open_motion(motion, model)
+    else:
+        trial = inputs.fitted_to(model, inputs.open_trial(motion))
+        assert trial.markers is not None
+        series = trial.markers
+        posed = Motion(series.time[:1], (), np.zeros((1, 0)))
+        if loads is None and trial.plates:
+            wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
+    if loads is not None:
+        wrenches = _open_loads(loads, model, posed)
+    span = inputs.cut_to(time, series, motion)
+    return LiveRecording(series if span is None else cut(series, *span), wrenches)
 
 
-def streaming_library() -> Any:
-    """The package `pylsl`; raises `MyomorphError` where it is not installed."""
-    try:
-        import pylsl
-    except (ImportError, RuntimeError) as error:
-        raise MyomorphError(
-            f"streams of the Lab Streaming Layer need the package 'pylsl' ({error}): pip install 'myomorph[live]'"
-        ) from None
-    return pylsl
+def _open_loads(loads: Path, model: Model, motion: Motion) -> Wrenches:
+    if loads.suffix.lower() in inputs.TABLE_FILES:
+        return inputs.force_table(loads, plates_of_table(loads))
+    return inputs.open_loads(loads, model, motion)
 
 
-class _Stream:
-    """One stream: its channels, its rate, and what it sends."""
+def plates_of_table(path: Path) -> Mapping[str, str]:
+    """What the columns of each plate of a table begin with; the bodies on them are not known ("").
 
-    def __init__(self, lsl: Any, name: str, what: str, wait: float):
-        found = lsl.resolve_byprop("name", name, timeout=wait)
-        if not found:
-            others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
-            raise UnknownName(f"stream of {what}", name, others, "the network")
-        flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
-        try:
-            self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
-            info = self._inlet.info(wait)
-            # What the first sample would wait for: the connection, and a first look at the sender's clock.
-            self._inlet.open_stream(wait)
-            self._inlet.time_correction(wait)
-        except RuntimeError as error:
-            told = str(error) or type(error).__name__
-            raise BadData(f"stream '{name}' is announced but does not answer ({told}): start its sender anew") from None
-        self.name, self.rate = name, float(info.nominal_srate())
-        if self.rate <= 0.0:
-            raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
-        self.channels = _channels(info)
-        self._first, self._count = float("nan"), 0
-        self._early: tuple[list[float], float] | None = None
-
-    def wait(self, most: float) -> None:
-        """Sleep until a sample comes, at most so long [s]; the next `pulled` gives it."""
-        if self._early is None:
-            sample, time = self._inlet.pull_sample(timeout=most)
-            if sample is not None:
-                self._early = (sample, time)
-
-    def pulled(self) -> tuple[Array, Array]:
-        """Times (samples,) [s] and samples (samples, channels) since the last call.
-
-        Raises
-        ------
-        BadData : after a second, where they come at another rate than the stream says
-        """
-        samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
-        if self._early is not None:
-            samples, times = [self._early[0], *samples], [self._early[1], *times]
-            self._early = None
-        if self._count == 0 and times:
-            self._first = times[0]
-        self._count += len(times)
-        span = times[-1] - self._first if times else 0.0
-        if span > 1.0 and abs((self._count - 1) / span / self.rate - 1.0) > RATE_ERROR:
-            raise BadData(
-                f"stream '{self.name}' says {self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}: "
-                "correct the rate that its sender names"
-            )
-        return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
-
-
-def _channels(info: Any) -> tuple[list[str], list[str]]:
-    """Labels and units of a stream's channels, as its description holds them."""
-    labels, units = [], []
-    channel = info.desc().child("channels").child("channel")
-    for _ in range(info.channel_count()):
-        labels.append(channel.child_value("label"))
-        units.append(channel.child_value("unit"))
-        channel = channel.next_sibling("channel")
-    return labels, units
+    Raises
+    ------
+    BadFile : no column is that of a force with a point of application
+    """
+    names = set(read_sto(path).names)
+    found = {
+        match[1]: ""
+        for match in (re.match(r"(.+)vx$", name) for name in sorted(names))
+        if match and f"{match[1]}px" in names
+    }
+    if not found:
+        raise BadFile(
+            path, "holds no plate: no columns NAMEvx ... and NAMEpx ...", "give an external loads file (.xml) with it"
+        )
+    return found

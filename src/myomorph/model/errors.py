@@ -52,6 +52,17 @@ class BadData(MyomorphError):
     """Values that no step can use: wrong shape, not finite, no frames, no common time."""
 
 
+class MissingPackage(MyomorphError):
+    """A package that one feature alone needs is not installed."""
+
+    def __init__(self, package: str, extra: str):
+        self.package, self.extra = package, extra
+        super().__init__(package, extra)
+
+    def __str__(self) -> str:
+        return f"this needs the package '{self.package}': python -m pip install \"myomorph[{self.extra}]\""
+
+
 def one_line(text: str) -> str:
     """A text for a terminal: control signs as blanks, and of a very long one the beginning and the end."""
     text = CONTROL.sub(" ", text)

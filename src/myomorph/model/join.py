@@ -12,8 +12,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import GROUND, Actuator, Joint, Kept, Loop, Model
-from myomorph.model.passive_parts import Bushing
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
+from myomorph.model.paths import Bushing, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 
 SIDES = ("r", "l", "right", "left")

@@ -13,8 +13,7 @@ import numpy as np
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function
-from myomorph.model.passive_parts import Bushing, PassiveTorque
-from myomorph.model.paths import Ligament, Muscle, WrapObject
+from myomorph.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
 from myomorph.model.spatial import Transform
 
 GROUND = "ground"

@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.model.errors import BadData
 from myomorph.model.functions import constant, linear
 from myomorph.model.model import Model, index_of
-from myomorph.model.passive_parts import Bushing, PassiveTorque
+from myomorph.model.paths import Bushing, PassiveTorque
 
 NOTHING: Mapping[str, float] = {}
 PASSIVE = "passive_"

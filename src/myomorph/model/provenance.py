@@ -8,6 +8,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from types import MappingProxyType
 
+import numpy as np
+
+from myomorph.model.arrays import Array
+
 
 @dataclass(frozen=True)
 class Source:
@@ -70,3 +74,30 @@ class Provenance:
             return Provenance(found["step"], sources, found["options"], found["version"], found["date"])
         except (KeyError, TypeError) as error:
             raise ValueError(f"not a provenance: {error}") from None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and the interval that holds it.
+
+    Attributes
+    ----------
+    value : the estimate
+    low, high : its 95 % interval
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Estimate:
+        """The percentile interval of bootstrap draws (draws,); NaN where no draw is finite."""
+        if not np.isfinite(draws).any():
+            return cls(float(value), float("nan"), float("nan"))
+        low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        return cls(float(value), float(low), float(high))
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= truth <= self.high

@@ -14,8 +14,17 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
-from myomorph.model.passive_parts import Bushing
-from myomorph.model.paths import Ligament, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.model.paths import (
+    Bushing,
+    Ligament,
+    MovingPathPoint,
+    Muscle,
+    Path,
+    PathPoint,
+    PathWrap,
+    TendonWrap,
+    WrapObject,
+)
 from myomorph.model.spatial import Transform
 
 Tie = TypeVar("Tie", Loop, Bushing)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -10,11 +10,15 @@ import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
+from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
+
+Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class Series(Labelled):
     """Named columns over time.
 
     Attributes
@@ -46,6 +50,15 @@ class Series:
         """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
         column: Array = self.values[:, index_of("column", name, self.names, "the series")]
         return column
+
+    def variables(self) -> dict[str, Variable]:
+        """The values, and of vectors each axis."""
+        dimensions = ("time", "name", "axis")[: self.values.ndim]
+        return {"values": Variable(dimensions, self.values)}
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names, axes."""
+        return {"time": self.time, "name": self.names, "axis": AXES}
 
     @property
     def rate(self) -> float:
@@ -104,9 +117,15 @@ class Motion(Series):
             if given is not None:
                 object.__setattr__(self, name, frozen_array(given, self.values.shape))
 
+    def variables(self) -> dict[str, Variable]:
+        """Values, and velocities and accelerations where they are known."""
+        known = {"velocities": self.velocities, "accelerations": self.accelerations}
+        derivatives = {name: Variable(("time", "name"), one) for name, one in known.items() if one is not None}
+        return {"values": Variable(("time", "name"), self.values), **derivatives}
+
 
 @dataclass(frozen=True, eq=False)
-class Wrenches:
+class Wrenches(Labelled):
     """External forces on bodies, in ground.
 
     Attributes
@@ -135,6 +154,15 @@ class Wrenches:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def variables(self) -> dict[str, Variable]:
+        """Forces, points of application and free torques."""
+        named = {"forces": (self.forces, "N"), "points": (self.points, "m"), "torques": (self.torques, "N m")}
+        return {name: Variable(("time", "name", "axis"), one, unit) for name, (one, unit) in named.items()}
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names of the forces, axes of ground."""
+        return {"time": self.time, "name": self.names, "axis": AXES}
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,5 +302,56 @@ class Trial:
         )
 
 
-Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
+@dataclass(frozen=True, eq=False)
+class Sound:
+    """Channels of one recording, all on one clock.
+
+    Attributes
+    ----------
+    rate : samples per second [Hz]
+    names : one per channel
+    samples : (samples, channels) in shares of full scale, -1 to 1; single precision
+    start : time of the first sample on the motion's clock [s]
+    warnings : what looks wrong, one line each
+    source : path of the file, "" for a sound made in memory
+    """
+
+    rate: float
+    names: tuple[str, ...]
+    samples: np.ndarray
+    start: float = 0.0
+    warnings: tuple[str, ...] = ()
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        samples = np.array(self.samples, dtype=np.float32)
+        samples.setflags(write=False)
+        object.__setattr__(self, "samples", samples)
+        if samples.ndim != 2 or samples.shape[1] != len(self.names):
+            raise BadData(f"expected samples of shape (..., {len(self.names)}), but got {samples.shape}")
+        if not (np.isfinite(self.rate) and self.rate > 0.0):
+            raise BadData(f"a sound of {self.rate:g} samples per second: expected a rate above 0")
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Channel of that name, (samples,); raises `UnknownName`."""
+        channel: np.ndarray = self.samples[:, index_of("sound channel", name, self.names, "the recording")]
+        return channel
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return len(self.samples) / self.rate
+
+    @property
+    def time(self) -> Array:
+        """(samples,) [s]."""
+        time: Array = self.start + np.arange(len(self.samples)) / self.rate
+        return time
+
+    def starting(self, start: float) -> Sound:
+        """The same sound whose first sample is at `start` on the motion's clock [s]."""
+        return replace(self, start=start)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
@@ -38,3 +40,71 @@ class Surface:
             raise BadData(f"a face names vertex {int(faces.max())}, but there are {len(self.vertices)}")
         if not np.isfinite(self.vertices).all():
             raise BadData("a surface has vertices that are not finite")
+
+
+def signed_volume(vertices: Array, faces: np.ndarray) -> float:
+    """Volume that faces enclose, negative where they look inward [m^3]."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def area_of(vertices: Array, faces: np.ndarray) -> float:
+    """Area of faces [m^2]."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
+
+
+def distinct_faces(faces: np.ndarray) -> np.ndarray:
+    """Faces (m, 3) without those that name a vertex twice, and each once."""
+    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    kept = faces[~repeated]
+    _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
+    return kept[np.sort(first)]
+
+
+def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:
+    """Faces of each piece that hangs together by its vertices, of which there are `count`."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    order = np.argsort(label, kind="stable")
+    starts = np.flatnonzero(np.diff(label[order])) + 1
+    return np.split(faces[order], starts)
+
+
+def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
+    """Faces of one piece turned to one side and outward, in their order.
+
+    Where no turning makes neighbors look to the same side, as where a surface touches itself, they stay as they are.
+    """
+    result = faces
+    before = _conflicts(faces)
+    if before:
+        # Imported here because only surfaces whose faces look to both sides need it.
+        import igl
+
+        oriented, part = igl.bfs_orient(np.array(faces, dtype=np.int64))
+        for k in np.unique(part):
+            if _inward(vertices, oriented[part == k]):
+                oriented[part == k] = oriented[part == k][:, ::-1]
+        result = oriented if _conflicts(oriented) <= 0.5 * before else faces
+    return np.ascontiguousarray(result[:, ::-1] if _inward(vertices, result) else result)
+
+
+def _conflicts(faces: np.ndarray) -> int:
+    """Edges that two faces run along in the same direction, as neighbors that look to different sides do."""
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return len(directed) - len(np.unique(directed, axis=0))
+
+
+def _inward(vertices: Array, faces: np.ndarray) -> bool:
+    # About a point amid the piece, so that an open one has a volume of the right sign too.
+    return signed_volume(vertices - vertices[np.unique(faces)].mean(axis=0), faces) < 0.0
+
+
+def border_of(faces: np.ndarray) -> np.ndarray:
+    """(edges, 2) directed edges without a face on their other side."""
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    count = int(faces.max()) + 1
+    keys, opposite = directed[:, 0] * count + directed[:, 1], directed[:, 1] * count + directed[:, 0]
+    return directed[~np.isin(keys, opposite)]

@@ -1,1 +1,7 @@
-"""Bones and skins: registration, and what moves from one shape to another. Knows nothing of time."""
+"""Models in other bones: surfaces registered, the space around them mapped, muscles transferred, results checked.
+
+Lives here: whatever knows two shapes of a bone or two models of a skeleton. `maps/` and `shapes/` are the ground floor,
+`registration/` finds the map of one bone, `transfer/` brings a model through such maps, `checks/` holds the result
+against its source, `mirror/` makes the other side, `species/` pairs two species. `morphed.py` has the options and the
+result of a transfer. Never here: time, files, and pages of results.
+"""

@@ -10,7 +10,7 @@ from typing import Literal
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.morph.bone_map import BoneMap
+from myomorph.morph.maps.fields import BoneMap
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class MorphOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedPoint:
+class TransferredPoint:
     """One path point on its way.
 
     Attributes
@@ -129,7 +129,7 @@ class Morph:
     source: Model
     model: Model
     bones: Mapping[str, BoneMap]
-    points: tuple[CarriedPoint, ...]
+    points: tuple[TransferredPoint, ...]
     joints: tuple[RebuiltJoint, ...]
     muscles: tuple[MuscleChange, ...]
     options: MorphOptions = field(default_factory=MorphOptions)

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.measurement import Measurement
+from myomorph.model.landmarks import Measurement
 from myomorph.model.model import Marker, Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics

@@ -92,6 +92,21 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
 
 
+def refuse_other_times(what: str, given: Array, time: Array) -> None:
+    """Refuse values whose times (samples,) are not those of the motion (frames,) [s], but for a microsecond.
+
+    Raises
+    ------
+    BadData
+        where their number or their times differ; `what` names the values, in the plural
+    """
+    if len(given) != len(time) or np.max(np.abs(given - time), initial=0.0) > 1e-6:
+        raise BadData(
+            f"{what} have {len(given)} frames from {given[:1]} s, the motion {len(time)} from {time[:1]} s: both must "
+            "have the same times, so resample them to its times first"
+        )
+
+
 def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, float]:
     """Start and end [s] of what both recordings cover.
 

@@ -10,25 +10,27 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.io.osim.actuator_files import read_actuators
-from myomorph.io.osim.controls_write import write_controls
+from myomorph.io.osim.actuators import read_actuators, write_controls
 from myomorph.io.osim.tool_setups import Analysis, AnalyzeSetup, StaticOptimizationSettings
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table
-from myomorph.opensim_tools.bodies import body_kinematics, kinematics, point_kinematics
-from myomorph.opensim_tools.forces import actuation, force_columns, net_torques, reported_forces, reported_states
-from myomorph.opensim_tools.inputs import needed
-from myomorph.opensim_tools.muscles import Tables, muscle_analysis
-from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
-from myomorph.opensim_tools.reactions import joint_reaction
-from myomorph.opensim_tools.states import Analyzed, analyzed
+from myomorph.opensim_tools.bodies import body_kinematics, kinematics, muscle_analysis, point_kinematics
+from myomorph.opensim_tools.forces import (
+    actuation,
+    force_columns,
+    inverse_dynamics_analysis,
+    joint_reaction,
+    reported_forces,
+    reported_states,
+)
+from myomorph.opensim_tools.outputs import ToolResult, check_outputs, needed, write_outputs
+from myomorph.opensim_tools.states import Analyzed, Result, Tables, analyzed
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs
-
-Found = tuple[Tables, str, tuple[str, ...]]
-"""Tables by the ends of their names, what was found in one line, and warnings."""
+from myomorph.tension.solve import TensionOptions, solve_tension
 
 
 def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
@@ -51,13 +53,13 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     warnings += [f"{model_path.name}: {text}" for text in model.warnings]
     here, notes = analyzed(setup, model, _actuators(setup, model), source)
     warnings += notes
-    told: list[str] = []
+    lines: list[str] = []
     tables: dict[Path, Table] = {}
     controls: dict[Path, Table] = {}
     name = setup.name or source.stem
     for analysis in built:
         found, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
-        told.append(text)
+        lines.append(text)
         warnings += odd
         for end, table in found.items():
             tables[setup.results / f"{'_'.join(one for one in (name, analysis.name, end) if one)}.sto"] = table
@@ -67,12 +69,10 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     check_outputs((*tables, *controls), (source, model_path, *named))
     writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
     writers |= {path: partial(write_controls, one) for path, one in controls.items()}
-    return ToolResult("AnalyzeTool", tuple(told), write_outputs(writers), tuple(dict.fromkeys(warnings)))
+    return ToolResult("AnalyzeTool", tuple(lines), write_outputs(writers), tuple(dict.fromkeys(warnings)))
 
 
-def _optimized(here: Analyzed, analysis: Analysis) -> Found:
-    from myomorph.rigid.dynamics import inverse_dynamics
-
+def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     assert analysis.static_optimization is not None
     inputs.has_mass(here.model, "static optimization")
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
@@ -84,23 +84,17 @@ def _optimized(here: Analyzed, analysis: Analysis) -> Found:
     return found, text, tuple(f"{analysis.name}: {one}" for one in notes)
 
 
-def _reactions(here: Analyzed, analysis: Analysis) -> Found:
-    inputs.has_mass(here.model, "joint reactions")
-    table, text, notes = joint_reaction(here, analysis)
-    return {"ReactionLoads": table}, text, notes
-
-
-ANALYSES: dict[str, Callable[[Analyzed, Analysis], Found]] = {
+ANALYSES: dict[str, Callable[[Analyzed, Analysis], Result]] = {
     "StaticOptimization": _optimized,
     "MuscleAnalysis": muscle_analysis,
-    "JointReaction": _reactions,
+    "JointReaction": joint_reaction,
     "BodyKinematics": body_kinematics,
     "PointKinematics": point_kinematics,
     "Kinematics": kinematics,
     "Actuation": actuation,
     "ForceReporter": reported_forces,
     "StatesReporter": reported_states,
-    "InverseDynamics": net_torques,
+    "InverseDynamics": inverse_dynamics_analysis,
 }
 """What runs each kind of analysis."""
 
@@ -114,8 +108,6 @@ def static_optimization(
     name: str,
 ) -> tuple[Tables, str]:
     """Activations and forces of muscles and actuators: OpenSim's problem, so without the muscles' passive force."""
-    from myomorph.tension.solve import TensionOptions, solve_tension
-
     if not settings.use_model_forces:
         raise BadData("StaticOptimization: use_model_force_set is false, which leaves no muscles to solve for")
     curves = "opensim" if settings.use_physiology else "constant"

@@ -1,26 +1,119 @@
-"""OpenSim's BodyKinematics, PointKinematics and Kinematics: how bodies, points and coordinates move."""
+"""OpenSim's BodyKinematics, PointKinematics, Kinematics and MuscleAnalysis: how bodies and muscles move."""
 
 from __future__ import annotations
 
-from types import MappingProxyType
+from collections.abc import Iterator
 
 import numpy as np
 
 from myomorph.io.osim.tool_setups import Analysis
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import GROUND, Model
-from myomorph.model.series import Motion, Table
-from myomorph.opensim_tools.muscles import Tables, listed
-from myomorph.opensim_tools.states import Analyzed
+from myomorph.opensim_tools.states import Analyzed, Result, Tables
 from myomorph.rigid.body_motion import BodyMotion, body_motion
 from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.tree import compile_tree
 
 WHOLE = "center_of_mass"
 
+MAX_ENTRIES = 20_000_000
+"""Moment arms (frames x muscles x coordinates) that are in memory at a time."""
 
-def body_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+FIBERS = {
+    "PennationAngle": "pennation",
+    "FiberLength": "fiber_length",
+    "TendonLength": "tendon_length",
+    "FiberVelocity": "fiber_velocity",
+    "NormFiberVelocity": "normalized_velocity",
+    "PennationAngularVelocity": "pennation_velocity",
+    "TendonForce": "tendon_force",
+    "FiberForce": "fiber_force",
+    "ActiveFiberForce": "active_force",
+    "PassiveFiberForce": "passive_force",
+    "FiberActivePower": "active_power",
+    "FiberPassivePower": "passive_power",
+    "TendonPower": "tendon_power",
+    "MuscleActuatorPower": "muscle_power",
+}
+"""OpenSim's tables that are arrays of `FiberStates`."""
+
+
+def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
+    """All tables of a MuscleAnalysis by their names, what was found, and warnings.
+
+    Raises
+    ------
+    BadModel
+        The model has no muscles.
+    """
+    model = here.model
+    if not model.muscles:
+        raise BadModel(f"model '{model.name}' has no muscles")
+    names, notes = listed(analysis, "muscle_list", "muscle", model.muscle_names)
+    moving = analysis.flag("compute_moments", True)
+    about: tuple[str, ...] = ()
+    if moving:
+        about, left_out = listed(analysis, "moment_arm_coordinate_list", "coordinate", model.coordinate_names)
+        notes += left_out
+    columns = [model.muscle_names.index(one) for one in names]
+    found: dict[str, Array] = {"Length": here.paths.lengths[:, columns]}
+    if here.without_fibers:
+        classes = ", ".join(here.without_fibers)
+        notes.append(f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not built")
+    else:
+        found |= _fibers(here, columns)
+        notes += here.unbalanced
+    pulls = None if here.without_fibers else here.fibers.tendon_force[:, columns]
+    for name, arms in _moment_arms(here, columns, about):
+        found[f"MomentArm_{name}"] = arms
+        if pulls is not None:
+            found[f"Moment_{name}"] = arms * pulls
+    tables = {name: here.table(names, values, name) for name, values in found.items()}
+    text = f"muscle analysis: {len(here.motion)} frames, {len(names)} muscles, {len(about)} coordinates"
+    return tables, text, tuple(notes)
+
+
+def _fibers(here: Analyzed, columns: list[int]) -> dict[str, Array]:
+    fibers = here.fibers
+    found = {name: getattr(fibers, own)[:, columns] for name, own in FIBERS.items()}
+    optimal = np.array([here.model.muscles[k].optimal_fiber_length for k in columns])
+    cosine = np.cos(found["PennationAngle"])
+    found["NormalizedFiberLength"] = found["FiberLength"] / optimal
+    for name in ("ActiveFiberForce", "PassiveFiberForce"):
+        found[f"{name}AlongTendon"] = found[name] * cosine
+    return found
+
+
+def _moment_arms(here: Analyzed, columns: list[int], about: tuple[str, ...]) -> Iterator[tuple[str, Array]]:
+    """Moment arms (frames, muscles) about each coordinate [m or 1]."""
+    if not about:
+        return
+    model, frames = here.model, len(here.motion)
+    arms = np.empty((len(about), frames, len(columns)))
+    wanted = [model.coordinate_names.index(one) for one in about]
+    block = max(1, MAX_ENTRIES // (len(model.muscles) * len(model.coordinates)))
+    for start in range(0, frames, block):
+        part = slice(start, start + block)
+        arms[:, part] = np.moveaxis(here.paths.dense(part)[:, columns][:, :, wanted], 2, 0)
+    yield from zip(about, arms, strict=True)
+
+
+def listed(analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
+    """The names that a list of an analysis asks for, in its order, and a note for each that the model lacks.
+
+    Parameters
+    ----------
+    tag : of the list; empty or beginning with "all" it asks for all names
+    kind : of what is listed, for the notes
+    """
+    asked = tuple(analysis.options.get(tag, "").split())
+    if not asked or asked[0].lower() == "all":
+        return names, []
+    notes = [f"{analysis.name}: {kind} '{one}' is not in the model: left out" for one in asked if one not in names]
+    return tuple(one for one in asked if one in names), notes
+
+
+def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     """Mass centers and orientations of bodies, and the center of mass of the model: pos, vel and acc.
 
     In ground; velocities and accelerations in the bodies' own axes where the analysis says so. Orientations are
@@ -33,10 +126,10 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
     """
     model = here.model
     known = (*model.body_names, WHOLE)
-    names, unknown = listed(analysis.options.get("bodies", ""), known)
-    notes = tuple(f"{analysis.name}: body '{name}' is not in the model: left out" for name in unknown)
+    names, notes = listed(analysis, "bodies", "body", known)
     if not names:
-        raise BadData(f"{analysis.name}: none of its bodies ({', '.join(unknown)}) is in model '{model.name}'")
+        asked = ", ".join(analysis.options["bodies"].split())
+        raise BadData(f"{analysis.name}: none of its bodies ({asked}) is in model '{model.name}'")
     bodies = [name for name in names if name != WHOLE]
     moved, numbers = _moved(here)
     index = np.array([numbers[name] for name in bodies], np.int64)
@@ -59,13 +152,13 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
             values = np.hstack([values, whole[k]])
             labels = (*columns, *(f"{WHOLE}_{axis}" for axis in "XYZ"))
         name = f"{kind}_bodyLocal" if own and kind != "pos" else f"{kind}_global"
-        tables[name] = _table(here.motion, labels, values, title, analysis)
+        tables[name] = here.table(labels, values, title, in_degrees(analysis))
     text = f"body kinematics: {len(here.motion)} frames, {len(bodies)} bodies"
-    return tables, text, notes
+    return tables, text, tuple(notes)
 
 
-def point_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
-    """Place, velocity and acceleration of a point of a body, in ground or in the axes of another body.
+def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
+    """Position, velocity and acceleration of a point of a body, in ground or in the axes of another body.
 
     Raises
     ------
@@ -82,13 +175,13 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, t
     for name in (body, other):
         if name not in numbers and name != "none":
             raise UnknownName("body", name, tuple(numbers), f"for {analysis.name} the model")
-    told = analysis.options.get("point", "0 0 0")
+    text = analysis.options.get("point", "0 0 0")
     try:
-        place = np.array([float(one) for one in told.split()])
+        place = np.array([float(one) for one in text.split()])
     except ValueError:
         place = np.zeros(0)
     if place.shape != (3,) or not np.isfinite(place).all():
-        raise BadData(f"{analysis.name}: point is '{told}': expected three numbers")
+        raise BadData(f"{analysis.name}: point is '{text}': expected three numbers")
     found = [one[:, 0] for one in moved.of_points(np.array([numbers[body]]), place[None])]
     if other != "none":
         turn, origin = moved.rotations[:, numbers[other]], moved.origins[:, numbers[other]]
@@ -97,29 +190,26 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, t
     point = analysis.options.get("point_name", "") or "NONAME"
     titles = {"pos": "PointPosition", "vel": "PointVelocity", "acc": "PointAcceleration"}
     tables = {
-        f"{point}_{kind}": Table(
-            here.motion.time, ("state_0", "state_1", "state_2"), values, facts=MappingProxyType({"name": title})
-        )
+        f"{point}_{kind}": here.table(("state_0", "state_1", "state_2"), values, title)
         for (kind, title), values in zip(titles.items(), found, strict=True)
     }
     return tables, f"point kinematics: {len(here.motion)} frames, point '{point}' of {body}", ()
 
 
-def kinematics(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+def kinematics(here: Analyzed, analysis: Analysis) -> Result:
     """Coordinates, speeds, and the accelerations that all forces cause: tables q, u and dudt."""
     model = here.model
-    names, unknown = listed(analysis.options.get("coordinates", ""), model.coordinate_names)
-    notes = tuple(f"{analysis.name}: coordinate '{name}' is not in the model: left out" for name in unknown)
-    arrays = motion_arrays(compile_tree(model), here.caused)
+    names, notes = listed(analysis, "coordinates", "coordinate", model.coordinate_names)
+    arrays = motion_arrays(here.tree, here.caused)
     columns = [model.coordinate_names.index(name) for name in names]
     turning = np.array([in_degrees(analysis) and model.coordinate(name).motion == "rotational" for name in names])
     factor = np.where(turning, 180.0 / np.pi, 1.0)
     titles = (("q", "Coordinates"), ("u", "Speeds"), ("dudt", "Accelerations"))
     tables = {
-        kind: _table(here.motion, names, values[:, columns] * factor, title, analysis)
+        kind: here.table(names, values[:, columns] * factor, title, in_degrees(analysis))
         for (kind, title), values in zip(titles, arrays, strict=True)
     }
-    return tables, f"kinematics: {len(here.motion)} frames, {len(names)} coordinates", notes
+    return tables, f"kinematics: {len(here.motion)} frames, {len(names)} coordinates", tuple(notes)
 
 
 def in_degrees(analysis: Analysis) -> bool:
@@ -139,18 +229,12 @@ def euler_angles(rotations: Array) -> Array:
 
 
 def _moved(here: Analyzed) -> tuple[BodyMotion, dict[str, int]]:
-    tree = compile_tree(here.model)
-    return body_motion(tree, *motion_arrays(tree, here.caused)), dict(tree.body_index)
+    return body_motion(here.tree, *motion_arrays(here.tree, here.caused)), dict(here.tree.body_index)
 
 
 def _center_of_mass(model: Model, moved: BodyMotion, numbers: dict[str, int]) -> tuple[Array, ...]:
-    """Place, velocity and acceleration (frames, 3) of the model's center of mass."""
+    """Position, velocity and acceleration (frames, 3) of the model's center of mass."""
     index = np.array([numbers[name] for name in model.body_names], np.int64)
     mass = np.array([one.mass for one in model.bodies])
     found = moved.of_points(index, np.array([one.mass_center for one in model.bodies]))
     return tuple(np.einsum("b,fbi->fi", mass, one) / mass.sum() for one in found)
-
-
-def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, analysis: Analysis) -> Table:
-    facts = MappingProxyType({"name": title})
-    return Table(motion.time, names, values, in_degrees=in_degrees(analysis), facts=facts)

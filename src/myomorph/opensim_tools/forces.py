@@ -1,30 +1,30 @@
-"""OpenSim's Actuation, ForceReporter, StatesReporter and (of OpenSim 3) InverseDynamics analyses."""
+"""OpenSim's Actuation, ForceReporter, StatesReporter, JointReaction and (of OpenSim 3) InverseDynamics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from myomorph.io.osim.tool_setups import Analysis
+from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import PassiveTorque
-from myomorph.model.series import Series, Table
+from myomorph.model.paths import PassiveTorque
+from myomorph.model.series import Series
 from myomorph.muscles.fiber_states import state_names
-from myomorph.opensim_tools.muscles import Tables
-from myomorph.opensim_tools.states import Analyzed
+from myomorph.opensim_tools.states import Analyzed, Result
 from myomorph.rigid.body_motion import BodyMotion, body_motion
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
+from myomorph.study.trial.steps.id import torque_table
+from myomorph.tension.reaction import joint_reactions
 
 
-def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+def actuation(here: Analyzed, analysis: Analysis) -> Result:
     """Force, speed and power of every muscle and actuator that is switched on.
 
     Raises
@@ -40,18 +40,15 @@ def actuation(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[st
     signs = np.array([-1.0 if name in here.model.muscle_names else 1.0 for name in forces.names])
     found = {"force": forces.values, "speed": speeds, "power": signs * forces.values * speeds}
     titles = {"force": "ActuatorForces", "speed": "ActuatorSpeeds", "power": "ActuatorPowers"}
-    tables = {
-        name: Table(here.motion.time, forces.names, values, facts=MappingProxyType({"name": titles[name]}))
-        for name, values in found.items()
-    }
+    tables = {name: here.table(forces.names, values, titles[name]) for name, values in found.items()}
     return tables, f"actuation: {len(here.motion)} frames, {len(forces.names)} actuators", ()
 
 
 def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
     """How fast muscles lengthen and actuators move, (frames, actuators) [m/s or rad/s]."""
-    model, tree = here.model, compile_tree(here.model)
+    model, tree = here.model, here.tree
     found = np.full((len(here.motion), len(names)), np.nan)
-    arrays = motion_arrays(tree, here.motion)
+    arrays = here.arrays
     actuators = {one.name: one for one in (*model.actuators, *here.actuators)}
     moved: BodyMotion | None = None
     for k, name in enumerate(names):
@@ -88,17 +85,14 @@ def _speed_on_bodies(one: Actuator, moved: BodyMotion, numbers: Mapping[str, int
     return np.asarray(np.einsum("fi,fi->f", velocity - back, apart) / np.linalg.norm(apart, axis=1))
 
 
-def reported_forces(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
     """Forces of muscles, of what holds coordinates, of actuators, and external forces."""
-    if analysis.flag("include_constraint_forces", False):
-        told: tuple[str, ...] = (f"{analysis.name}: forces of constraints are left out",)
-    else:
-        told = ()
     names, values, notes = force_columns(here, here.forces)
-    facts = MappingProxyType({"name": "ModelForces"})
-    table = Table(here.motion.time, names, values, facts=facts)
+    if analysis.flag("include_constraint_forces", False):
+        notes = ("forces of constraints are left out", *notes)
     text = f"forces: {len(here.motion)} frames, {len(names)} columns"
-    return {"forces": table}, text, (*told, *(f"{analysis.name}: {one}" for one in notes))
+    tables = {"forces": here.table(names, values, "ModelForces")}
+    return tables, text, tuple(f"{analysis.name}: {one}" for one in notes)
 
 
 def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
@@ -111,7 +105,7 @@ def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...
     forces : of muscles and actuators
     """
     model, frames = here.model, len(here.motion)
-    c, rates, _ = motion_arrays(compile_tree(model), here.motion)
+    c, rates, _ = here.arrays
     pulling = [] if forces is None else [name for name in forces.names if name in model.muscle_names]
     found: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
     limits = {one.name.removesuffix("_upper").removesuffix("_lower") for one in model.passive_torques if _limit(one)}
@@ -138,7 +132,7 @@ def _external(here: Analyzed) -> dict[str, Array]:
     loads = here.wrenches
     if loads is None:
         return {}
-    tree = compile_tree(here.model)
+    tree = here.tree
     poses = forward_kinematics(tree, tree.coordinates_of(here.motion))
     found: dict[str, Array] = {}
     for k, (name, body) in enumerate(zip(loads.names, loads.bodies, strict=True)):
@@ -150,10 +144,10 @@ def _external(here: Analyzed) -> dict[str, Array]:
     return found
 
 
-def reported_states(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+def reported_states(here: Analyzed, analysis: Analysis) -> Result:
     """The states at every frame, as OpenSim 4 names them."""
     model = here.model
-    arrays = motion_arrays(compile_tree(model), here.motion)
+    arrays = here.arrays
     columns: dict[str, Array] = {}
     for joint in model.joints:
         for name in joint.coordinates:
@@ -169,13 +163,12 @@ def reported_states(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tu
         for muscle in model.muscles:
             for state in state_names(muscle):
                 columns[f"/forceset/{muscle.name}/{state}"] = here.states[muscle.name, state]
-    facts = MappingProxyType({"name": "ModelStates"})
     values = np.stack(list(columns.values()), axis=1)
     text = f"states: {len(here.motion)} frames, {len(columns)} states"
-    return {"states": Table(here.motion.time, tuple(columns), values, facts=facts)}, text, notes
+    return {"states": here.table(tuple(columns), values, "ModelStates")}, text, notes
 
 
-def net_torques(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[str, ...]]:
+def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
     """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4 no longer has."""
     inputs.has_mass(here.model, "inverse dynamics")
     if analysis.flag("use_model_force_set", True):
@@ -185,3 +178,89 @@ def net_torques(here: Analyzed, analysis: Analysis) -> tuple[Tables, str, tuple[
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     text = f"inverse dynamics: {len(torques)} frames, {len(torques.names)} coordinates"
     return {"": torque_table(torques, here.model)}, text, ()
+
+
+def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
+    """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings.
+
+    As OpenSim, the analysis takes the accelerations that all forces together cause; those of the motion are not read.
+    Without a forces_file, forces of muscles are those of their states.
+
+    Raises
+    ------
+    BadData
+        where lists differ in length, or muscles without a forces_file are of a class whose fibers are not built
+    UnknownName
+        where a joint, body or frame does not exist, or a muscle or actuator is not in the forces_file
+    """
+    inputs.has_mass(here.model, "joint reactions")
+    model, motion, actuators = here.model, here.motion, here.actuators
+    known = tuple(one.name for one in model.joints)
+    names = tuple(analysis.options.get("joint_names", "").split()) or ("ALL",)
+    if names[0].upper() == "ALL":
+        names = known
+    kept = [k for k, name in enumerate(names) if name in known]
+    if not kept:
+        raise UnknownName("joint", names[0], known)
+    warnings = [f"'{name}' is not a joint: left out" for name in names if name not in known]
+    # OpenSim takes the words for sides in any case.
+    sides = _of_each(analysis, "apply_on_bodies", "child", names, kept, str.lower)
+    frames = _of_each(analysis, "express_in_frame", "ground", names, kept)
+    forces, notes = _forces(here, analysis.forces)
+    found = joint_reactions(
+        model,
+        motion,
+        forces,
+        here.wrenches,
+        [names[k] for k in kept],
+        sides,  # type: ignore[arg-type]
+        frames,
+        actuators=actuators,
+        accelerations="forces",
+    )
+    text = f"joint reactions: {len(found)} frames, {len(found.joints)} joints"
+    if np.isfinite(found.forces).any():
+        sizes = np.linalg.norm(found.forces, axis=2)
+        worst = np.unravel_index(int(np.nanargmax(sizes)), sizes.shape)
+        text += f", largest force {sizes[worst]:.0f} N ({found.joints[worst[1]]})"
+    return {"ReactionLoads": found.table()}, text, (*warnings, *notes)
+
+
+def _of_each(
+    analysis: Analysis,
+    tag: str,
+    default: str,
+    names: Sequence[str],
+    kept: Sequence[int],
+    spelt: Callable[[str], str] = str,
+) -> list[str]:
+    """The word of a list for each joint that is kept: one for all, or one a joint as they are listed."""
+    given = [spelt(one) for one in analysis.options.get(tag, "").split()] or [default]
+    if len(given) not in (1, len(names)):
+        raise BadData(f"{analysis.name}: {tag} names {len(given)} for {len(names)} joints: expected 1 or as many")
+    return [given[k] if len(given) > 1 else given[0] for k in kept]
+
+
+def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str, ...]]:
+    """Forces of all muscles and actuators at the motion's times, between rows of the file along straight lines."""
+    model, time, actuators = here.model, here.motion.time, here.actuators
+    given = {one.name for one in actuators}
+    helpers = [one.name for one in (*model.actuators, *actuators) if one.enabled]
+    names = tuple(dict.fromkeys([one.name for one in model.muscles if one.enabled] + helpers))
+    if path is None:
+        notes = (f"no forces_file: {len(helpers)} actuators are taken to do nothing",) if helpers else ()
+        return here.forces, notes
+    with inputs.about(path):
+        table = read_sto(path)
+        values = np.empty((len(time), len(names)))
+        for k, name in enumerate(names):
+            if name not in table.names:
+                where = "the forces_file" + (" (force_set_files added it)" if name in given else "")
+                raise UnknownName("actuator", name, table.names, where)
+            values[:, k] = np.interp(time, table.time, table[name])
+        if time[0] < table.time[0] - 1e-6 or time[-1] > table.time[-1] + 1e-6:
+            raise BadData(
+                f"has forces from {table.time[0]:g} to {table.time[-1]:g} s, but the analysis runs from {time[0]:g} to "
+                f"{time[-1]:g} s"
+            )
+    return Series(time, names, values), ()

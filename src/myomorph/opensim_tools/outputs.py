@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadData, BadFile
 
 Writers = Mapping[Path, Callable[[Path], object]]
 """What writes each file under the name that it is given."""
@@ -20,13 +20,13 @@ class ToolResult:
 
     Attributes
     ----------
-    told : what was found, one line each
+    lines : what was found, one line each
     written : the files
     warnings : what looked wrong but did not stop the work, one line each
     """
 
     tool: str
-    told: tuple[str, ...]
+    lines: tuple[str, ...]
     written: tuple[Path, ...]
     warnings: tuple[str, ...] = ()
 
@@ -63,3 +63,10 @@ def write_outputs(writers: Writers) -> tuple[Path, ...]:
         for path in temporary.values():
             path.unlink(missing_ok=True)
     return tuple(temporary)
+
+
+def needed(path: Path | None, tag: str, source: Path) -> Path:
+    """The path, or `BadData` that says which part of the setup is missing."""
+    if path is None:
+        raise BadData(f"{source}: names no {tag}")
+    return path

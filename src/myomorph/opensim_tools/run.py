@@ -5,30 +5,29 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
 
 from myomorph.io.osim.scale_setup import ScaleSetup
 from myomorph.io.osim.tool_setups import InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.model.series import Table
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.opensim_tools.inputs import (
-    error_table,
-    indexed_frames,
-    loads_at,
-    location_table,
-    nearest_frames,
-    needed,
-    net_torques,
-    table_path,
-    torques_in_order,
-    wrench_count,
-)
-from myomorph.opensim_tools.outputs import ToolResult, Writers, check_outputs, write_outputs
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.muscles.passive import passive_generalized_forces
+from myomorph.opensim_tools.analyze import run_analyze
+from myomorph.opensim_tools.outputs import ToolResult, Writers, check_outputs, needed, write_outputs
+from myomorph.opensim_tools.scale import run_scale
+from myomorph.opensim_tools.states import indexed_frames, loads_at, overlap
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs
-from myomorph.study.trial.step_tables import torque_table
-from myomorph.study.trial.takes import task_values, with_tasks
+from myomorph.study.trial.steps.id import torque_table
+from myomorph.study.trial.trial_files import task_values, with_tasks
 
 
 def run_tool(source: Path) -> ToolResult:
@@ -43,15 +42,11 @@ def run_tool(source: Path) -> ToolResult:
     """
     setup = read_setup(source)
     if isinstance(setup, ScaleSetup):
-        from myomorph.opensim_tools.scale import run_scale
-
         return run_scale(setup, source)
     if isinstance(setup, InverseKinematicsSetup):
         return run_inverse_kinematics(setup, source)
     if isinstance(setup, InverseDynamicsSetup):
         return run_inverse_dynamics(setup, source)
-    from myomorph.opensim_tools.analyze import run_analyze
-
     return run_analyze(setup, source)
 
 
@@ -102,12 +97,77 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     wrenches = loads_at(setup.loads, model, recorded, motion)
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)
     torques = torques_in_order(model, torques)
-    told = f"{len(torques)} frames, {len(torques.names)} coordinates, {wrench_count(wrenches)} external forces"
+    lines = f"{len(torques)} frames, {len(torques.names)} coordinates, {wrench_count(wrenches)} external forces"
     written = write_outputs(table_writers({target: torque_table(torques, model)}))
     own = (f"{model_path.name}: {text}" for text in model.warnings)
-    return ToolResult("InverseDynamicsTool", (told,), written, (*setup.warnings, *own, *warnings))
+    return ToolResult("InverseDynamicsTool", (lines,), written, (*setup.warnings, *own, *warnings))
 
 
 def table_writers(tables: dict[Path | None, Table]) -> Writers:
     """What writes each table that has a path."""
     return {path: partial(write_sto, table) for path, table in tables.items() if path is not None}
+
+
+def net_torques(
+    model: Model, motion: Motion, wrenches: Wrenches | None, excluded: tuple[str, ...]
+) -> tuple[Series, list[str]]:
+    """Generalized forces less those of the model's own springs and dampers that are not excluded, and warnings."""
+    words = {word.upper() for word in excluded}
+    torques = inverse_dynamics(model, motion, wrenches)
+    if "ALL" in words:
+        return torques, []
+    passive = passive_generalized_forces(model, motion, excluded)
+    warnings = []
+    if model.muscles and not words & {"MUSCLES", "ACTUATORS"}:
+        warnings.append("forces_to_exclude does not name Muscles: their forces are left out all the same")
+    return replace(torques, values=torques.values - passive.values), warnings
+
+
+def torques_in_order(model: Model, torques: Series) -> Series:
+    """Generalized forces in the order of OpenSim's InverseDynamicsTool: joints by their distance from the ground."""
+    depth = {GROUND: 0}
+    for joint in model.joints:
+        depth[joint.child] = depth[joint.parent] + 1
+    joints = sorted(model.joints, key=lambda joint: depth[joint.child])
+    names = [name for joint in joints for name in joint.coordinates]
+    names += [name for name in torques.names if name not in names]
+    columns = [torques.names.index(name) for name in names]
+    return Series(torques.time, tuple(names), torques.values[:, columns])
+
+
+def table_path(folder: Path, name: str) -> Path:
+    """A table in the folder of results; OpenSim adds the ending where a name has none."""
+    plain = Path(name.replace("\\", "/")).name
+    return folder / (plain if Path(plain).suffix.lower() in (".sto", ".mot") else f"{plain}.sto")
+
+
+def nearest_frames(markers: Markers, span: tuple[float, float], path: Path) -> Markers:
+    """Frames from the one nearest to the start to the one nearest to the end [s]."""
+    start, end = overlap(span, markers.time, path)
+    first, last = (int(np.argmin(np.abs(markers.time - at))) for at in (start, end))
+    return replace(markers, time=markers.time[first : last + 1], values=markers.values[first : last + 1])
+
+
+def wrench_count(wrenches: Wrenches | None) -> int:
+    """How many external forces there are."""
+    return 0 if wrenches is None else len(wrenches.names)
+
+
+def error_table(fit: KinematicsFit) -> Table:
+    """Marker errors as OpenSim's inverse kinematics reports them: of all markers of a frame together."""
+    total = np.nansum(fit.errors**2, axis=1)
+    names = ("total_squared_error", "marker_error_RMS", "marker_error_max")
+    facts = MappingProxyType({"name": "Model Marker Errors from IK"})
+    return Table(fit.motion.time, names, np.column_stack([total, fit.rms, fit.largest]), facts=facts)
+
+
+def location_table(model: Model, fit: KinematicsFit) -> Table:
+    """Where the model's markers are in every frame, in ground [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(fit.motion))
+    marked = [model.marker(name) for name in fit.marker_names]
+    bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
+    points = poses.points(bodies, np.array([one.location for one in marked]))
+    names = tuple(f"{name}_t{axis}" for name in fit.marker_names for axis in "xyz")
+    facts = MappingProxyType({"name": "Model Marker Locations from IK"})
+    return Table(fit.motion.time, names, points.reshape(len(points), -1), facts=facts)

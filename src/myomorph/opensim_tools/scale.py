@@ -22,10 +22,11 @@ from myomorph.model.series import Markers, Motion, Table
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.measurements import Placement, frames_around, measure, place_on_pose, with_measured
 from myomorph.muscles.fiber_states import default_states, without_fibers
+from myomorph.muscles.scaling import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.trial import inputs
 from myomorph.study.trial.inputs import with_marker_set
-from myomorph.study.trial.takes import task_values, with_tasks
+from myomorph.study.trial.trial_files import task_values, with_tasks
 
 
 def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
@@ -38,7 +39,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     """
     if setup.model is None:
         raise BadData(f"{source}: names no model_file: expected that of the generic model")
-    told, warnings = [], list(setup.warnings)
+    lines, warnings = [], list(setup.warnings)
     read: list[Path | None] = [source, setup.model, setup.marker_set]
     writers: dict[Path, Callable[[Path], object]] = {}
     targets: list[Path] = []
@@ -59,7 +60,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     else:
         model, factors, notes = scaled(model, setup.scaler, setup.mass, source)
         warnings += notes
-        told.append(_told_factors(factors, model))
+        lines.append(_factors_line(factors, model))
         if setup.scaler.output_model is not None and not _one_model(setup):
             writers[setup.scaler.output_model] = partial(_write_model, model, warnings)
         if setup.scaler.output_factors is not None:
@@ -69,7 +70,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     else:
         placement = placed(model, setup.placer, source)
         warnings += placement.notes
-        told.append(_told_markers(placement))
+        lines.append(_markers_line(placement))
         if setup.placer.output_model is not None:
             writers[setup.placer.output_model] = partial(_write_model, placement.model, warnings)
         if setup.placer.output_markers is not None:
@@ -77,7 +78,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         if setup.placer.output_motion is not None:
             writers[setup.placer.output_motion] = partial(write_sto, pose_table(placement.fit.motion, model))
     written = write_outputs(writers)
-    return ToolResult("ScaleTool", tuple(told), written, tuple(dict.fromkeys(warnings)))
+    return ToolResult("ScaleTool", tuple(lines), written, tuple(dict.fromkeys(warnings)))
 
 
 def _one_model(setup: ScaleSetup) -> bool:
@@ -90,8 +91,6 @@ def scaled(
     model: Model, setup: ScalerSetup, mass: float | None, source: Path
 ) -> tuple[Model, dict[str, Array], list[str]]:
     """The scaled model, the factors (3,) of all its bodies and of the ground, and what is odd about them."""
-    from myomorph.muscles.scaling import default_path_lengths
-
     notes: list[str] = []
     factors: dict[str, Array] = {}
     for kind in setup.order:
@@ -158,7 +157,7 @@ def _write_model(model: Model, warnings: list[str], path: Path) -> None:
     warnings += write_osim(model, path)
 
 
-def _told_factors(factors: dict[str, Array], model: Model) -> str:
+def _factors_line(factors: dict[str, Array], model: Model) -> str:
     sizes = [factor for body, factor in factors.items() if (factor != 1.0).any()]
     if not sizes:
         return f"no body is stretched, mass {model.mass:.2f} kg"
@@ -166,7 +165,7 @@ def _told_factors(factors: dict[str, Array], model: Model) -> str:
     return f"{len(sizes)} of {len(factors) - 1} bodies stretched, {span}, mass {model.mass:.2f} kg"
 
 
-def _told_markers(placement: Placement) -> str:
+def _markers_line(placement: Placement) -> str:
     rms, worst = (100.0 * float(one[0]) for one in (placement.fit.rms, placement.fit.largest))
     text = f"{len(placement.moved)} markers moved; before, root mean square {rms:.2f} cm, largest {worst:.2f} cm"
     return text + (f"; {len(placement.removed)} that were not recorded removed" if placement.removed else "")

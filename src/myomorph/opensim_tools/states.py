@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from myomorph.io.osim.tool_setups import AnalyzeSetup
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate, natural_spline
+from myomorph.motion.sync import resample_wrenches
 from myomorph.muscles.coupled_arms import TURNING
 from myomorph.muscles.fiber_states import FiberStates, fiber_states, state_names, without_fibers
 from myomorph.muscles.path import MuscleKinematics, muscle_kinematics
-from myomorph.opensim_tools.inputs import indexed_frames, loads_at, needed, picked
+from myomorph.opensim_tools.outputs import needed
 from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.dynamics import motion_arrays
+from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.study.trial import inputs
+from myomorph.tension.reaction import caused_motion
 
 TWIN = 1e-6
 """A frame that follows within this share of the usual step stands at the time of the one before."""
 
-MOST_FRAMES = 100_000
+MAX_FRAMES = 100_000
 """Frames that OpenSim makes of uneven ones at most, those it adds before and after included."""
 
 States = Mapping[tuple[str, str], Array]
+
+Tables = dict[str, Table]
+
+Result = tuple[Tables, str, tuple[str, ...]]
+"""What an analysis gives: tables by the ends of their names, one line for the terminal, and warnings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +75,21 @@ class Analyzed:
             return self
         stored = {key: values[frames] for key, values in self.stored.items()}
         return replace(self, motion=picked(self.motion, frames), stored=stored)
+
+    @cached_property
+    def tree(self) -> Tree:
+        """Of the model."""
+        return compile_tree(self.model)
+
+    @cached_property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Coordinates, rates and accelerations (frames, coordinates) of the motion."""
+        return motion_arrays(self.tree, self.motion)
+
+    def table(self, names: Sequence[str], values: Array, title: str, in_degrees: bool = False) -> Table:
+        """Values (frames, columns) of the motion's frames under the title that OpenSim gives them."""
+        facts = MappingProxyType({"name": title})
+        return Table(self.motion.time, tuple(names), values, in_degrees=in_degrees, facts=facts)
 
     @cached_property
     def wrenches(self) -> Wrenches | None:
@@ -123,8 +149,6 @@ class Analyzed:
     @cached_property
     def caused(self) -> Motion:
         """The motion with the accelerations that all forces together cause, which is what OpenSim reports."""
-        from myomorph.tension.reaction import caused_motion
-
         inputs.has_mass(self.model, "accelerations")
         return caused_motion(self.model, self.motion, self.forces, self.wrenches, self.actuators)
 
@@ -154,8 +178,8 @@ def analyzed(
             everything = recorded = replace(recorded, time=time, values=spline(time))
             kept = np.ones(len(time), bool)
     # As OpenSim's tool, which assembles the model in every frame; its InverseDynamicsTool does not.
-    whole, told = closed_motion(model, differentiate(recorded, cutoff))
-    notes += told
+    whole, gaps = closed_motion(model, differentiate(recorded, cutoff))
+    notes += gaps
     whole = with_twins(whole, everything, kept)
     if setup.states is not None:
         whole = with_speeds(read_sto(path), model, whole)
@@ -176,14 +200,14 @@ def analyzed(
 def even_times(time: Array) -> Array:
     """The times where their steps are alike, else even ones, as OpenSim's filter has them [s].
 
-    Those start half the file's frames before it, mirrored, with its smallest step, and are at most `MOST_FRAMES`.
+    Those start half the file's frames before it, mirrored, with its smallest step, and are at most `MAX_FRAMES`.
     """
     step = np.diff(time)
     if len(step) < 2 or step.max() - step.min() < 1e-3 * step.mean():
         return time
     pad = len(time) // 2
     start, end = 2.0 * time[0] - time[pad], 2.0 * time[-1] - time[-1 - pad]
-    width = max(float(step.min()), (end - start) / MOST_FRAMES)
+    width = max(float(step.min()), (end - start) / MAX_FRAMES)
     even = start + width * np.arange(int((end - start) / width) + 1)
     return even[(even >= time[0]) & (even <= time[-1])]
 
@@ -245,3 +269,34 @@ def with_speeds(table: Table, model: Model, motion: Motion) -> Motion:
                 rotates = model.coordinate(name).motion == "rotational"
                 velocities[:, k] = table[column] * (np.pi / 180.0 if table.in_degrees and rotates else 1.0)
     return replace(motion, velocities=velocities)
+
+
+def indexed_frames(motion: Motion, span: tuple[float, float], path: Path) -> Motion:
+    """Frames from the last at or before the start to the last at or before the end [s]."""
+    start, end = overlap(span, motion.time, path)
+    first, last = (max(int(np.searchsorted(motion.time, at, side="right")) - 1, 0) for at in (start, end))
+    return picked(motion, np.arange(first, last + 1))
+
+
+def picked(motion: Motion, frames: np.ndarray) -> Motion:
+    """Some frames of a motion."""
+    parts: dict[str, Any] = {
+        name: None if (given := getattr(motion, name)) is None else given[frames]
+        for name in ("velocities", "accelerations")
+    }
+    return replace(motion, time=motion.time[frames], values=motion.values[frames], **parts)
+
+
+def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, float]:
+    """The part of a span [s] that the times of a file cover; raises `BadData` where it covers none."""
+    start, end = max(span[0], float(time[0])), min(span[1], float(time[-1]))
+    if start > end:
+        raise BadData(
+            f"{path}: runs from {time[0]:g} to {time[-1]:g} s, so nothing is between {span[0]:g} and {span[1]:g} s"
+        )
+    return start, end
+
+
+def loads_at(path: Path | None, model: Model, recorded: Motion, motion: Motion) -> Wrenches | None:
+    """External forces at the motion's times, not filtered."""
+    return None if path is None else resample_wrenches(inputs.open_loads(path, model, recorded), motion.time)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import ROTATION, Tree
 

@@ -44,7 +44,7 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
     """
     if function is None:
         return lambda function: kernel(function, **options)
-    dispatcher = njit(nogil=True, **{"error_model": "numpy", **options})(function)
+    dispatcher: Any = njit(nogil=True, **{"error_model": "numpy", **options})(function)
     dispatcher._cache = KernelCache(function)
     return dispatcher
 

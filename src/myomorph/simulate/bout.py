@@ -1,19 +1,226 @@
-"""A bout: two simulated fighters moved through a plan by their muscles, and every force that passed."""
+"""A bout: two simulated fighters moved through a plan by their muscles, and every force that passed.
+
+Each fighter chooses its muscles' activations for the movement and the pull it intends. The choice is no copy of the
+criterion that the estimate uses. At every instant the activations a, the forces f under the soles and the force g of
+the lapel minimise
+
+    |qdd - wanted|^2 + |feet and lapel stay|^2 + |g - intended|^2 + |sleeve - intended|^2 + sum_m w_m |a_m - a0_m|^3
+
+over a in 0..1 and f in a friction pyramid, with qdd of the equations of motion of both bodies. Weights w differ from
+muscle to muscle by a random factor, a0 is a random tone, the cube is taken as a square weighted by the distance an
+instant before, and the pull is intended, not economical. What then acts at the soles and in the grips is what MuJoCo's
+contacts and constraints make of the activations, not f and g.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
+import piqp
 
 from myomorph.model.arrays import Array
-from myomorph.simulate.control import Controller, Wanted
-from myomorph.simulate.fighter import Build, sole_points
-from myomorph.simulate.mat import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP
-from myomorph.simulate.plan import Plan
+from myomorph.simulate.fighter import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP, Build, sole_points
+from myomorph.simulate.plan import Plan, jacobian
+
+HORIZON = 0.012
+"""Time over which a choice of activations is to give the accelerations that are wanted [s]."""
+SMALL = 1e-3
+"""Difference of speeds for a slope [m/s]."""
+
+
+@dataclass(frozen=True)
+class Drives:
+    """How far off each aim may be for a cost of 1; the smaller, the more the fighters want it.
+
+    Attributes
+    ----------
+    acceleration, root : of joints and of pelves [rad/s^2, m/s^2]
+    foot, lapel, sleeve : accelerations of soles, of the lapel's gap and of the sleeve's length [m/s^2]
+    pull : of the intended force at the lapel [N]
+    effort : factor of the muscles' cost
+    friction : coefficient that the fighters count on
+    stiffness : of the way back to the plan [1/s^2]
+    """
+
+    acceleration: float = 6.0
+    root: float = 2.0
+    foot: float = 0.3
+    lapel: float = 1.0
+    sleeve: float = 1.0
+    pull: float = 25.0
+    effort: float = 0.3
+    friction: float = 0.6
+    stiffness: float = 120.0
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What the fighters intend at an instant.
+
+    Attributes
+    ----------
+    accelerations : (nv,)
+    standing : corners of soles on the mat: number of the body, point in it (3,), and where it came down (3,) [m]
+    lapel : (3,) force on tori's hand [N]
+    sleeve : pull [N]
+    """
+
+    accelerations: Array
+    standing: Sequence[tuple[int, Array, Array]]
+    lapel: Array
+    sleeve: float
+
+
+class Controller:
+    """Activations of both fighters from the state, instant by instant.
+
+    Parameters
+    ----------
+    compiled : mujoco.MjModel of the pair
+    weight, tone : (muscles,) w and a0
+    """
+
+    def __init__(self, compiled: Any, weight: Array, tone: Array, drives: Drives | None = None):
+        self.drives = drives or Drives()
+        self._m, self._weight, self._tone = compiled, weight, tone
+        self._before = tone.copy()
+        self._scale = np.full(compiled.nv, self.drives.acceleration)
+        for j in np.flatnonzero(compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
+            start = compiled.jnt_dofadr[j]
+            self._scale[start : start + 6] = self.drives.root
+
+    def activations(self, data: Any, wanted: Wanted) -> Array:
+        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date."""
+        m, drives = self._m, self.drives
+        soles = [jacobian(m, data, body, point) for body, point, _ in wanted.standing]
+        feet = np.vstack([J for J, _ in soles]) if soles else np.zeros((0, m.nv))
+        grip, gap = _between(m, data, "tori_grip_r", "lapel")
+        B, b = self._accelerations(data, feet, grip)
+        aims = _Aims(B, b)
+        aims.add(np.eye(m.nv), wanted.accelerations, self._scale)
+        if soles:
+            missed = np.concatenate([at - kept for (_, at), (_, _, kept) in zip(soles, wanted.standing, strict=True)])
+            aims.add(feet, -_RATE * (feet @ data.qvel) - _STIFF * missed, drives.foot)
+        aims.add(grip, -_RATE * (grip @ data.qvel) - _STIFF * gap, drives.lapel)
+        sleeve, longer, rate = self._sleeve(data, wanted.sleeve)
+        aims.add(sleeve[None], np.array([_STIFF * longer - _RATE * rate]), drives.sleeve)
+        muscles = slice(0, m.nu)
+        effort = drives.effort * self._weight * (0.05 + np.abs(self._before - self._tone))
+        aims.pull(muscles, self._tone, effort)
+        aims.pull(slice(m.nu, None), np.zeros(B.shape[1] - m.nu), 1e-7)
+        aims.pull(slice(-3, None), wanted.lapel, drives.pull**-2)
+        found = _solve(aims.H, aims.c, m.nu, len(feet) // 3, drives.friction)
+        self._before = np.clip(found[muscles], 0.0, 1.0)
+        return self._before
+
+    def _accelerations(self, data: Any, feet: Array, grip: Array) -> tuple[Array, Array]:
+        """Qdd = B x + b with x the activations, the forces of soles and that of the lapel."""
+        m = self._m
+        arms = -moments(m, data)
+        active, passive, slope = muscle_strength(m, data)
+        # What muscles lose by moving faster is stiff on light bodies such as feet: a step of implicit Euler.
+        mass = mass_matrix(m, data) + HORIZON * (arms.T * (self._before * slope)) @ arms
+        # The passive forces of MuJoCo are the sleeve's alone.
+        free = data.qfrc_passive - data.qfrc_bias + arms.T @ passive
+        B = np.linalg.solve(mass, np.column_stack([arms.T * active, feet.T, grip.T, free]))
+        return B[:, :-1], B[:, -1]
+
+    def _sleeve(self, data: Any, pull: float) -> tuple[Array, float, float]:
+        """d(length)/d(rates) (nv,) of the sleeve, what it lacks for a pull [m], and how fast it grows [m/s]."""
+        J, apart = _between(self._m, data, "tori_grip_l", "cuff")
+        length = float(np.linalg.norm(apart))
+        slope = apart / length @ J
+        return slope, SLEEVE_LENGTH + pull / SLEEVE_STIFFNESS - length, float(slope @ data.qvel)
+
+
+_STIFF, _RATE = 400.0, 40.0
+"""Of what holds soles, lapel and sleeve where they should be: critically damped [1/s^2], [1/s]."""
+
+
+class _Aims:
+    """A sum of squares x'Hx / 2 + c'x of accelerations B x + b and of x itself."""
+
+    def __init__(self, B: Array, b: Array):
+        self._B, self._b = B, b
+        self.H, self.c = np.zeros((B.shape[1], B.shape[1])), np.zeros(B.shape[1])
+
+    def add(self, J: Array, target: Array, scale: Array | float) -> None:
+        """The square of (J qdd - target) / scale."""
+        A, miss = J @ self._B / np.reshape(scale, (-1, 1)), (target - J @ self._b) / scale
+        self.H += A.T @ A
+        self.c -= A.T @ miss
+
+    def pull(self, some: slice, target: Array, weight: Array | float) -> None:
+        """Weight (x - target)^2 of some of x."""
+        chosen = np.arange(len(self.c))[some]
+        self.H[chosen, chosen] += weight
+        self.c[chosen] -= weight * target
+
+
+def mass_matrix(m: Any, data: Any) -> Array:
+    """(nv, nv)."""
+    M, column = np.empty((m.nv, m.nv)), np.empty(m.nv)
+    for j, unit in enumerate(np.eye(m.nv)):
+        mujoco.mj_mulM(m, data, column, unit)
+        M[j] = column
+    return M
+
+
+def moments(m: Any, data: Any) -> Array:
+    """d(lengths of muscles)/d(rates), (muscles, nv)."""
+    found = np.zeros((m.nu, m.nv))
+    for i in range(m.nu):
+        some = slice(data.moment_rowadr[i], data.moment_rowadr[i] + data.moment_rownnz[i])
+        found[i, data.moment_colind[some]] = data.actuator_moment[some]
+    return found
+
+
+def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
+    """Of every muscle at the state: pull per activation, passive pull [N], what the first gains by speed [N s/m]."""
+    active, passive, slope = np.empty(m.nu), np.empty(m.nu), np.empty(m.nu)
+    for i in range(m.nu):
+        length, speed = float(data.actuator_length[i]), float(data.actuator_velocity[i])
+        given = m.actuator_lengthrange[i], float(m.actuator_acc0[i])
+        slow, active[i], fast = (
+            -mujoco.mju_muscleGain(length, speed + one, *given, m.actuator_gainprm[i, :9])
+            for one in (-SMALL, 0.0, SMALL)
+        )
+        slope[i] = (fast - slow) / (2.0 * SMALL)
+        passive[i] = -mujoco.mju_muscleBias(length, *given, m.actuator_biasprm[i, :9])
+    return active, passive, slope
+
+
+def _between(m: Any, data: Any, first: str, second: str) -> tuple[Array, Array]:
+    """d/d(rates) (3, nv) of the way from the second site to the first, and that way (3,) [m]."""
+    one, other = np.zeros((3, m.nv)), np.zeros((3, m.nv))
+    a, b = m.site(first).id, m.site(second).id
+    mujoco.mj_jacSite(m, data, one, None, a)
+    mujoco.mj_jacSite(m, data, other, None, b)
+    return one - other, data.site_xpos[a] - data.site_xpos[b]
+
+
+def _solve(H: Array, c: Array, muscles: int, corners: int, friction: float) -> Array:
+    """Min x'Hx/2 + c'x with activations in 0..1 and forces of corners inside pyramids about y."""
+    n = len(c)
+    low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    low[:muscles], high[:muscles] = 0.0, 1.0
+    across = np.array([[1.0, -friction, 0.0], [-1.0, -friction, 0.0], [0.0, -friction, 1.0], [0.0, -friction, -1.0]])
+    G = np.zeros((4 * corners, n))
+    for i in range(corners):
+        at = muscles + 3 * i
+        G[4 * i : 4 * i + 4, at : at + 3] = across
+        low[at + 1] = 0.0
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = solver.settings.eps_rel = 1e-5
+    faces = (G, None, np.zeros(len(G))) if corners else (None, None, None)
+    solver.setup(H, c, None, None, *faces, low, high)
+    solver.solve()
+    return np.array(solver.result.x)
+
 
 FEET = tuple(f"{part}_foot_{side}" for part in PARTS for side in "rl")
 GRIPS = ("lapel", "sleeve")
@@ -56,7 +263,7 @@ def simulate_bout(
     Parameters
     ----------
     compiled : mujoco.MjModel of the pair, muscles with their fibers
-    weight, tone : (muscles,) of the fighters' own criterion, see `virtual_control`
+    weight, tone : (muscles,) of the fighters' own criterion, see `Controller`
     until : end of the bout, where the plan is not over sooner [s]
     """
     m = compiled

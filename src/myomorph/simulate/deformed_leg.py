@@ -16,7 +16,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.fields import FeaturePoints
+from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.jump_model import leg_model

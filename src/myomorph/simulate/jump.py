@@ -21,11 +21,13 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Analog, Event, Markers, Trial, Wrenches
 from myomorph.motion.sync import cut
-from myomorph.simulate.jump_model import calibrated, fitted_model, leg_model
-from myomorph.simulate.jump_recording import (
+from myomorph.simulate.jump_model import (
     QUIET,
     SHOULDER,
+    calibrated,
     events_of,
+    fitted_model,
+    leg_model,
     recording_path,
     shared_wrenches,
     standing_mass,

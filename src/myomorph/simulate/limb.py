@@ -1,8 +1,8 @@
-"""The limb of a virtual specimen: what it weighs, where its muscles run, and how MuJoCo is told."""
+"""The limb of a virtual specimen: what it weighs, where its muscles run, and the specimen as MJCF."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,15 +12,15 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Model
+from myomorph.model.model import Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.recording import SENSORS, inertial, words
-from myomorph.viscosity.specimen import Specimen
-from myomorph.viscosity.specimen_bodies import moved_parameters
+from myomorph.simulate.laboratory import SENSORS, inertial, words
+from myomorph.viscosity.specimen.bodies import moved_parameters
+from myomorph.viscosity.specimen.model import Specimen
 
 SHARES = (0.3, 0.35, 0.35)
 """Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat
@@ -162,23 +162,26 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
     """
     specimen = limb.specimen
     center = stand.apply(specimen.center)
-    parts = tendons_mjcf(limb, specimen.model, muscle) if muscle > 0.0 else ([], [], "")
+    inside, paths = _muscles_mjcf(specimen.model, limb.centered) if muscle > 0.0 else ({}, {})
+    on_base = "".join(inside.pop(specimen.base, []))
+    on_limb = "".join(one for parts in inside.values() for one in parts)
+    tendons = "".join(f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>' for name, path in paths.items())
     return f"""<mujoco model="virtual specimen">
   <option gravity="{words(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
   <worldbody>
     <body name="base" pos="{words(center)}">
       <site name="plate"/>
-      <body name="scapula" quat="{words(quaternion(stand.rotation))}">{"".join(parts[0])}</body>
+      <body name="scapula" quat="{words(quaternion(stand.rotation))}">{on_base}</body>
       <body name="limb" quat="{words(quaternion(rest))}">
         <joint name="joint" type="ball" damping="{damping!r}"/>
         {inertial(parameters)}
         <site name="center"/>
-        {"".join(parts[1])}
+        {on_limb}
       </body>
     </body>
   </worldbody>
-  {parts[2]}{_sensors(specimen.model, muscle)}
+  {f"<tendon>{tendons}</tendon>" if tendons else ""}{_sensors(specimen.model, muscle)}
 </mujoco>"""
 
 
@@ -187,38 +190,101 @@ def _sensors(model: Model, muscle: float) -> str:
     return SENSORS.format(body="limb").replace("</sensor>", "".join(speeds) + "</sensor>")
 
 
-def tendons_mjcf(limb: HeldLimb, model: Model, viscosity: float) -> tuple[list[str], list[str], str]:
-    """Sites and surfaces on base and limb, in the frames of `centered`, and the tendons."""
-    base = limb.specimen.base
-    on_base: list[str] = []
-    on_limb: list[str] = []
+def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Sites and surfaces by body, and the path of each muscle through them.
 
-    def put(body: str, name: str, place: Array) -> str:
-        place = limb.centered(body).apply(place)
-        (on_base if body == base else on_limb).append(f'<site name="{name}" pos="{words(place)}"/>')
+    Parameters
+    ----------
+    frame : pose of a body in the frame of what stands for it in the MJCF
+    """
+    inside: dict[str, list[str]] = {name: [] for name in model.body_names}
+    paths: dict[str, str] = {}
+
+    def site(body: str, name: str, location: Array) -> str:
+        inside[body].append(_site(name, frame(body).apply(location)))
         return name
 
     for one in model.wrap_objects:
-        pose = limb.centered(one.body) @ one.pose
         size = words(one.size[:1]) + (" 0.1" if one.kind == "cylinder" else "")
-        place = f'pos="{words(pose.translation)}" quat="{words(quaternion(pose.rotation))}"'
-        (on_base if one.body == base else on_limb).append(
-            f'<geom name="{one.name}" type="{one.kind}" size="{size}" {place}/>'
-        )
-    tendons = []
+        pose = _pose(frame(one.body) @ one.pose)
+        inside[one.body].append(f'<geom name="{one.name}" type="{one.kind}" size="{size}" {pose}/>')
     for muscle in model.muscles:
         path = []
         for i, point in enumerate(fixed_points(muscle)):
-            path.append(f'<site site="{put(point.body, f"{muscle.name}-{i + 1}", point.location)}"/>')
+            path.append(f'<site site="{site(point.body, f"{muscle.name}-{i + 1}", point.location)}"/>')
             for wrap in (one for one in tendon_wraps(muscle) if one.after == i):
                 side = ""
                 if wrap.side is not None:
-                    side = f' sidesite="{put(wrap.side_body, f"{muscle.name}-side-{wrap.wrap_object}", wrap.side)}"'
+                    side = f' sidesite="{site(wrap.side_body, f"{muscle.name}-side-{wrap.wrap_object}", wrap.side)}"'
                 path.append(f'<geom geom="{wrap.wrap_object}"{side}/>')
-        tendons.append(f'<spatial name="{muscle.name}" damping="{viscosity!r}">{"".join(path)}</spatial>')
-    return on_base, on_limb, f"<tendon>{''.join(tendons)}</tendon>"
+        paths[muscle.name] = "".join(path)
+    return inside, paths
+
+
+def _site(name: str, location: Array) -> str:
+    return f'<site name="{name}" pos="{words(location)}"/>'
+
+
+def _pose(pose: Transform) -> str:
+    return f'pos="{words(pose.translation)}" quat="{words(quaternion(pose.rotation))}"'
 
 
 def quaternion(rotation: Array) -> Array:
     """(4,) of a rotation (3, 3), w first."""
     return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+
+
+def specimen_mjcf(specimen: Specimen) -> str:
+    """The specimen as an MJCF model: bones, joints, markers as sites, muscles on tendons.
+
+    The base stands in the world; wires, clusters' places and viscosities are not in it, as a laboratory would
+    not know them.
+    """
+    model = specimen.model
+    children: dict[str, list[str]] = {name: [] for name in ("ground", *model.body_names)}
+    for joint in model.joints:
+        children[joint.parent].append(joint.child)
+    inside, paths = _muscles_mjcf(model, lambda body: Transform.identity())
+    for one in model.markers:
+        inside[one.body].append(_site(one.name, one.location))
+    joints = {one.child: one for one in model.joints}
+    rows = dict(zip(model.body_names, inertial_parameters(model), strict=True))
+
+    def body(name: str) -> str:
+        pose, freedoms = (specimen.stand, "") if name == specimen.base else _joint(joints[name])
+        below = "".join(body(child) for child in children[name])
+        return (
+            f'<body name="{name}" {_pose(pose)}>{freedoms}{inertial(rows[name])}{"".join(inside[name])}{below}</body>\n'
+        )
+
+    tendons = [f'<spatial name="{name}_tendon">{path}</spatial>\n' for name, path in paths.items()]
+    actuators = [
+        f'<muscle name="{one.name}" tendon="{one.name}_tendon" force="{one.max_isometric_force!r}" '
+        'lengthrange="0.01 1"/>\n'
+        for one in model.muscles
+    ]
+    return f"""<mujoco model="{model.name}">
+<compiler autolimits="true"/>
+<option gravity="{words(model.gravity)}"/>
+<default><geom contype="0" conaffinity="0" group="4"/><site size="0.002"/></default>
+<worldbody>
+{body(specimen.base)}</worldbody>
+<tendon>{"".join(tendons)}</tendon>
+<actuator>{"".join(actuators)}</actuator>
+</mujoco>
+"""
+
+
+def _joint(joint: Joint) -> tuple[Transform, str]:
+    """Where a body is when its joint does not turn, and the joint's axes as MuJoCo's, one after another."""
+    pose = joint.parent_frame @ joint.child_frame.inverse()
+    back = joint.child_frame
+    if joint.kind == "ball":
+        return pose, f'<joint name="{joint.name}" type="ball" pos="{words(back.translation)}"/>'
+    parts = []
+    for axis in joint.axes:
+        if axis.kind != "rotation" or float(axis.function(1.0)) != 1.0 or float(axis.function(0.0)) != 0.0:
+            raise BadModel(f"joint '{joint.name}' does more than turn: a virtual specimen has hinges only")
+        anchor = f'pos="{words(back.apply(axis.origin))}" axis="{words(back.rotation @ axis.vector)}"'
+        parts.append(f'<joint name="{axis.coordinates[0]}" type="hinge" {anchor}/>')
+    return pose, "".join(parts)

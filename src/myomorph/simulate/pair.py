@@ -2,7 +2,7 @@
 
 Nobody was measured. MuJoCo moves both bodies forward under the forces of their muscles; the mat holds the soles by its
 contacts, tori's right hand holds uke's lapel by a constraint, and a sleeve that can only pull joins tori's left fist to
-uke's right forearm. How the fighters choose activations is told in `virtual_control`; it is not how the estimate does.
+uke's right forearm. How the fighters choose activations stands in `bout`; it is not how the estimate does.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from myomorph.io.mjcf.coordinates import coordinates_from_qpos
-from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
@@ -27,8 +26,17 @@ from myomorph.motion.filters import lowpass
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.bout import FEET, GRIPS, Run, simulate_bout
-from myomorph.simulate.fighter import GRIP, Build, marker_points, sole_points
-from myomorph.simulate.mat import PARTS, STEP, compile_pair, fighter_text, with_fibers
+from myomorph.simulate.fighter import (
+    GRIP,
+    PARTS,
+    STEP,
+    Build,
+    compile_pair,
+    fighter_text,
+    marker_points,
+    sole_points,
+    with_fibers,
+)
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
 from myomorph.store.silence import silent_mujoco
 

@@ -21,13 +21,13 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
 from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_scaled_muscles
-from myomorph.simulate.recording import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
+from myomorph.simulate.marker_clusters import with_clusters
 from myomorph.store.silence import silent_mujoco
-from myomorph.viscosity.made_clusters import with_clusters
-from myomorph.viscosity.murai_tables import SPECIMENS, PublishedSpecimen
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
+from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
 
 BASE, FIRST, FURTHER = "scapula_r", "humerus_r", ("ulna_r", "radius_r", "thirdmc_r")
 HELD = {"elbow_flexion_r": np.deg2rad(20.0), "pro_sup_r": np.deg2rad(15.0)}

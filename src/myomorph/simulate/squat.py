@@ -28,7 +28,7 @@ from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
 from myomorph.store.silence import silent_mujoco
-from myomorph.study.trial.take import Take
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (
@@ -93,7 +93,7 @@ class SimulationOptions:
     seed: int = 20
 
 
-def simulated_take(options: SimulationOptions | None = None) -> Take:
+def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     """The simulated capture, ready for all steps, with its truth."""
     from myomorph.tension.solve import TensionOptions, solve_tension
 
@@ -118,25 +118,28 @@ def simulated_take(options: SimulationOptions | None = None) -> Take:
         "torques": Series(truth.time, names, torques.values[:, used]),
         "activations": Series(truth.time, tension.muscles, tension.activations),
     }
-    return Take(
+    return TrialInputs(
         name="squat",
         subject="simulated body",
         model=model,
         markers=markers,
         loads=lambda motion: noisy,
         mass=model.mass,
-        derivatives=Differentiation(options.cutoff),
-        assumed=(
-            "Fingers and wrists do not move; each foot carries half of the force.",
-            "The true activations are the least-effort ones of the noise-free motion, the criterion that the estimate "
-            "uses too: their difference shows what noise and filters do, not whether the criterion is right.",
-        ),
-        simulated=(
-            f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
-            f"{options.squats} times in {options.duration:g} s with raised arms; nobody was measured.",
-            f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm white and "
-            f"{1000 * options.tissue:g} mm slow shift on the skin, forces {options.force_noise:g} N white; seed "
-            f"{options.seed}.",
+        options=OptionSet(Differentiation(options.cutoff)),
+        notes=TrialNotes(
+            assumed=(
+                "Fingers and wrists do not move; each foot carries half of the force.",
+                "The true activations are the least-effort ones of the noise-free motion, the criterion that the "
+                "estimate uses too: their difference shows what noise and filters do, not whether the criterion is "
+                "right.",
+            ),
+            simulated=(
+                f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
+                f"{options.squats} times in {options.duration:g} s with raised arms; nobody was measured.",
+                f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm white and "
+                f"{1000 * options.tissue:g} mm slow shift on the skin, forces {options.force_noise:g} N white; seed "
+                f"{options.seed}.",
+            ),
         ),
         truth=MappingProxyType(known),
         sources=(
@@ -210,8 +213,8 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     places = standing.points(np.array(bodies), np.array([one.location for one in planted]))
     feet = Markers(time, tuple(one.name for one in planted), np.repeat(places, len(time), axis=0))
     pull = {name: CoordinateTask(1e-5) for name in names if not name.startswith("root_t")}
-    told = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
-    poses = inverse_kinematics(model, feet, told).motion
+    pulled = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
+    poses = inverse_kinematics(model, feet, pulled).motion
     values = poses.values[:, [poses.names.index(name) for name in names]]
     return Splines(names, natural_spline(time, values))
 

@@ -224,7 +224,9 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
         writer.put("actuator_force", ("time", "actuator"), tension.reserves, "N m or N", meaning)
     two = ("time", "balanced_coordinate")
     writer.put("balanced_torque", two, tension.torques, "N m or N", "what muscles and actuators had to balance")
-    writer.put("tension_imbalance", ("time",), tension.imbalance, "N m or N", "largest torque left unbalanced")
+    writer.put(
+        "tension_imbalance", ("time",), tension.equilibrium_residual, "N m or N", "largest torque left unbalanced"
+    )
     writer.put("tension_status", ("time",), np.asarray(tension.status, np.int8), "1", "0 where the frame is optimal")
     writer.put("tension_iterations", ("time",), np.asarray(tension.iterations, np.int32), "1", "iterations taken")
     writer.put("activation_lower", ("muscle",), tension.lower, "1", "lower bound of the activation")
@@ -247,7 +249,7 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         reserves=values.get("actuator_force", np.zeros((len(stored.time), 0))),
         coordinates=names["balanced_coordinate"],
         torques=values["balanced_torque"],
-        imbalance=values["tension_imbalance"],
+        equilibrium_residual=values["tension_imbalance"],
         status=values["tension_status"],
         iterations=values["tension_iterations"],
         lower=values["activation_lower"],

@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import GROUND, Actuator
-from myomorph.model.passive_parts import Bushing
+from myomorph.model.paths import Bushing
 from myomorph.model.series import Wrenches
 from myomorph.muscles.path import Paths
 from myomorph.rigid.bushings import angular_velocities, deflection

@@ -1,11 +1,12 @@
-"""The balance of torques over frames: A x = b for muscles and actuators, on the free coordinates.
+"""The balance of torques over frames: A x = b of all terms, on the free coordinates.
 
-Columns of A are the generalized forces of one unit of each variable: a muscle's moment arms times
+Columns of A are the generalized forces of one unit of each unknown: a muscle's moment arms times
 its force per unit activation, an actuator's direction times its optimal force. What falls on a
 coordinate that a coupler drives is handed on to the coordinates it follows: tau_free = tau + C^T
 tau_dependent with C = d(dependent)/d(free). Closed loops are taken alike: of the coordinates they tie, some
 follow the others (`rigid.loops.loop_basis`), so that loads of the loop's own joint drop out. Rows of locked and
-prescribed coordinates are left out, for whatever holds them there takes any load.
+prescribed coordinates are left out, for whatever holds them there takes any load. Rows that terms add stand behind
+those of the coordinates, each with an unknown of its own behind all others.
 """
 
 from __future__ import annotations
@@ -17,18 +18,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
-from myomorph.model.model import Actuator, Model, index_of
-from myomorph.muscles.path import Paths
+from myomorph.model.model import Model
 from myomorph.rigid.coordinates import evaluate
 from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.loops import LoopBasis
 from myomorph.rigid.tree import Tree
-from myomorph.tension.actuators import BodyActuators, body_directions, compile_body_actuators, free_coordinates
-from myomorph.tension.contact_columns import ContactColumns
-from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.separable import Pattern, pattern
+from myomorph.tension.terms.actuators import free_coordinates
+from myomorph.tension.terms.term import Rows
 
 
 class Links(NamedTuple):
@@ -61,13 +59,9 @@ class Assembly:
     Attributes
     ----------
     rows : names of the coordinates that are free and follow no other, one per row
-    links : from entries to A; entries are moment arms, then those of actuators on bodies, then one for
-        each actuator on a coordinate, then those of the edges of contacts
-    bodies : the actuators on bodies
-    coordinate_actuators : how many act on a coordinate
-    optimal_forces : (actuators,) [N or N m]
-    extra_place : (extra entries,) where in A the entries of the rows behind those of the coordinates lie, first those
-        of contacts' edges, then one for each row's own variable
+    links : from entries to A; entries are those of the terms, one term after the other
+    extra_place : (extra entries,) where in A the entries of the rows that terms add lie, then one for each such row's
+        own unknown
     extra_row : (extra rows,) the rows of b that they are
     """
 
@@ -75,9 +69,6 @@ class Assembly:
     rows: tuple[str, ...]
     links: Links
     pattern: Pattern
-    bodies: BodyActuators
-    coordinate_actuators: int
-    optimal_forces: Array
     extra_place: NDArray[np.int64]
     extra_row: NDArray[np.int64]
 
@@ -89,68 +80,45 @@ class Assembly:
 
 
 def assemble(
-    paths: Paths,
-    actuators: Sequence[Actuator],
+    tree: Tree,
+    entries: Sequence[tuple[int, int]],
+    unknowns: int,
+    extra: Sequence[Rows] = (),
     basis: LoopBasis | None = None,
-    contacts: ContactTerms | None = None,
     only: Collection[str] | None = None,
 ) -> Assembly:
-    """The pattern of A from that of the moment arms.
+    """The pattern of A from those of the terms.
 
     Parameters
     ----------
-    actuators : whose controls follow the activations among the variables
+    entries : (unknown, coordinate) of every generalized force of unknowns, a coordinate of -1 for one that is not used
+    unknowns : how many the terms bring in
+    extra : rows that terms add
     basis : which coordinates follow which, of a model that closes loops
-    contacts : whose amplitudes follow the controls, and whose rows' own variables those
     only : the coordinates whose equations are kept, where not all are
 
     Raises
     ------
-    UnknownName
-        where an actuator names a coordinate or body that the model does not have
     BadModel
         where no coordinate is free
     """
-    tree = paths.tree
     model = tree.model
     by_loops = np.zeros(0, np.int64) if basis is None else basis.dependent
     rows, row_of = _rows(model, by_loops, only)
-    on_bodies = [one for one in actuators if one.kind != "coordinate"]
-    bodies = compile_body_actuators(tree, on_bodies)
     reach = _reach(tree, basis)
-    # Moment arms about a coordinate already hold what reaches the muscle through couplers.
-    sources = [
-        (int(m), int(j), reach[j] if free else [])
-        for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arm_free, strict=True)
-    ]
-    touched = _touched_by_actuators(model, actuators, bodies)
-    variables, extra_rows, extra = len(model.muscles) + len(actuators), 0, np.zeros((2, 0), np.int64)
-    if contacts is not None:
-        touched += _touched_by_edges(contacts.columns, variables)
-        extra = _extra_entries(contacts, len(rows), variables)
-        extra_rows = len(contacts.extra)
-        variables += len(contacts.columns) + extra_rows
-    sources += [(variable, j, reach[j]) for variable, j in touched]
-    table, places = _linked(sources, row_of)
-    row, column = np.hstack([places, extra])
-    shape = pattern(row, column, (len(rows) + extra_rows, variables))
+    table, places = _linked([(unknown, reach[j] if j >= 0 else []) for unknown, j in entries], row_of)
+    first = np.cumsum([0, *(len(one) for one in extra)]) + len(rows)
+    own = np.arange(first[-1] - len(rows))
+    shared = [np.array([first[k] + one.row, one.column]) for k, one in enumerate(extra)]
+    row, column = np.hstack([places, *shared, [len(rows) + own, unknowns + own]]).astype(np.int64)
+    shape = pattern(row, column, (int(first[-1]), unknowns + len(own)))
     table[:, 4] = shape.place[table[:, 4]]
     rank = np.argsort(shape.order)
     driven = np.concatenate([tree.arrays.coupler_coordinate, by_loops])
     columns = np.ascontiguousarray(table.T)
-    return Assembly(
-        tree=tree,
-        rows=rows,
-        links=Links(
-            columns[0], columns[1], columns[2], columns[3], columns[4], np.where(row_of >= 0, rank[row_of], -1), driven
-        ),
-        pattern=shape,
-        bodies=bodies,
-        coordinate_actuators=len(actuators) - len(on_bodies),
-        optimal_forces=np.array([one.optimal_force for one in actuators], dtype=np.float64),
-        extra_place=shape.place[places.shape[1] :],
-        extra_row=rank[len(rows) :],
-    )
+    row_rank = np.where(row_of >= 0, rank[row_of], -1)
+    links = Links(columns[0], columns[1], columns[2], columns[3], columns[4], row_rank, driven)
+    return Assembly(tree, rows, links, shape, shape.place[places.shape[1] :], rank[len(rows) :])
 
 
 def _rows(
@@ -168,47 +136,13 @@ def _rows(
     return rows, row_of
 
 
-def _touched_by_actuators(model: Model, actuators: Sequence[Actuator], bodies: BodyActuators) -> list[tuple[int, int]]:
-    """(variable, coordinate) of what actuators act on, first those on bodies."""
-    first, names = len(model.muscles), model.coordinate_names
-    on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
-    touched = [
-        (first + i, int(j))
-        for k, i in enumerate(on_bodies)
-        for j in bodies.coordinate[bodies.start[k] : bodies.start[k + 1]]
-    ]
-    touched += [
-        (first + i, index_of("coordinate", one.coordinate, names))
-        for i, one in enumerate(actuators)
-        if one.kind == "coordinate"
-    ]
-    return touched
-
-
-def _touched_by_edges(edges: ContactColumns, first: int) -> list[tuple[int, int]]:
-    """(variable, coordinate) of what the edges of contacts act on, the first of which is variable `first`."""
-    numbers = np.repeat(np.arange(len(edges)), np.diff(edges.arrays.first))
-    return [(first + int(g), int(j)) for g, j in zip(numbers, edges.arrays.coordinate, strict=True)]
-
-
-def _extra_entries(contacts: ContactTerms, first_row: int, first_edge: int) -> NDArray[np.int64]:
-    """Row and column (2, entries) of the rows that contacts add: their edges, then each row's own variable."""
-    own = np.arange(len(contacts.extra))
-    return np.hstack(
-        [
-            [first_row + contacts.extra.row, first_edge + contacts.extra.edge],
-            [first_row + own, first_edge + len(contacts.columns) + own],
-        ]
-    )
-
-
 def _linked(
-    sources: list[tuple[int, int, list[tuple[int, int]]]], row_of: NDArray[np.int64]
+    sources: list[tuple[int, list[tuple[int, int]]]], row_of: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Columns variable ... target of `Links` (links, 5), and row and column (2, entries) of every entry of A."""
     places: dict[tuple[int, int], int] = {}
     links = []
-    for source, (variable, _, ends) in enumerate(sources):
+    for source, (variable, ends) in enumerate(sources):
         for dependent, k in ends:
             if row_of[k] >= 0:
                 target = places.setdefault((int(row_of[k]), variable), len(places))
@@ -305,7 +239,7 @@ def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
 
 @kernel
 def take_off(T, L, coordinates, slopes, entries, passive, right):
-    """Take the torques of passive forces (frames, muscles) off right (frames, rows)."""
+    """Take the torques of given forces (frames, leading unknowns) off right (frames, rows)."""
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(right.shape[0]):
         _coupling(T, L, coordinates[frame], slopes[frame], C)
@@ -315,11 +249,3 @@ def take_off(T, L, coordinates, slopes, entries, passive, right):
                 if L.dependent[k] >= 0:
                     share *= C[L.dependent[k], L.follows[k]]
                 right[frame, L.row[L.follows[k]]] -= share
-
-
-def actuator_entries(assembly: Assembly, coordinates: Array) -> Array:
-    """Generalized forces of the actuators' unit forces, (frames, entries behind the moment arms)."""
-    filled = np.empty((len(coordinates), len(assembly.bodies.coordinate)))
-    if filled.shape[1]:
-        body_directions(assembly.tree.arrays, assembly.bodies, coordinates, filled)
-    return np.hstack([filled, np.ones((len(coordinates), assembly.coordinate_actuators))])

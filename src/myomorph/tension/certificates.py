@@ -22,14 +22,51 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.rigid.frames import over_frames
-from myomorph.tension.actuators import RESIDUAL
-from myomorph.tension.contact_words import direction_words
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.near_optimal import near_extremes
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.simplex import least_values
-from myomorph.tension.solved import SolvedFrames, solved_frames, subject_weight
-from myomorph.tension.tension import Tension
+from myomorph.tension.solved import SolvedFrames, near_extremes, solved_frames, subject_weight
+from myomorph.tension.tension import RESIDUAL, Tension
+
+PART = 0.35
+"""A group whose part of a unit combination is smaller is not named."""
+
+
+def axis_words(vector: Array, up: Array) -> str:
+    """The axis that a vector (3,) is most along: "vertically", or "along x" of the ground's axes across `up`."""
+    height = up / (np.linalg.norm(up) or 1.0)
+    along = float(vector @ height)
+    across = vector - along * height
+    if abs(along) >= np.linalg.norm(across):
+        return "vertically"
+    return f"along {'xyz'[int(np.abs(across).argmax())]}"
+
+
+def direction_words(groups: Sequence[str], direction: Array, spread: float, share: float, up: Array) -> str:
+    """One clause on a unit combination (groups, 3) of contact forces, "" where it is unknown.
+
+    Parameters
+    ----------
+    spread : how far forces may go along it [N] at `share` more of the cost
+    up : (3,) away from gravity
+    """
+    if not np.isfinite(direction).all() or not np.isfinite(spread):
+        return ""
+    if spread < 0.05:
+        return "contact forces are determined"
+    sizes = np.linalg.norm(direction, axis=1)
+    order = [int(k) for k in np.argsort(-sizes) if sizes[k] >= PART][:2]
+    first = direction[order[0]]
+    words = axis_words(first, up)
+    names = [f"'{groups[k]}'" for k in order]
+    if len(order) == 1:
+        what = f"the force at {names[0]} {words}"
+    elif first @ direction[order[1]] < 0.0:
+        what = f"shifting force between {names[0]} and {names[1]} {words}"
+    else:
+        what = f"the forces at {names[0]} and {names[1]} together {words}"
+    return f"{what}, by {spread:.3g} N for {100.0 * share:g} % more cost"
+
 
 ON_BOUND = 1e-7
 """A variable nearer to a bound than this share of 1 + its size stands on it."""
@@ -199,7 +236,7 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
     x, shared = solved.x, solved.shared
     lower, upper = (np.tile(one, (len(solved), 1)) for one in (shared.lower, shared.upper))
     tree = problem.assembly.tree
-    for k, one in enumerate(problem.actuators):
+    for k, one in enumerate(problem.actuators.actuators):
         i = solved.muscles + k
         bounded = np.isfinite([one.min_control, one.max_control]).all()
         if bounded and not one.name.startswith(RESIDUAL):
@@ -209,16 +246,17 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
             more = options.residual * subject_weight(tree, one.body)
         reach = np.abs(x[:, i]) + more / one.optimal_force
         lower[:, i], upper[:, i] = np.maximum(lower[:, i], -reach), np.minimum(upper[:, i], reach)
-    told = (solved.wells[:, 2] > 0.0) & (solved.wells[:, 1] > solved.wells[:, 0])
-    lower = np.where(told, np.maximum(lower, np.minimum(solved.wells[:, 0], x)), lower)
-    upper = np.where(told, np.minimum(upper, np.maximum(solved.wells[:, 1], x)), upper)
+    told = (solved.penalties[:, 2] > 0.0) & (solved.penalties[:, 1] > solved.penalties[:, 0])
+    lower = np.where(told, np.maximum(lower, np.minimum(solved.penalties[:, 0], x)), lower)
+    upper = np.where(told, np.minimum(upper, np.maximum(solved.penalties[:, 1], x)), upper)
     assert problem.contacts is not None
-    measured = solved.edges + np.flatnonzero(problem.contacts.extra.wrench >= 0)
+    own = np.concatenate([np.full(len(one), one.measured) for one in problem.rows] or [np.zeros(0, np.bool_)])
+    measured = len(problem.unknowns) + np.flatnonzero(own)
     reach = np.maximum(np.abs(x[:, measured]), options.deviations)
     lower[:, measured], upper[:, measured] = -reach, reach
     # A site that does not touch pushes nobody, whatever its amplitude.
     silent = np.zeros(lower.shape, np.bool_)
-    silent[:, solved.controls : solved.edges] = problem.contacts.amounts[solved.frames] == 0.0
+    silent[:, solved.controls : solved.amplitudes] = problem.contacts.amounts[solved.frames] == 0.0
     lower, upper = np.where(silent, x, lower), np.where(silent, x, upper)
     return np.minimum(lower, x), np.maximum(upper, x)
 
@@ -226,14 +264,14 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
 def group_functions(problem: TensionProblem, solved: SolvedFrames, members: Sequence[Array]) -> Array:
     """Net force and force along the cones of groups, linear in the variables: (frames, groups, 4, variables) [N]."""
     assert problem.contacts is not None
-    columns = problem.contacts.columns
-    _, _, pushes, _ = columns.evaluate(problem.coordinates[solved.frames])
+    generators = problem.contacts.generators
+    _, _, pushes, _ = generators.evaluate(problem.coordinates[solved.frames])
     amounts = problem.contacts.amounts[solved.frames]
     found = np.zeros((len(solved), len(members), 4, solved.x.shape[1]))
-    edges = slice(solved.controls, solved.edges)
+    own = slice(solved.controls, solved.amplitudes)
     for g, mine in enumerate(members):
-        found[:, g, :3, edges] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
-        found[:, g, 3, edges] = np.where(mine, columns.normal, 0.0) * amounts
+        found[:, g, :3, own] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
+        found[:, g, 3, own] = np.where(mine, generators.normal, 0.0) * amounts
     return found
 
 
@@ -303,10 +341,10 @@ def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, 
 def _groups(problem: TensionProblem, by: str) -> tuple[tuple[str, ...], list[Array]]:
     """Names of groups in the order of their first site, and which edges belong to each."""
     assert problem.contacts is not None
-    columns = problem.contacts.columns
-    labels = [site.group if by == "group" else site.name for site in columns.sites]
+    generators = problem.contacts.generators
+    labels = [site.group if by == "group" else site.name for site in generators.sites]
     names = tuple(dict.fromkeys(labels))
-    return names, [np.array([labels[k] == name for k in columns.site]) for name in names]
+    return names, [np.array([labels[k] == name for k in generators.site]) for name in names]
 
 
 def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:
@@ -331,5 +369,5 @@ def _smooth_slope(problem: TensionProblem, tension: Tension, solved: SolvedFrame
                 apart = scale[frame] * z[frame] - scale[beside] * np.nan_to_num(z[beside])
                 stiffness = problem.smooth.stiffness[min(frame, beside)] * problem.contacts.cost
                 pull = np.where(linked, 2.0 * stiffness * scale[frame] * apart, 0.0)
-                found[k, solved.controls : solved.edges] += pull
+                found[k, solved.controls : solved.amplitudes] += pull
     return found

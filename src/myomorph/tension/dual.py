@@ -17,13 +17,13 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.rigid.kernels import in_place, inner, kernel
-from myomorph.tension.cholesky import back_substitute, factorize
+from myomorph.tension.separable import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
 STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 
 TOLERANCE = 1e-9
-"""Imbalance, relative to 1 + max |b|, at which a frame is solved."""
+"""Equilibrium residual, relative to 1 + max |b|, at which a frame is solved."""
 
 PATIENCE = 25
 """Passes over linked frames without a new least change, after which they are no longer over-relaxed."""
@@ -112,11 +112,11 @@ def _assemble(S, values, slope, slack, M):
 
 
 @inner
-def _ascent(S, targets, well, s, ds, t, constant, linear):
+def _ascent(S, targets, penalty, s, ds, t, constant, linear):
     """Slope of the dual along a direction at step t; it never grows with t."""
     # Taken out of the loop: fetched inside it, each would be counted as a new reference.
     weight, exponent, lower, upper = S.weight, S.exponent, S.lower, S.upper
-    low, high, pull = well[0], well[1], well[2]
+    low, high, pull = penalty[0], penalty[1], penalty[2]
     total = constant - t * linear
     for i in range(s.shape[0]):
         if ds[i] != 0.0:
@@ -138,12 +138,12 @@ def _ascent(S, targets, well, s, ds, t, constant, linear):
 
 
 @inner
-def _step(S, targets, well, s, ds, constant, linear):
+def _step(S, targets, penalty, s, ds, constant, linear):
     """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
     t, low, high, enough = 0.0, 0.0, np.inf, 0.0
     # One call of `_ascent` in the code: it is inlined, and each copy takes time to compile.
     for trial in range(62):
-        now = _ascent(S, targets, well, s, ds, t, constant, linear)
+        now = _ascent(S, targets, penalty, s, ds, t, constant, linear)
         if trial == 0:
             enough = 0.1 * now
             t = 1.0
@@ -172,7 +172,7 @@ def _free_stiffness(S, values, slope, diagonal):
 
 
 @in_place
-def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_row, M):
+def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
 
     by_variable, by_row, M are room to work in: (3, variables), (5, rows), (rows, rows).
@@ -185,7 +185,7 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
     slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
     slack, floor, residual, z = by_row[0], by_row[1], by_row[2], by_row[3]
     weight, exponent, lower, upper = S.weight, S.exponent, S.lower, S.upper
-    low, high, pull = well[0], well[1], well[2]
+    low, high, pull = penalty[0], penalty[1], penalty[2]
     _free_stiffness(S, A, slope, slack)
     scale = 1.0
     for j in range(n):
@@ -226,7 +226,7 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
             ds[i] = 0.0
             for a in range(S.start[i], S.start[i + 1]):
                 ds[i] += A[a] * z[S.row[a]]
-        t = _step(S, targets, well, s, ds, constant, linear)
+        t = _step(S, targets, penalty, s, ds, constant, linear)
         for j in range(n):
             y[j] += t * z[j]
         for i in range(variables):
@@ -234,8 +234,8 @@ def _newton(S, A, b, targets, well, relative, most, cold, x, y, by_variable, by_
 
 
 @in_place
-def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M):
-    """One frame from the multipliers y: imbalance, iterations and status; x and y are filled.
+def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row, M):
+    """One frame from the multipliers y: equilibrium residual, iterations and status; x and y are filled.
 
     A frame that the plain iteration does not settle is solved again with a large slack that then
     shrinks; where no slack can be small, the frame is infeasible and x misses the balance least.
@@ -247,10 +247,10 @@ def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M)
         unknown += A[k] - A[k]
     for i in range(x.shape[0]):
         unknown += targets[i] - targets[i]
-        if well[2, i] > 0.0:
-            unknown += well[0, i] - well[0, i] + (well[1, i] - well[1, i])
+        if penalty[2, i] > 0.0:
+            unknown += penalty[0, i] - penalty[0, i] + (penalty[1, i] - penalty[1, i])
         else:
-            unknown += well[2, i] - well[2, i]
+            unknown += penalty[2, i] - penalty[2, i]
     for j in range(b.shape[0]):
         unknown += b[j] - b[j]
         scale = max(scale, 1.0 + abs(b[j]))
@@ -264,7 +264,7 @@ def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M)
     worst, before, steps, stuck, k = np.inf, np.inf, 0, False, 0
     most = 40
     while k < len(SLACKS):
-        worst, left, more = _newton(S, A, b, targets, well, SLACKS[k], most, cold, x, y, by_variable, by_row, M)
+        worst, left, more = _newton(S, A, b, targets, penalty, SLACKS[k], most, cold, x, y, by_variable, by_row, M)
         steps += more
         if most == 0:
             break
@@ -284,7 +284,7 @@ def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M)
             if k == 0:
                 y[j] = 0.0
         if k > 0:
-            # Less slack, but the same imbalance: nothing is left that could take it.
+            # Less slack, but the same residual: nothing is left that could take it.
             stuck = settled and worst > 0.5 * before
             before = worst
         k, most = k + 1, 150
@@ -294,11 +294,11 @@ def _solve_frame(S, A, b, targets, well, accepted, x, y, by_variable, by_row, M)
 
 
 @inner
-def _drawn(S, links, frame, status, wells, well):
-    """Well of a frame: its own, and for linked variables the amounts that the frames beside it have."""
-    for i in range(well.shape[1]):
+def _drawn(S, links, frame, status, penalties, penalty):
+    """Interval penalties of a frame: its own, and for linked variables the amounts that the frames beside it have."""
+    for i in range(penalty.shape[1]):
         for k in range(3):
-            well[k, i] = wells[k, i]
+            penalty[k, i] = penalties[k, i]
     for g in range(links.scale.shape[1]):
         scale, pull, sum_ = links.scale[frame, g], 0.0, 0.0
         for beside in (frame - 1, frame + 1):
@@ -307,12 +307,12 @@ def _drawn(S, links, frame, status, wells, well):
                 pull += stiffness
                 sum_ += stiffness * links.amount[beside, g]
         if scale > 0.0 and pull > 0.0:
-            well[0, links.first + g] = well[1, links.first + g] = sum_ / (pull * scale)
-            well[2, links.first + g] = pull * scale * scale
+            penalty[0, links.first + g] = penalty[1, links.first + g] = sum_ / (pull * scale)
+            penalty[2, links.first + g] = pull * scale * scale
 
 
 @kernel
-def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbalance, iterations, status):
+def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, residual, iterations, status):
     """Solve frame after frame, each starting from the multipliers of the one before.
 
     Where frames are linked, the solution of each alone is where passes over all of them begin, each frame given
@@ -324,14 +324,14 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
     values : (frames, entries) of A
     balance : (frames, rows) b, rows in the order of elimination
     targets : (1 or frames, variables) t
-    wells : (1 or frames, 3, variables) l, h and k; a k of 0 leaves l and h unread
+    penalties : (1 or frames, 3, variables) l, h and k; a k of 0 leaves l and h unread
     warm : (rows,) multipliers to begin with, zero for none; afterwards those of the last frame
     x, y : (frames, variables), (frames, rows) filled with the solution and its multipliers
-    imbalance, iterations, status : (frames,) filled; imbalance is max |b - A x|
+    residual, iterations, status : (frames,) filled; the equilibrium residual is max |b - A x|
     """
     frames, n, variables = balance.shape[0], balance.shape[1], x.shape[1]
     M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((5, n))
-    well = np.zeros((3, variables))
+    penalty = np.zeros((3, variables))
     steepest = 0.0
     for i in range(variables):
         steepest = max(steepest, S.exponent[i])
@@ -344,18 +344,18 @@ def solve_separable(S, values, balance, targets, wells, links, warm, x, y, imbal
     for sweep in range(links.sweeps + 1 if linked else 1):
         moved = 0.0
         for frame in range(frames):
-            own = wells[min(frame, wells.shape[0] - 1)]
+            own = penalties[min(frame, penalties.shape[0] - 1)]
             if sweep == 0:
                 iterations[frame] = 0
                 for j in range(n):
                     y[frame, j] = warm[j]
             elif status[frame] == OPTIMAL:
-                _drawn(S, links, frame, status, own, well)
-                own = well
+                _drawn(S, links, frame, status, own, penalty)
+                own = penalty
             else:
                 continue
             if sweep < 2 or drift[frame] > 0.1 * links.tolerance:
-                imbalance[frame], more, status[frame] = _solve_frame(
+                residual[frame], more, status[frame] = _solve_frame(
                     S,
                     values[frame],
                     balance[frame],

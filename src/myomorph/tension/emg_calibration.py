@@ -1,28 +1,141 @@
-"""Delay and gains of EMG channels, found from trials whose torques are known."""
+"""EMG envelopes to activations known to the tension problem; delays and gains of channels, from trials with torques."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 from scipy.optimize import minimize
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.model import Actuator, Model
+from myomorph.model.model import Actuator, Model, index_of
 from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.emg_delay import ChannelMap, Delays, EmgCalibration, channel_means, find_delays, fit_gains, shifted
+from myomorph.motion.emg_delay import (
+    USUAL,
+    ChannelMap,
+    DelayOptions,
+    Delays,
+    EmgCalibration,
+    channel_means,
+    find_delays,
+    fit_gains,
+    shifted,
+    uncalibrated,
+)
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.contacts import ContactTask
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.emg import EmgTarget
-from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_wells import emg_wells
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.terms.contacts import ContactTask
+from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.term import added_up
+
+
+@dataclass(frozen=True)
+class EmgOptions:
+    """How EMG takes part in the tension problem.
+
+    Attributes
+    ----------
+    mode : "soft": a cost keeps activations near EMG; "equality": they may differ by the slack only
+    weight : of the soft cost, in units of the effort of one muscle
+    slack : of an equality [activation]
+    delay : electromechanical delay [s]; None finds it where EMG is calibrated, else takes the usual one
+    gains : "fitted": one gain a channel, so that envelopes fit activations and torques; "given": envelopes are
+        activations already, as with maxima of maximum voluntary contractions
+    offsets : whether a channel may have an activation at rest too
+    search : how the delay is looked for
+    """
+
+    SETTING_PREFIX: ClassVar[str] = "emg_"
+
+    mode: Literal["soft", "equality"] = "soft"
+    weight: float = 10.0
+    slack: float = 0.02
+    delay: float | None = None
+    gains: Literal["fitted", "given"] = "fitted"
+    offsets: bool = False
+    search: DelayOptions = field(default_factory=DelayOptions)
+
+    def __post_init__(self) -> None:
+        # What the target would refuse is refused before anything is calibrated.
+        EmgTarget((), np.zeros((0, 0)), self.mode, self.weight, self.slack)
+        if self.gains not in ("fitted", "given"):
+            raise BadData(f"unknown gains of EMG '{self.gains}': there are 'fitted', 'given'")
+        if self.delay is not None and not 0.0 <= self.delay <= 0.5:
+            raise BadData(f"electromechanical delay of {self.delay:g} s: expected 0 to 0.5 s")
+
+
+def emg_targets(
+    emg: Emg,
+    channels: ChannelMap,
+    model: Model,
+    time: Array,
+    options: EmgOptions | None = None,
+    calibration: EmgCalibration | None = None,
+) -> EmgTarget:
+    """Activations that EMG tells, at the motion's times, with delay and gain applied.
+
+    Each muscle takes the mean of the channels that tell of it and are known at that time. Dead stretches
+    are unknown, negative values 0 (see `emg_checks.envelope_faults` for what to tell the user).
+
+    Parameters
+    ----------
+    channels : channel of `emg` to muscles of the model; channels that are not named are not used
+    time : (frames,) of the motion [s]
+    calibration : delays and gains of at least these channels, by `calibrate_emg`; None takes envelopes as
+        activations, `options.delay` late
+
+    Raises
+    ------
+    UnknownName
+        where a channel or a muscle does not exist
+    BadData
+        where no channel is named or known, or EMG and motion have no time in common
+    """
+    options = options or EmgOptions()
+    muscles = mapped_muscles(emg, channels, model)
+    refuse_unfit(emg, time, channels)
+    clean = without_faults(emg, envelope_faults(emg))
+    if calibration is None:
+        calibration = uncalibrated(tuple(channels), USUAL if options.delay is None else options.delay)
+    for channel in channels:
+        index_of("EMG channel", channel, calibration.channels, "the calibration")
+    told = calibration.applied(clean, time)
+    values = np.full((len(time), len(muscles)), np.nan)
+    for m, muscle in enumerate(muscles):
+        columns = np.array([told[channel] for channel, names in channels.items() if muscle in names])
+        known = np.isfinite(columns)
+        count = known.sum(axis=0)
+        values[:, m] = np.where(count > 0, np.where(known, columns, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+    return EmgTarget(muscles, values, options.mode, options.weight, options.slack)
+
+
+def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, ...]:
+    """Muscles that the channels tell of, in the model's order.
+
+    Raises
+    ------
+    UnknownName
+        where a channel or a muscle does not exist
+    BadData
+        where no channel tells of a muscle
+    """
+    told: set[str] = set()
+    for channel, names in channels.items():
+        index_of("EMG channel", channel, emg.names, "the EMG")
+        for name in names:
+            index_of(f"muscle of EMG channel '{channel}'", name, model.muscle_names)
+        told |= set(names)
+    if not told:
+        raise BadData("no EMG channel tells of a muscle: name them as emg_muscles = { channel = ['muscle'] }")
+    return tuple(name for name in model.muscle_names if name in told)
+
 
 MOST_FRAMES = 300
 """About how many frames of all trials together the gains are fitted on, evenly spread."""
@@ -157,7 +270,7 @@ class _Piece:
         emg = EmgTarget(self._muscles, np.where(self._told, target, np.nan), "soft", self._weight)
         problem = self._problem
         variables = problem.separable
-        problem.wells = emg_wells(emg, problem.assembly.tree.model.muscle_names, len(variables.weight), len(target))
+        problem.penalties = added_up([emg.penalties(problem.unknowns)], problem.unknowns, len(variables.weight))
         x, _, _, _, status = problem.solved(self._given)
         good = status == OPTIMAL
         x = x[good]

@@ -26,7 +26,7 @@ class TensionFrame:
     reserves : (actuators,) their forces [N] and torques [N m]
     balanced : (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
     status : index into `STATUS_NAMES`
-    imbalance : greatest torque or force left unbalanced [N m or N]
+    equilibrium_residual : greatest torque or force left unbalanced [N m or N]
     """
 
     activations: Array
@@ -34,7 +34,7 @@ class TensionFrame:
     reserves: Array
     balanced: Array
     status: int
-    imbalance: float
+    equilibrium_residual: float
 
 
 class OnlineTension:
@@ -71,8 +71,8 @@ class OnlineTension:
         self.rows = self._problem.assembly.rows
         shared, muscles = self._problem.separable, len(self.muscles)
         self.lower, self.upper = shared.lower[:muscles], shared.upper[:muscles]
-        self._optimal_forces = self._problem.assembly.optimal_forces
-        self._warm = np.zeros(len(self._problem.assembly.rows))
+        self._optimal_forces = self._problem.actuators.optimal_forces
+        self._warm = np.zeros(len(self._problem.assembly.pattern.order))
 
     def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
         """Share the torques of a frame among muscles.
@@ -83,11 +83,11 @@ class OnlineTension:
         """
         self._problem.renew(coordinates, rates, torques)
         given = self._problem.balance(0, 1)
-        x, _, imbalance, _, status = self._problem.solved(given, 0, self._warm)
+        x, _, residual, _, status = self._problem.solved(given, 0, self._warm)
         if status[0] != OPTIMAL:
             self._warm[:] = 0.0
         muscles = len(self.muscles)
         activations = x[0, :muscles]
         forces = given.active[0] * activations + given.passive[0] + given.viscous[0]
         reserves = x[0, muscles:] * self._optimal_forces
-        return TensionFrame(activations, forces, reserves, given.torques[0], int(status[0]), float(imbalance[0]))
+        return TensionFrame(activations, forces, reserves, given.torques[0], int(status[0]), float(residual[0]))

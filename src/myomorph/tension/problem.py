@@ -1,8 +1,9 @@
-"""The tension problem of all frames: what fills it, who solves it, and what comes out."""
+"""The tension problem of all frames: the sum of its terms, who solves it, and what comes out."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -12,25 +13,23 @@ from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
-from myomorph.muscles.hill import fill_hill_forces, viscosities
-from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.motion.sync import refuse_other_times
 from myomorph.muscles.passive import joint_forces
-from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import loop_slopes, refuse_open
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.frames import CHUNK
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.actuators import default_reserves, free_coordinates
-from myomorph.tension.assembly import actuator_entries, assemble, fold, take_off
-from myomorph.tension.contact_rows import ContactTerms, contact_terms
-from myomorph.tension.contacts import ContactTask
+from myomorph.tension.assembly import assemble, fold, take_off
 from myomorph.tension.dual import solve_separable
-from myomorph.tension.emg import EmgTarget
-from myomorph.tension.emg_wells import emg_wells
 from myomorph.tension.separable import Separable, no_links
-from myomorph.tension.smoothing import Smoothing, smoothing
 from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, free_coordinates
+from myomorph.tension.terms.contacts import ContactTask, ContactTerm
+from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.measured import contact_terms
+from myomorph.tension.terms.muscles import MuscleTerm
+from myomorph.tension.terms.term import Columns, Frames, Term, Unknowns, Variables, added_up, joined
 
 
 def tension_problem(
@@ -42,6 +41,7 @@ def tension_problem(
     *,
     contacts: ContactTask | None = None,
     emg: EmgTarget | None = None,
+    terms: Sequence[Term] = (),
     only: Collection[str] | None = None,
 ) -> tuple[TensionProblem, tuple[str, ...]]:
     """What `solve_tension` solves, set up but not solved, and the names of the actuators.
@@ -49,6 +49,8 @@ def tension_problem(
     Parameters
     ----------
     only : coordinates whose equations are kept, where not all are
+
+    The others, and errors, are those of `solve_tension`.
     """
     options = options or TensionOptions()
     tree = compile_tree(model)
@@ -56,8 +58,8 @@ def tension_problem(
     added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
     given = {one.name for one in added}
     own = [one for one in model.actuators if one.name not in given]
-    helpers = tuple(one for one in (*own, *added) if one.enabled)
-    names = tuple(one.name for one in helpers)
+    enabled = tuple(one for one in (*own, *added) if one.enabled)
+    names = tuple(one.name for one in enabled)
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
@@ -66,16 +68,15 @@ def tension_problem(
     refuse_open(tree, coordinates)
     tau = _torques_of(tree, motion, torques) - joint_forces(tree, coordinates, rates)
     time = np.array(motion.time)
-    terms = contact_terms(tree, time, contacts) if contacts is not None else None
-    return TensionProblem(tree, helpers, options, time, coordinates, rates, tau, terms, emg, only), names
+    touching = None if contacts is None else ContactTerm(tree, time, contacts)
+    parts: list[Term] = [MuscleTerm(tree, options), ActuatorTerm(tree, enabled, options.exponent)]
+    parts += () if touching is None else contact_terms(touching)
+    parts += () if emg is None else (emg,)
+    return TensionProblem(tree, (*parts, *terms), options, time, coordinates, rates, tau, only), names
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
-    if len(torques) != len(motion) or np.max(np.abs(torques.time - motion.time), initial=0.0) > 1e-6:
-        raise BadData(
-            f"torques have {len(torques)} frames from {torques.time[:1]} s, the motion {len(motion)} from "
-            f"{motion.time[:1]} s: both must have the same times"
-        )
+    refuse_other_times("torques", torques.time, motion.time)
     needed = set(free_coordinates(tree.model))
     columns = {name: i for i, name in enumerate(torques.names)}
     found = np.zeros((len(motion), len(tree.model.coordinates)))
@@ -85,10 +86,6 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
         elif name in needed:
             raise UnknownName("coordinate", name, torques.names, "the table of torques")
     return found
-
-
-STILL = 1e-6
-"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no curvature to step by."""
 
 
 class Balance(NamedTuple):
@@ -110,125 +107,103 @@ class Balance(NamedTuple):
 
 
 class TensionProblem:
-    """The problem of all frames: shared data and results, set up and solved chunk by chunk.
+    """The problem of all frames: the sum of its terms, set up and solved chunk by chunk.
 
     Attributes
     ----------
+    terms : all that the problem is made of
+    muscles, actuators, contacts : the terms of these; contacts are None for none
+    unknowns : of all terms: activations, controls, amplitudes of contacts, others; those of rows come behind them
     assembly : pattern of A and what fills it
-    separable : weights, exponents and bounds of the variables: activations, controls, amplitudes of contacts' edges,
-        and the own variables of the rows that contacts add
+    rows : what terms add to the rows of the coordinates
+    separable : weights, exponents and bounds of all unknowns
     options : settings
     coordinates : (frames, coordinates) all values
-    actuators : the model's and those added, in the order of their controls
-    contacts : what contacts add, None for nothing
-    emg : what is known of activations, None for nothing
-    wells : what draws activations to EMG, as of `solve_separable`
+    penalties : interval penalties of all unknowns
     smooth : how frames are linked, None where they are not
     window : frames that are solved together
-    amplitudes : (frames, edges) of contacts, filled by `solve`
+    x : (frames, unknowns and those of rows), filled by `solve`
     """
 
     def __init__(
         self,
         tree: Tree,
-        actuators: tuple[Actuator, ...],
+        terms: Sequence[Term],
         options: TensionOptions,
         time: Array,
         coordinates: Array,
         rates: Array,
         torques: Array,
-        contacts: ContactTerms | None = None,
-        emg: EmgTarget | None = None,
         only: Collection[str] | None = None,
     ):
-        muscles = tree.model.muscles
-        self.options, self._time = options, time
+        self.options, self.terms, self._time = options, tuple(terms), time
         self.coordinates, self._rates, self._tau = coordinates, rates, torques
-        self._hill = compile_hill(tree.model)
-        self._paths = compile_paths(tree.model)
+        self.muscles = next(one for one in terms if isinstance(one, MuscleTerm))
+        self.actuators = next(one for one in terms if isinstance(one, ActuatorTerm))
+        self.contacts = next((one for one in terms if isinstance(one, ContactTerm)), None)
+        parts = [one.variables() for one in terms]
+        own = joined(parts)
+        first = np.cumsum([0, *(len(one) for one in parts)]).tolist()
+        places = tuple(slice(*ends) for ends in pairwise(first))
+        self.unknowns = Unknowns(own.names, tree.model.muscle_names, time, self.terms, places)
         basis = loop_basis(tree, coordinates) if tree.model.loops else None
         self._slopes = loop_slopes(basis, coordinates)
-        self.actuators, self.contacts, self.emg = actuators, contacts, emg
-        self.assembly = assemble(self._paths, actuators, basis, contacts, only)
-        self._enabled = np.array([one.enabled for one in muscles], dtype=np.bool_)
-        self._viscosity = viscosities(tree.model) * options.viscous
-        self._strength = np.array([one.max_isometric_force for one in muscles], dtype=np.float64)
-        # A muscle that is switched off has no force, so its activation must not be free.
-        self._lower = np.where(self._enabled, [one.min_activation for one in muscles], 0.0)
-        self._upper = np.where(self._enabled, [one.max_activation for one in muscles], 0.0)
-        self.separable = self._variables(actuators)
-        self.wells = emg_wells(emg, tree.model.muscle_names, len(self.separable.weight), len(coordinates))
-        if options.exponent > 2.0:
-            self.wells.base[2, len(muscles) : len(muscles) + len(actuators)] = STILL
-        self.smooth: Smoothing | None = smoothing(contacts, time) if contacts is not None else None
+        self._adding = [(one, rows) for one in terms if (rows := one.rows(self.unknowns)) is not None]
+        self.rows = [rows for _, rows in self._adding]
+        entries = [(first[k] + i, j) for k, one in enumerate(terms) for i, j in one.entries()]
+        self.assembly = assemble(tree, entries, len(own), self.rows, basis, only)
+        self.separable = self._separable(own)
+        penalties = [drawn for one in terms if (drawn := one.penalties(self.unknowns)) is not None]
+        self.penalties = added_up(penalties, self.unknowns, len(self.separable.weight))
+        linked = [links for one in terms if (links := one.smoothing(self.unknowns)) is not None]
+        if len(linked) > 1:
+            raise BadData(f"{len(linked)} terms of the tension problem link frames: expected one")
+        self.smooth = linked[0] if linked else None
         self.window = CHUNK if self.smooth is None else self.smooth.window
-        frames, edges = len(coordinates), 0 if contacts is None else len(contacts.columns)
-        self._activations = np.empty((frames, len(muscles)))
-        self._forces = np.empty((frames, len(muscles)))
-        self._viscous = np.empty((frames, len(muscles)))
-        self._reserves = np.empty((frames, len(actuators)))
-        self.amplitudes = np.empty((frames, edges))
-        self._contact_forces = np.empty((3, frames, 0 if contacts is None else len(contacts.columns.sites), 3))
+        frames, muscles = len(coordinates), len(tree.model.muscles)
+        self.x = np.empty((frames, len(self.separable.weight)))
+        self._forces, self._viscous = np.empty((frames, muscles)), np.empty((frames, muscles))
+        sites = 0 if self.contacts is None else len(self.contacts.generators.sites)
+        self._contact_forces = np.empty((3, frames, sites, 3))
         self._balanced = np.empty((frames, len(self.assembly.rows)))
-        self._imbalance = np.empty(frames)
+        self._residual = np.empty(frames)
         self._iterations = np.empty(frames, np.int64)
         self._status = np.empty(frames, np.int8)
         self._overstretched: list[np.ndarray] = []
 
-    def _variables(self, actuators: tuple[Actuator, ...]) -> Separable:
-        """Weights, exponents and bounds of all variables, checked."""
-        muscles = self.assembly.tree.model.muscles
-        lower = np.concatenate([self._lower, [one.min_control for one in actuators]])
-        upper = np.concatenate([self._upper, [one.max_control for one in actuators]])
-        names = [one.name for one in muscles] + [one.name for one in actuators]
-        for name, least, most in zip(names, lower, upper, strict=True):
-            if not least <= most:
-                raise BadModel(f"'{name}' has bounds {least:g} ... {most:g}: the first must not be greater")
-        weight = np.ones(len(lower))
-        if self.options.weights == "volume" and self._enabled.any():
-            volume = self._strength * [one.optimal_fiber_length for one in muscles]
-            weight[: len(muscles)] = volume / volume[self._enabled].mean()
-        shape = self.assembly.pattern
-        exponent = np.full(len(lower), self.options.exponent)
-        if self.contacts is not None:
-            edges, extra = self.contacts.columns, self.contacts.extra
-            weight = np.concatenate([weight, self.contacts.cost, extra.weight])
-            exponent = np.concatenate([exponent, np.full(len(edges) + len(extra), 2.0)])
-            lower = np.concatenate([lower, edges.lower, extra.lower])
-            upper = np.concatenate([upper, np.full(len(edges), np.inf), extra.upper])
-        return Separable(shape.start, shape.row, shape.first, weight, exponent, lower, upper)
+    def _separable(self, own: Variables) -> Separable:
+        """Weights, exponents and bounds of all unknowns, checked."""
+        for name, low, high in zip(own.names, own.lower, own.upper, strict=True):
+            if not low <= high:
+                raise BadModel(f"'{name}' has bounds {low:g} ... {high:g}: the first must not be greater")
+        parts = [Variables(one.names, one.weight, np.full(len(one), 2.0), one.lower, one.upper) for one in self.rows]
+        every, shape = joined([own, *parts]), self.assembly.pattern
+        return Separable(shape.start, shape.row, shape.first, every.weight, every.exponent, every.lower, every.upper)
+
+    @property
+    def amplitudes(self) -> Array:
+        """(frames, generators) of contacts, filled by `solve`."""
+        return self.x[:, self.unknowns.of(self.contacts)] if self.contacts is not None else self.x[:, :0]
 
     def balance(self, start: int, stop: int) -> Balance:
         """What the frames start ... stop - 1 have to balance."""
-        assembly, part, frames = self.assembly, slice(start, stop), stop - start
-        muscles = len(self._lower)
+        assembly, part, count = self.assembly, slice(start, stop), stop - start
         c = np.ascontiguousarray(self.coordinates[part])
-        lengths, speeds, arms = self._paths.evaluate(c, self._rates[part])
-        active, passive = np.empty((frames, muscles)), np.empty((frames, muscles))
-        options = self.options
-        fill_hill_forces(self._hill, lengths, speeds, options.convention, options.passive, active, passive)
-        if self.options.curves == "constant":
-            active[:] = np.where(np.isnan(active), np.nan, self._strength)
-        active *= self._enabled
-        passive *= self._enabled
-        viscous = self._viscosity * speeds
-        entries = [arms, actuator_entries(assembly, c)]
-        forces = [active, np.broadcast_to(assembly.optimal_forces, (frames, len(assembly.optimal_forces)))]
-        if self.contacts is not None:
-            columns, places, pushes, turns = self.contacts.columns.evaluate(c)
-            entries.append(columns)
-            forces.append(self.contacts.amounts[part])
-        values, right = np.empty((frames, len(self.separable.row))), np.zeros((frames, len(assembly.pattern.order)))
-        slopes = self._slopes[part]
-        arrays, links, together = assembly.tree.arrays, assembly.links, np.hstack(entries)
-        fold(arrays, links, c, slopes, together, np.hstack(forces), self._tau[part], values, right)
+        frames = Frames(part, c, self._rates[part])
+        columns = [one.columns(frames) for one in self.terms]
+        entries, forces = np.hstack([one.entries for one in columns]), np.hstack([one.forces for one in columns])
+        values, right = np.empty((count, len(self.separable.row))), np.zeros((count, len(assembly.pattern.order)))
+        slopes, arrays, links = self._slopes[part], assembly.tree.arrays, assembly.links
+        fold(arrays, links, c, slopes, entries, forces, self._tau[part], values, right)
         torques = right[:, assembly.coordinate_row]
-        take_off(arrays, links, c, slopes, together, passive + viscous, right)
-        if self.contacts is not None:
-            shared, right[:, assembly.extra_row] = self.contacts.rows(part, places, pushes, turns)
-            own = np.broadcast_to(-self.contacts.extra.unit, (frames, len(self.contacts.extra)))
-            values[:, assembly.extra_place] = np.hstack([shared, own])
-        return Balance(values, right, active, passive, viscous, torques)
+        take_off(arrays, links, c, slopes, entries, _given(columns), right)
+        if self._adding:
+            filled = [one.row_values(rows, frames) for one, rows in self._adding]
+            own = np.broadcast_to(-np.concatenate([one.unit for one in self.rows]), (count, len(assembly.extra_row)))
+            values[:, assembly.extra_place] = np.hstack([*(one for one, _ in filled), own])
+            right[:, assembly.extra_row] = np.hstack([one for _, one in filled])
+        muscles = self.muscles.forces(frames)
+        return Balance(values, right, muscles.active, muscles.passive, muscles.viscous, torques)
 
     def solve(self, start: int, stop: int) -> None:
         """Solve the frames start ... stop - 1."""
@@ -236,8 +211,8 @@ class TensionProblem:
         begin, end = max(start - margin, 0), min(stop + margin, len(self._time))
         given = self.balance(begin, end)
         kept, part = slice(start - begin, stop - begin), slice(start, stop)
-        x, _, imbalance, iterations, status = (one[kept] for one in self.solved(given, begin))
-        self._imbalance[part], self._iterations[part], self._status[part] = imbalance, iterations, status
+        x, _, residual, iterations, status = (one[kept] for one in self.solved(given, begin))
+        self._residual[part], self._iterations[part], self._status[part] = residual, iterations, status
         self._store(part, x, Balance(*(one[kept] for one in given)))
 
     def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
@@ -254,45 +229,41 @@ class TensionProblem:
     def solved(
         self, given: Balance, begin: int = 0, warm: Array | None = None
     ) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
-        """Variables of some frames (frames, n), multipliers (frames, rows), imbalance, iterations and status.
+        """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and status.
 
         Parameters
         ----------
         given : what to balance in the frames from `begin` on
         warm : (rows,) multipliers to begin with, afterwards those of the last frame; None for none
         """
-        frames, variables = len(given.right), len(self.separable.weight)
-        x, y = np.empty((frames, variables)), np.empty(given.right.shape)
-        imbalance, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
-        linked = len(self._lower) + len(self.actuators)
+        frames, count = len(given.right), len(self.separable.weight)
+        x, y = np.empty((frames, count)), np.empty(given.right.shape)
+        residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
         solve_separable(
             self.separable,
             given.values,
             given.right,
-            np.zeros((1, variables)),
-            self.wells[begin : begin + frames],
-            no_links() if self.smooth is None else self.smooth.links(begin, begin + frames, linked),
+            np.zeros((1, count)),
+            self.penalties[begin : begin + frames],
+            no_links() if self.smooth is None else self.smooth.links(begin, begin + frames),
             np.zeros(given.right.shape[1]) if warm is None else warm,
             x,
             y,
-            imbalance,
+            residual,
             iterations,
             status,
         )
-        return x, y, imbalance, iterations, status
+        return x, y, residual, iterations, status
 
     def _store(self, part: slice, x: Array, given: Balance) -> None:
         """Keep what was found in some frames."""
-        muscles = len(self._lower)
-        controls = muscles + len(self.actuators)
-        self._overstretched.append(np.flatnonzero((given.passive > self._strength).any(axis=0)))
-        self._activations[part] = x[:, :muscles]
-        self._forces[part] = given.active * x[:, :muscles] + given.passive + given.viscous
+        self._overstretched.append(np.flatnonzero((given.passive > self.muscles.strength).any(axis=0)))
+        self.x[part] = x
+        self._forces[part] = given.active * x[:, : self._forces.shape[1]] + given.passive + given.viscous
         self._viscous[part], self._balanced[part] = given.viscous, given.torques
-        self._reserves[part] = x[:, muscles:controls] * self.assembly.optimal_forces
         if self.contacts is not None:
-            self.amplitudes[part] = x[:, controls : controls + self.amplitudes.shape[1]]
-            self._contact_forces[:, part] = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
+            found = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
+            self._contact_forces[:, part] = found
 
     def result(self, names: tuple[str, ...]) -> Tension:
         """What was found, as a value; `names` are those of the actuators."""
@@ -300,26 +271,32 @@ class TensionProblem:
         all_names = self.assembly.tree.model.muscle_names
         found = None
         if self.contacts is not None:
-            forces, points, torques = self._contact_forces
-            found = ContactForces(
-                self._time, self.contacts.columns.sites, self.contacts.strengths, forces, points, torques
-            )
+            sites, strengths = self.contacts.generators.sites, self.contacts.strengths
+            found = ContactForces(self._time, sites, strengths, *self._contact_forces)
+        controls = self.x[:, self.unknowns.of(self.actuators)]
         return Tension(
             time=self._time,
             muscles=all_names,
-            activations=self._activations,
+            activations=np.array(self.x[:, : len(all_names)]),
             forces=self._forces,
             reserve_names=names,
-            reserves=self._reserves,
+            reserves=controls * self.actuators.optimal_forces,
             coordinates=self.assembly.rows,
             torques=self._balanced,
-            imbalance=self._imbalance,
+            equilibrium_residual=self._residual,
             status=self._status,
             iterations=self._iterations,
-            lower=self._lower,
-            upper=self._upper,
+            lower=self.muscles.lower,
+            upper=self.muscles.upper,
             overstretched=tuple(all_names[i] for i in stretched),
             options=self.options,
             viscous=self._viscous,
             contacts=found,
         )
+
+
+def _given(columns: Sequence[Columns]) -> Array:
+    """Forces that act whatever the unknowns are, (frames, unknowns up to the last that has any)."""
+    last = max((k for k, one in enumerate(columns) if one.given is not None), default=-1)
+    parts = [np.zeros_like(one.forces) if one.given is None else one.given for one in columns[: last + 1]]
+    return np.hstack([np.zeros((len(columns[0].forces), 0)), *parts])

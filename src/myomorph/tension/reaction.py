@@ -23,6 +23,7 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, Joint, Model, index_of
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Transform
+from myomorph.motion.sync import refuse_other_times
 from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import refuse_open
@@ -31,9 +32,9 @@ from myomorph.rigid.forward import balancing_multipliers, forward_accelerations,
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.actuators import default_reserves
 from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.actuators import default_reserves
 
 On = Literal["child", "parent"]
 
@@ -210,11 +211,7 @@ class _Loads:
     def add_tension(self, tension: Tension | Series | None, actuators: Sequence[Actuator] | None) -> None:
         if tension is None:
             return
-        if len(tension) != len(self.motion) or np.max(np.abs(tension.time - self.motion.time), initial=0.0) > 1e-6:
-            raise BadData(
-                f"tensions have {len(tension)} frames from {tension.time[:1]} s, the motion {len(self.motion)} from "
-                f"{self.motion.time[:1]} s: both must have the same times"
-            )
+        refuse_other_times("tensions", tension.time, self.motion.time)
         helpers, forces, tensions = self._named(tension, actuators)
         if self.tree.model.muscles:
             paths = compile_paths(self.tree.model)

@@ -19,12 +19,11 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.tension.actuators import floating_joints
 from myomorph.tension.dual import MISSING
 from myomorph.tension.problem import TensionProblem
-from myomorph.tension.relaxation_program import Roots, smallest_relaxation
-from myomorph.tension.relaxation_words import Allowance, what_lacks, what_would_do
+from myomorph.tension.relaxation_program import Allowance, Roots, smallest_relaxation, what_lacks, what_would_do
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.actuators import floating_joints
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def relaxations(
             # The contacts could carry it, at more effort than the residuals that were taken instead.
             continue
         force, moment = left[frame].sum(axis=0)
-        sites = problem.contacts.columns.sites
+        sites = problem.contacts.generators.sites
         touching = tuple(one.name for k, one in enumerate(sites) if problem.contacts.strengths[frame, k] > 0.0)
         named = tuple(one for one in allowed if one.size > options.named * roots.weight) or allowed[:1]
         time = float(tension.time[frame])

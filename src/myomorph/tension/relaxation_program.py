@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -11,14 +12,80 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.model import GROUND
 from myomorph.rigid.kinematics import Poses, center_of_mass, forward_kinematics
-from myomorph.tension.actuators import body_directions, compile_body_actuators, default_reserves, floating_joints
-from myomorph.tension.contact_columns import GRAVITY, ContactColumns, compile_contacts
-from myomorph.tension.contact_rows import ContactTerms
 from myomorph.tension.problem import TensionProblem
-from myomorph.tension.relaxation_words import Allowance, Kind
 from myomorph.tension.simplex import extremes
 from myomorph.tension.solved import subject_weight
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.actuators import body_directions, compile_body_actuators, default_reserves, floating_joints
+from myomorph.tension.terms.cones import GRAVITY, ConeGenerators, compile_cones
+from myomorph.tension.terms.contacts import ContactTerm
+
+Kind = Literal["contact", "friction", "most", "pull", "residual"]
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """One thing that would have to be allowed.
+
+    Attributes
+    ----------
+    kind : "contact": sites that do not touch; "friction": more than the cones'; "most": more than the sites' greatest
+        force; "pull": force the other way; "residual": a force or moment from nowhere
+    where : the group of the sites, or the body that floats
+    force : its size, of a "friction" across the cone beyond what was allowed [N], 0 for a moment alone
+    moment : of a residual [N m]
+    needed : of a "friction" the coefficient that would do, of a "contact" how far the nearest of its sites is above
+        where they touch at other times [m]
+    """
+
+    kind: Kind
+    where: str
+    force: float
+    moment: float = 0.0
+    needed: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """The greater of force [N] and moment [N m]."""
+        return max(self.force, self.moment)
+
+
+def what_lacks(touching: Sequence[str], force: Array, moment: Array, up: Array) -> str:
+    """What is wrong, as a clause: who may touch, and what is left over.
+
+    Parameters
+    ----------
+    force, moment : (3,) that contacts leave [N], [N m]
+    up : (3,) unit vector against gravity
+    """
+    upward, size, turn = float(force @ up), float(np.linalg.norm(force)), float(np.linalg.norm(moment))
+    way = "upward" if upward > 0.7 * size else "downward" if upward < -0.7 * size else "sideways"
+    needed = f"{size:.0f} N {way} are needed" if size >= turn else f"a moment of {turn:.0f} N m is needed"
+    if not touching:
+        return f"no site may touch, but {needed}"
+    return f"sites that touch cannot carry the motion, {needed} beside them"
+
+
+def what_would_do(allowances: Sequence[Allowance]) -> str:
+    """What would have to be allowed, as a clause."""
+    return " and ".join(_words(one) for one in allowances) + " would do"
+
+
+def _words(one: Allowance) -> str:
+    if one.kind == "contact":
+        return f"contact of '{one.where}' ({1000.0 * one.needed:.0f} mm above its support)"
+    if one.kind == "friction" and np.isfinite(one.needed):
+        return f"friction of {one.needed:.2f} at '{one.where}'"
+    if one.kind == "friction":
+        return f"{one.force:.0f} N across the cone of '{one.where}'"
+    if one.kind == "most":
+        return f"{one.force:.0f} N more at '{one.where}' than its greatest force"
+    if one.kind == "pull":
+        return f"a pull of {one.force:.0f} N at '{one.where}'"
+    if one.force >= one.moment:
+        return f"{one.force:.0f} N at '{one.where}' from nowhere"
+    return f"{one.moment:.0f} N m at '{one.where}' from nowhere"
+
 
 COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
 """Cost of one newton, of a residual's newton meter too."""
@@ -53,7 +120,7 @@ class Roots:
     """
 
     problem: TensionProblem
-    contacts: ContactTerms
+    contacts: ContactTerm
     tension: Tension
     poses: Poses = field(init=False)
     bodies: tuple[str, ...] = field(init=False)
@@ -69,7 +136,7 @@ class Roots:
     left: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        tree, columns, c = self.problem.assembly.tree, self.contacts.columns, self.problem.coordinates
+        tree, generators, c = self.problem.assembly.tree, self.contacts.generators, self.problem.coordinates
         roots = floating_joints(tree.model)
         self.bodies = tuple(joint.child for joint in roots)
         self._rows = [tree.model.coordinate_names.index(name) for joint in roots for name in joint.coordinates]
@@ -80,9 +147,9 @@ class Roots:
         self.weights = np.maximum(each, LEAST * self.weight)
         self.up = -tree.model.gravity / gravity if gravity > 0.0 else np.eye(3)[1]
         self.residuals = self._residuals()
-        self.edges = self._dense(columns)
-        middles = [Site(s.name, s.body, s.points.mean(axis=0)[None], Cone(None), s.against) for s in columns.sites]
-        between = compile_contacts(tree, middles)
+        self.edges = self._dense(generators)
+        middles = [Site(s.name, s.body, s.points.mean(axis=0)[None], Cone(None), s.against) for s in generators.sites]
+        between = compile_cones(tree, middles)
         self.axes = self._dense(between)
         _, places, _, _ = between.evaluate(c)
         heights = places @ self.up
@@ -99,17 +166,17 @@ class Roots:
 
     def direction(self, frame: int, site: int) -> Array:
         """A cone's direction in ground (3,)."""
-        cone = self.contacts.columns.sites[site].cone
+        cone = self.contacts.generators.sites[site].cone
         assert cone.direction is not None
         if cone.frame == GROUND:
             return np.array(cone.direction)
         turned: Array = self.poses.rotations[frame, self.problem.assembly.tree.body_index[cone.frame]] @ cone.direction
         return turned
 
-    def _dense(self, columns: ContactColumns) -> Array:
-        entries, _, _, _ = columns.evaluate(self.problem.coordinates)
-        owner = np.repeat(np.arange(len(columns)), np.diff(columns.arrays.first))
-        return self._spread(entries, columns.arrays.coordinate, owner, len(columns))
+    def _dense(self, generators: ConeGenerators) -> Array:
+        entries, _, _, _ = generators.evaluate(self.problem.coordinates)
+        owner = np.repeat(np.arange(len(generators)), np.diff(generators.arrays.first))
+        return self._spread(entries, generators.arrays.coordinate, owner, len(generators))
 
     def _residuals(self) -> Array:
         tree, c = self.problem.assembly.tree, self.problem.coordinates
@@ -127,9 +194,9 @@ class Roots:
         return found
 
 
-def _levels(heights: Array, contacts: ContactTerms) -> Array:
+def _levels(heights: Array, contacts: ContactTerm) -> Array:
     """Height (sites,) at which each site's group touches."""
-    groups = np.array([one.group for one in contacts.columns.sites])
+    groups = np.array([one.group for one in contacts.generators.sites])
     touching = contacts.strengths > 0.0
     every = float(np.nanmedian(heights[touching] if touching.any() else heights.min(axis=1)))
     levels = np.full(len(groups), every)
@@ -182,7 +249,7 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     start = np.array([one.at for one in columns])
     normals = [_normals(roots, columns, k) for k in limited]
     for r, k in enumerate(limited):
-        most, now = roots.contacts.columns.sites[k].cone.most, float(normals[r] @ start)
+        most, now = roots.contacts.generators.sites[k].cone.most, float(normals[r] @ start)
         A[rows + r, :count] = normals[r]
         A[rows + r, count + 2 * r : count + 2 * r + 2] = -1.0
         still = np.zeros(rows)
@@ -210,16 +277,16 @@ def _residuals(roots: Roots, frame: int, limits: Array) -> list[_Column]:
 
 def _edges(roots: Roots, frame: int) -> list[_Column]:
     """Forces inside the cones of sites that touch, and of those that do not."""
-    columns = roots.contacts.columns
-    _, _, pushes, _ = columns.evaluate(roots.problem.coordinates[frame : frame + 1])
+    generators = roots.contacts.generators
+    _, _, pushes, _ = generators.evaluate(roots.problem.coordinates[frame : frame + 1])
     found = []
-    for e in range(len(columns)):
-        k = int(columns.site[e])
+    for e in range(len(generators)):
+        k = int(generators.site[e])
         touches = bool(roots.contacts.strengths[frame, k] > 0.0)
         farther = float(roots.heights[frame, k] - roots.heights[frame].min()) / (NEAR * roots.center)
         price = COSTS["contact"] * (1.0 + farther**2) * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
         price = 0.0 if touches else price
-        ways = (1.0, -1.0) if columns.lower[e] < 0.0 else (1.0,)
+        ways = (1.0, -1.0) if generators.lower[e] < 0.0 else (1.0,)
         for sign in ways:
             at = max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0
             found.append(
@@ -234,7 +301,7 @@ def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
     """Forces across cones beyond friction, and pulls, at the middles of sites that touch."""
     found = []
     for k in np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist():
-        cone = roots.contacts.columns.sites[k].cone
+        cone = roots.contacts.generators.sites[k].cone
         if cone.direction is None:
             continue
         direction, middle = roots.direction(frame, k), roots.axes[frame, :, 3 * k : 3 * k + 3]
@@ -249,21 +316,21 @@ def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
 
 def _limited(roots: Roots, frame: int) -> list[int]:
     """Sites that touch and have a greatest force along a direction."""
-    sites = roots.contacts.columns.sites
+    sites = roots.contacts.generators.sites
     touching = np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist()
     return [k for k in touching if sites[k].cone.direction is not None and np.isfinite(sites[k].cone.most)]
 
 
 def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:
     """Force along a site's cone of one unit of each variable."""
-    owner, normal = roots.contacts.columns.site, roots.contacts.columns.normal
+    owner, normal = roots.contacts.generators.site, roots.contacts.generators.normal
     mine = [one.kind == "contact" and int(owner[one.place]) == site for one in columns]
     return np.array([normal[one.place] if own else 0.0 for one, own in zip(columns, mine, strict=True)])
 
 
 def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> tuple[Allowance, ...]:
     """What of a solution goes beyond what is allowed anyway, added up by kind and group of sites."""
-    sites, owner = roots.contacts.columns.sites, roots.contacts.columns.site
+    sites, owner = roots.contacts.generators.sites, roots.contacts.generators.site
     residual = np.zeros((len(roots.bodies), 2, 3))
     beyond, carried = dict[tuple[Kind, str], Array](), {site.group: STILL for site in sites}
     heights = dict[str, float]()

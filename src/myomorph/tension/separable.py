@@ -1,4 +1,4 @@
-"""The separable problem as arrays: pattern of A, what all frames share, wells and links."""
+"""The separable problem as arrays: pattern of A, what all frames share, links, and Cholesky factors in an envelope."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from myomorph.model.arrays import Array
+from myomorph.rigid.kernels import inner
 
 
 class Separable(NamedTuple):
@@ -61,8 +62,8 @@ def no_links() -> Links:
     return Links(0, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), 1.0, 0, 0.0)
 
 
-def no_wells(variables: int) -> Array:
-    """Nothing that pulls a variable anywhere, (1, 3, variables)."""
+def no_penalties(variables: int) -> Array:
+    """No interval penalty, (1, 3, variables)."""
     return np.zeros((1, 3, variables))
 
 
@@ -105,3 +106,34 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
     place[sorted_entries] = np.arange(len(rows))
     start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(np.int64)
     return Pattern(start, rank[rows][sorted_entries], first, order, place)
+
+
+@inner(fastmath={"reassoc", "contract"})
+def factorize(M, first, floor):
+    """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
+    n = M.shape[0]
+    for i in range(n):
+        for j in range(first[i], i):
+            total = M[i, j]
+            for k in range(max(first[i], first[j]), j):
+                total -= M[i, k] * M[j, k]
+            M[i, j] = total / M[j, j]
+        total = M[i, i]
+        for k in range(first[i], i):
+            total -= M[i, k] * M[i, k]
+        M[i, i] = np.sqrt(max(total, floor[i]))
+
+
+@inner
+def back_substitute(M, first, z):
+    """Solve with the factor M, in place of z."""
+    n = M.shape[0]
+    for i in range(n):
+        total = z[i]
+        for k in range(first[i], i):
+            total -= M[i, k] * z[k]
+        z[i] = total / M[i, i]
+    for i in range(n - 1, -1, -1):
+        z[i] /= M[i, i]
+        for k in range(first[i], i):
+            z[k] -= M[i, k] * z[i]

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.rigid.frames import over_frames
-from myomorph.tension.contacts import ContactTask
-from myomorph.tension.emg import EmgTarget
 from myomorph.tension.problem import TensionProblem, tension_problem
-from myomorph.tension.sequential import solve_sequential
 from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.terms.actuators import floating_joints
+from myomorph.tension.terms.contacts import ContactTask
+from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.term import Term
 
 __all__ = ["Tension", "TensionOptions", "TensionProblem", "solve_tension", "tension_problem"]
 
@@ -26,6 +31,7 @@ def solve_tension(
     *,
     contacts: ContactTask | None = None,
     emg: EmgTarget | None = None,
+    terms: Sequence[Term] = (),
 ) -> Tension:
     """Share the joint torques among muscles with the least effort, frame by frame.
 
@@ -33,7 +39,7 @@ def solve_tension(
         subject to  R^T F a + D u + J^T G z = tau - R^T (F_passive + F_viscous),  bounds on a, u and z
 
     with moment arms R, forces per unit activation F (rigid tendon), directions D of actuators with
-    controls u, edges G of contact cones with amplitudes z, and one row for every coordinate that is not locked,
+    controls u, generators G of contact cones with amplitudes z, and one row for every coordinate that is not locked,
     prescribed, driven by a coupler or taken as dependent by closed loops. Which of a loop's coordinates is taken so
     does not change the solution. The problem of a frame is convex and its solution unique; frames depend on each
     other only through the smoothness of contact forces. See docs/contact-forces.md.
@@ -48,6 +54,8 @@ def solve_tension(
     progress : called with the number of frames just done
     contacts : sites whose forces are to be found
     emg : what is known of activations
+    terms : further costs and constraints, see `myomorph.tension.terms.term.Term` and docs/adding.md; where contact
+        forces are found first (`ContactOptions.formulation`), they belong to the problem of the muscles
 
     Raises
     ------
@@ -60,7 +68,56 @@ def solve_tension(
         where the model has nothing to solve for
     """
     if contacts is not None and contacts.options.formulation == "sequential":
-        return solve_sequential(model, motion, torques, options, actuators, progress, contacts, emg)
-    problem, names = tension_problem(model, motion, torques, options, actuators, contacts=contacts, emg=emg)
+        return _sequential(model, motion, torques, options, actuators, progress, contacts, emg, terms)
+    problem, names = tension_problem(
+        model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
+    )
     over_frames(problem.solve, len(motion), progress, problem.window)
     return problem.result(names)
+
+
+def _sequential(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions | None,
+    actuators: Sequence[Actuator] | None,
+    progress: Callable[[int], None] | None,
+    contacts: ContactTask,
+    emg: EmgTarget | None,
+    terms: Sequence[Term],
+) -> Tension:
+    """Contact forces from the six equations of motion of every floating body, then muscles given these forces.
+
+    It is what [D] ch. 4 argues against and most programs do. The first problem has the costs of contacts and
+    residuals, and joints as ideal torques that cost nothing, which is to leave their equations out; the second has
+    the contact forces as known ones.
+    """
+    roots = {name for joint in floating_joints(model) for name in joint.coordinates}
+    if not roots:
+        raise BadModel(
+            f"model '{model.name}' has no body that floats freely: contact forces cannot be found before muscle "
+            "tensions; use the simultaneous formulation"
+        )
+    bare = replace(model, muscles=())
+    first, _ = tension_problem(bare, motion, torques, options, actuators, contacts=contacts, only=roots)
+    over_frames(first.solve, len(motion), None, first.window)
+    found = first.result(())
+    assert first.contacts is not None
+    known = np.array(torques.values)
+    order = [model.coordinate_names.index(name) for name in torques.names if name in model.coordinate_names]
+    carried = first.contacts.torques_of(first.coordinates, first.amplitudes)
+    known[:, [name in model.coordinate_names for name in torques.names]] -= carried[:, order]
+    second, names = tension_problem(
+        model, motion, Series(torques.time, torques.names, known), options, actuators, emg=emg, terms=terms
+    )
+    over_frames(second.solve, len(motion), progress, second.window)
+    tension = second.result(names)
+    worst = np.where(found.status > 0, found.status, tension.status)
+    return replace(
+        tension,
+        contacts=found.contacts,
+        status=worst,
+        iterations=found.iterations + tension.iterations,
+        equilibrium_residual=np.maximum(found.equilibrium_residual, tension.equilibrium_residual),
+    )

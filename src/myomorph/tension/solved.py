@@ -1,4 +1,13 @@
-"""Frames of a solved tension problem as dense arrays, for what is asked of the solution afterwards."""
+"""Frames of a solved tension problem as dense arrays, for what is asked of the solution afterwards.
+
+Extremes of linear functions among solutions whose cost is near the optimum,
+
+    least c^T x   over   A x = b,  lower <= x <= upper,  cost(x) <= level
+
+are taken at x(s) = argmin cost(x) + s c^T x for the s at which its cost reaches the level: one more problem of the
+same form, with targets moved by -s c / (2 w), whose cost grows with s. Near the optimum it grows with s^2, which
+gives the next s.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
+from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import Tree
-from myomorph.tension.contact_columns import GRAVITY
+from myomorph.tension.dual import OPTIMAL, solve_separable
 from myomorph.tension.problem import TensionProblem
-from myomorph.tension.separable import Separable
+from myomorph.tension.separable import Separable, no_links
 from myomorph.tension.tension import Tension
+from myomorph.tension.terms.cones import GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedFrames:
     """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.
 
-    Variables are activations, controls, amplitudes of contacts' edges, and those of the rows that contacts add.
+    Unknowns are activations, controls, amplitudes of contacts, and others that terms bring in.
 
     Attributes
     ----------
@@ -27,9 +38,9 @@ class SolvedFrames:
     A, b : (frames, rows, variables), (frames, rows)
     x : (frames, variables), NaN where a frame was not solved
     shared : weights, exponents and bounds of all frames
-    wells : (frames, 3, variables) as of `solve_separable`
+    penalties : (frames, 3, variables) as of `solve_separable`
     values : entries of A as `TensionProblem.balance` gives them
-    muscles, controls, edges : where activations, controls, and amplitudes end among the variables
+    muscles, controls, amplitudes : where activations, controls, and amplitudes end among the variables
     """
 
     frames: NDArray[np.int64]
@@ -37,41 +48,41 @@ class SolvedFrames:
     b: Array
     x: Array
     shared: Separable
-    wells: Array
+    penalties: Array
     values: Array
     muscles: int
     controls: int
-    edges: int
+    amplitudes: int
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def of(self, places: NDArray[np.int64]) -> SolvedFrames:
         """Some of these frames."""
-        parts = {name: getattr(self, name)[places] for name in ("frames", "A", "b", "x", "wells", "values")}
+        parts = {name: getattr(self, name)[places] for name in ("frames", "A", "b", "x", "penalties", "values")}
         return replace(self, **parts)
 
     def cost(self, x: Array) -> Array:
         """Cost (frames, ...) of variables (frames, ..., n), smoothness between frames apart."""
-        wells = self.wells.reshape(len(self), 3, *(1,) * (x.ndim - 2), x.shape[-1])
-        below, above = np.maximum(wells[:, 0] - x, 0.0), np.maximum(x - wells[:, 1], 0.0)
-        pulled = np.where(wells[:, 2] > 0.0, wells[:, 2] * (below**2 + above**2), 0.0)
+        penalties = self.penalties.reshape(len(self), 3, *(1,) * (x.ndim - 2), x.shape[-1])
+        below, above = np.maximum(penalties[:, 0] - x, 0.0), np.maximum(x - penalties[:, 1], 0.0)
+        pulled = np.where(penalties[:, 2] > 0.0, penalties[:, 2] * (below**2 + above**2), 0.0)
         total: Array = (self.shared.weight * np.abs(x) ** self.shared.exponent + pulled).sum(axis=-1)
         return total
 
     def slope(self, x: Array) -> Array:
         """Gradient of the cost, (frames, variables)."""
         w, p = self.shared.weight, self.shared.exponent
-        drawn = np.where(x < self.wells[:, 0], x - self.wells[:, 0], np.maximum(x - self.wells[:, 1], 0.0))
-        pulled = np.where(self.wells[:, 2] > 0.0, 2.0 * self.wells[:, 2] * drawn, 0.0)
+        drawn = np.where(x < self.penalties[:, 0], x - self.penalties[:, 0], np.maximum(x - self.penalties[:, 1], 0.0))
+        pulled = np.where(self.penalties[:, 2] > 0.0, 2.0 * self.penalties[:, 2] * drawn, 0.0)
         found: Array = p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
         return found
 
     def curvature(self, x: Array) -> Array:
         """Second derivatives of the cost, (frames, variables), above 0."""
         w, p = self.shared.weight, self.shared.exponent
-        outside = (x <= self.wells[:, 0]) | (x >= self.wells[:, 1])
-        pulled = np.where((self.wells[:, 2] > 0.0) & outside, 2.0 * self.wells[:, 2], 0.0)
+        outside = (x <= self.penalties[:, 0]) | (x >= self.penalties[:, 1])
+        pulled = np.where((self.penalties[:, 2] > 0.0) & outside, 2.0 * self.penalties[:, 2], 0.0)
         # With p other than 2 the curvature at 0 is 0 or infinite: taken a little beside it.
         found: Array = p * (p - 1.0) * w * np.maximum(np.abs(x), 1e-6) ** (p - 2.0) + pulled
         return found
@@ -85,7 +96,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     tension : what the problem found, of all its frames
     frames : (frames,) which ones
     """
-    shared, muscles = problem.separable, len(tension.muscles)
+    shared = problem.separable
     n = len(shared.weight)
     # A run of frames at once, others one by one.
     together = len(frames) > 0 and int(frames[-1] - frames[0]) == len(frames) - 1
@@ -94,18 +105,18 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     values, b = (np.concatenate([getattr(one, name) for one in given]) for name in ("values", "right"))
     A = np.zeros((len(frames), b.shape[1], n))
     A[:, shared.row, np.repeat(np.arange(n), np.diff(shared.start))] = values
-    x = np.zeros((len(frames), n))
+    muscles, first = len(tension.muscles), len(problem.unknowns)
     controls = muscles + tension.reserves.shape[1]
-    edges = controls + problem.amplitudes.shape[1]
+    # What the result says counts, and the unknowns of rows follow from the others.
+    x = np.concatenate([problem.x[frames, :first], np.zeros((len(frames), n - first))], axis=1)
     x[:, :muscles] = tension.activations[frames]
-    x[:, muscles:controls] = tension.reserves[frames] / problem.assembly.optimal_forces
-    x[:, controls:edges] = problem.amplitudes[frames]
-    if problem.contacts is not None:
+    x[:, muscles:controls] = tension.reserves[frames] / problem.actuators.optimal_forces
+    if problem.rows:
         left = np.einsum("frn,fn->fr", A, x) - b
-        x[:, edges:] = left[:, problem.assembly.extra_row] / problem.contacts.extra.unit
-    wells = problem.wells[frames]
-    wells = np.broadcast_to(wells, (len(frames), 3, n))
-    return SolvedFrames(frames, A, b, x, shared, wells, values, muscles, controls, edges)
+        x[:, first:] = left[:, problem.assembly.extra_row] / np.concatenate([one.unit for one in problem.rows])
+    penalties = np.broadcast_to(problem.penalties[frames], (len(frames), 3, n))
+    amplitudes = controls + problem.amplitudes.shape[1]
+    return SolvedFrames(frames, A, b, x, shared, penalties, values, muscles, controls, amplitudes)
 
 
 def subject_weight(tree: Tree, body: str) -> float:
@@ -113,3 +124,87 @@ def subject_weight(tree: Tree, body: str) -> float:
     roots, mass = tree.roots, tree.arrays.mass
     mine = mass[roots == roots[tree.body_index[body]]].sum()
     return (float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY) * float(mine or mass.sum())
+
+
+CLOSE = 0.02
+"""Share of the allowed increase of the cost that may be left."""
+
+MOST = 12
+"""Values of s that are tried."""
+
+
+def near_extremes(solved: SolvedFrames, bounds: tuple[Array, Array], functions: Array, share: float) -> Array:
+    """Least and greatest values of linear functions of contact amplitudes among solutions near the optimum.
+
+    Parameters
+    ----------
+    solved : frames that were solved
+    bounds : (frames, variables) least and greatest, with what was found between them
+    functions : (frames, groups, 3, variables), of variables whose exponent is 2 alone
+    share : increase of the cost that is allowed, of the cost of the solution that was found
+
+    Returns
+    -------
+    (2, frames, groups, 3) least, greatest
+    """
+    frames, groups = functions.shape[:2]
+    costs = np.stack([functions, -functions], axis=1).reshape(frames, -1, functions.shape[-1])
+    found = solved.cost(solved.x)
+    # What was found may be dearer than each frame alone has to be, for the sake of the frames beside it.
+    alone = _solve(solved, bounds, np.zeros((frames, 1, costs.shape[2])))
+    least = np.fmin(solved.cost(alone)[:, 0], found)
+    allowed = ((1.0 + share) * found - least)[:, None]
+    best = np.fmin(np.einsum("fkn,fn->fk", costs, solved.x), np.einsum("fkn,fn->fk", costs, alone[:, 0]))
+    # A first s from the size of each function: the cost of a body weight is of the size of the effort.
+    size = np.abs(costs).max(axis=2)
+    s = np.where(size > 0.0, np.sqrt(allowed) / np.maximum(size, 1e-300), 0.0)
+    under, over = np.zeros(s.shape), np.full(s.shape, np.inf)
+    done = (size == 0.0) | ~(allowed > 0.0)
+    for _ in range(MOST):
+        x = _solve(solved, bounds, s[..., None] * costs)
+        more = solved.cost(x) - least[:, None]
+        value = np.einsum("fkn,fkn->fk", costs, x)
+        inside = (more <= allowed) & np.isfinite(more)
+        best = np.where(inside & ~done, np.minimum(best, value), best)
+        done |= inside & (more >= (1.0 - CLOSE) * allowed)
+        under, over = np.where(inside, np.maximum(under, s), under), np.where(inside, over, np.minimum(over, s))
+        if done.all():
+            break
+        factor = np.sqrt((1.0 - 0.5 * CLOSE) * allowed / np.maximum(more, 1e-12 * allowed))
+        guess = s * np.clip(np.nan_to_num(factor, nan=0.1), 0.1, 10.0)
+        middle = np.where(np.isfinite(over), 0.5 * (under + over), guess)
+        s = np.where(done, s, np.where((guess <= under) | (guess >= over), middle, guess))
+    ends = best.reshape(frames, 2, groups, 3)
+    return np.stack([ends[:, 0], -ends[:, 1]])
+
+
+def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Array:
+    """The x of least cost(x) + tilt^T x, (frames, many, variables) of tilts alike; NaN where there is none."""
+    frames, many, n = tilt.shape
+    x = np.empty((frames, many, n))
+    targets = -0.5 * tilt / solved.shared.weight
+    still = np.zeros(many)
+
+    def part(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            values, right = (np.repeat(one[k][None], many, axis=0) for one in (solved.values, solved.b))
+            penalties = np.array(solved.penalties[k])[None]
+            status = np.empty(many, np.int8)
+            solve_separable(
+                solved.shared._replace(lower=bounds[0][k].copy(), upper=bounds[1][k].copy()),
+                values,
+                right,
+                targets[k],
+                penalties,
+                no_links(),
+                np.zeros(right.shape[1]),
+                x[k],
+                np.empty(right.shape),
+                still.copy(),
+                np.empty(many, np.int64),
+                status,
+            )
+            x[k, status != OPTIMAL] = np.nan
+
+    over_frames(part, frames, chunk=4)
+    return x

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.join import own_name
 from myomorph.muscles.hill import Convention
-from myomorph.tension.actuators import RESIDUAL
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
+
+RESERVE, RESIDUAL = "reserve_", "residual_"
+"""With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ class Tension:
     coordinates : the free coordinates that were balanced
     torques : (frames, coordinates) what muscles and reserves had to give together: inverse dynamics,
         dependent coordinates handed on, passive torques of joints taken off [N m or N]
-    imbalance : (frames,) greatest torque or force left unbalanced [N m or N]
+    equilibrium_residual : (frames,) greatest torque or force left unbalanced [N m or N]
     status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input
     iterations : (frames,)
     lower, upper : (muscles,) bounds of the activations
@@ -96,7 +99,7 @@ class Tension:
     reserves: Array
     coordinates: tuple[str, ...]
     torques: Array
-    imbalance: Array
+    equilibrium_residual: Array
     status: np.ndarray
     iterations: np.ndarray
     lower: Array
@@ -108,7 +111,7 @@ class Tension:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
-        for name in ("time", "activations", "forces", "reserves", "torques", "imbalance", "lower", "upper"):
+        for name in ("time", "activations", "forces", "reserves", "torques", "equilibrium_residual", "lower", "upper"):
             getattr(self, name).setflags(write=False)
         for name in ("status", "iterations"):
             getattr(self, name).setflags(write=False)
@@ -140,3 +143,42 @@ class Tension:
     def summary(self) -> dict[str, int]:
         """Number of frames by status."""
         return {name: int(np.sum(self.status == k)) for k, name in enumerate(STATUS_NAMES)}
+
+
+def tension_of(whole: Tension, part: str) -> Tension:
+    """Activations, tensions, reserves and torques of one part of a joined model, by the part's own names.
+
+    Status, iterations and equilibrium residual stay those of the whole problem. Contact forces are not taken along, as
+    those between parts have a site on one of them only: `part_of(whole.contacts.wrenches(), part)` gives all on it.
+
+    Raises
+    ------
+    UnknownName
+        where no muscle is the part's
+    """
+    muscles = _own(whole.muscles, part)
+    if not muscles:
+        begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.muscles))
+        raise UnknownName("part", part, begins, "the muscles' names begin with what it")
+    reserves, coordinates = _own(whole.reserve_names, part), _own(whole.coordinates, part)
+    columns, rows, held = list(muscles), list(coordinates), list(reserves)
+    return replace(
+        whole,
+        muscles=tuple(muscles.values()),
+        activations=whole.activations[:, columns],
+        forces=whole.forces[:, columns],
+        viscous=np.array(whole.viscous[:, columns]),
+        lower=whole.lower[columns],
+        upper=whole.upper[columns],
+        reserve_names=tuple(reserves.values()),
+        reserves=whole.reserves[:, held],
+        coordinates=tuple(coordinates.values()),
+        torques=whole.torques[:, rows],
+        overstretched=tuple(_own(whole.overstretched, part).values()),
+        contacts=None,
+    )
+
+
+def _own(names: tuple[str, ...], part: str) -> dict[int, str]:
+    """Columns of a part, and its own names of them."""
+    return {k: own for k, name in enumerate(names) if (own := own_name(name, part)) is not None}

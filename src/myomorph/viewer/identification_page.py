@@ -1,22 +1,153 @@
-"""The body in a web page while something happens to it, by the viewer library `viser`."""
+"""What a subject sees while identification goes on: progress, the body, what to move next; on terminal and page."""
 
 from __future__ import annotations
 
+import sys
+import time as clock
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
 
+from myomorph.analysis.presets import plain_words, segment_words
+from myomorph.identify.online import OnlineState
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
+from myomorph.model.segments import SEGMENTS, Segment
+from myomorph.model.sides import split_side
 from myomorph.model.surface import Surface
-from myomorph.report.scene.body_view import BodyView
+from myomorph.report.charts.axis import number
+from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.report.scene.image import level_color
-from myomorph.viewer.web_page import DEEPER, MARKER, Links, add_floor, add_lights, open_server, quiet, view_from
+from myomorph.viewer.web_page import DEEPER, MARKER, Links, Page
+
+BAR = 18
+"""Characters of a bar."""
 
 
-class WebViewer:
-    """A page on this machine that shows a body: links in colors, markers as points, a text and a progress bar.
+@dataclass(frozen=True)
+class Clock:
+    """How far a live session is: time in the recording, its length where known, and how late it is shown [s]."""
+
+    now: float
+    duration: float | None = None
+    late: float = 0.0
+
+
+def segment_levels(
+    names: tuple[str, ...], segments: Mapping[str, Segment], levels: Array
+) -> dict[str, dict[str, float]]:
+    """Mean level of the links of every segment by side: {"thigh": {"right": 0.8, "left": 0.7}, ...}, from the head."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for name, level in zip(names, levels, strict=True):
+        if name in segments and np.isfinite(level):
+            one = segments[name]
+            found.setdefault(one.name, {}).setdefault(one.side, []).append(float(level))
+    order = [*(name for name in SEGMENTS if name in found), *(name for name in found if name not in SEGMENTS)]
+    return {plain_words(name): {side: float(np.mean(one)) for side, one in found[name].items()} for name in order}
+
+
+def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
+    """The movement that would show most: "left forearm (elbow flexion)"; "" where nothing would."""
+    if not state.proposals:
+        return ""
+    best = state.proposals[0]
+    joint = split_side(best.coordinate)[0].replace("_", " ")
+    where = segment_words(segments[best.body]) if best.body in segments else best.body
+    return f"{where} ({joint})"
+
+
+def live_panel(
+    state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock, body: Text | None = None
+) -> RenderableType:
+    """Everything for a terminal.
+
+    Parameters
+    ----------
+    names : of the bodies
+    segments : of the bodies
+    body : the body drawn in characters
+    """
+    facts = Table.grid(padding=(0, 2))
+    facts.add_column(style="dim", no_wrap=True)
+    facts.add_column()
+    facts.add_row("Progress", _bar(state.fit.progress))
+    facts.add_row("Frames", _frames(state))
+    facts.add_row("Parameters", _identifiable(state))
+    moment, force = state.fit.innovation_rms[:3], state.fit.innovation_rms[3:]
+    facts.add_row("Wrench error", f"{_rms(force)} N, {_rms(moment)} N·m")
+    facts.add_row("Move next", Text(move_next(state, segments) or "anything", style="bold"))
+    grid = Table.grid(padding=(0, 2))
+    for words, sides in segment_levels(names, segments, state.levels).items():
+        bars = {side: Text.assemble((f"{side:>6}", "dim"), " ", _bar(level)) for side, level in sides.items()}
+        if "" in bars:
+            grid.add_row(words.capitalize(), bars[""])
+        if "right" in bars or "left" in bars:
+            grid.add_row(words.capitalize(), *(bars.get(side, Text()) for side in ("right", "left")))
+    right: RenderableType = Group(facts, Text(), grid)
+    both = Table.grid(padding=(0, 3))
+    both.add_row(*([body, right] if body is not None else [right]))
+    title = f"Identification, {at.now:.1f} s" + (f" of {at.duration:.1f} s" if at.duration else "")
+    title += f", {at.late:.1f} s late" if at.late > 0.5 else ""
+    return Panel(both, title=title, title_align="left", border_style="dim")
+
+
+def _bar(level: float) -> Text:
+    """A bar in the color of its level, and the level in percent."""
+    filled = round(BAR * min(max(level, 0.0), 1.0))
+    r, g, b = (int(255 * one) for one in level_color(np.array([level]))[0])
+    text = Text("█" * filled, style=f"rgb({r},{g},{b})")
+    text.append("░" * (BAR - filled), "dim")
+    return text.append(f" {100 * level:3.0f} %", "default")
+
+
+def _frames(state: OnlineState) -> str:
+    used = f"{state.fit.frames} used of {state.frames}"
+    reasons = ", ".join(f"{count} {reason.split(':')[0].split(',')[0]}" for reason, count in state.left_out.items())
+    return f"{used}; left out: {reasons}" if reasons else used
+
+
+def _identifiable(state: OnlineState) -> str:
+    fit = state.fit
+    text = f"{fit.rank} of {len(fit.estimate)} identifiable"
+    return f"{text}, condition number {number(fit.condition)}" if np.isfinite(fit.condition) else text
+
+
+def _rms(errors: Array) -> str:
+    return number(float(np.linalg.norm(errors)))
+
+
+def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock) -> str:
+    """The same as text for a web page."""
+    moment, force = state.fit.innovation_rms[:3], state.fit.innovation_rms[3:]
+    lines = [
+        f"**Move next: {move_next(state, segments) or 'anything'}**",
+        "",
+        f"{at.now:.1f} s" + (f" of {at.duration:.1f} s" if at.duration else ""),
+        "",
+        f"{_frames(state)}",
+        "",
+        _identifiable(state).capitalize(),
+        "",
+        f"Error of the predicted wrench {_rms(force)} N, {_rms(moment)} N·m",
+        "",
+        "| Segment | identified |",
+        "|---|---|",
+    ]
+    for words, sides in segment_levels(names, segments, state.levels).items():
+        lines += [f"| {f'{side} {words}'.strip()} | {100 * level:.0f} % |" for side, level in sides.items()]
+    return "\n".join(lines)
+
+
+class WebViewer(Page):
+    """A page that shows a body: links in colors, markers as points, a text and a progress bar.
 
     Parameters
     ----------
@@ -33,39 +164,24 @@ class WebViewer:
     def __init__(
         self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080, title: str = "Myomorph"
     ):
-        self._server = open_server(port, title)
+        super().__init__(port, title)
         self._view = BodyView(model, surfaces)
         scene = self._view.scene
-        self.port = int(self._server.get_port())
-        page = self._server.scene
-        page.set_up_direction(tuple(float(one) for one in scene.up))
-        add_lights(page, scene)
-        # All that is seen hangs on one frame, which moves back as the subject moves on.
-        self._around = page.add_frame("/around", show_axes=False)
-        self._start = np.array(scene.origins[0, 1])
+        self._lay_floor(scene, scene.origins[0, 1])
         meshed = bool(surfaces) or any(mesh.shape != "mesh" for body in model.bodies for mesh in body.meshes)
-        self._links = Links(page, "/around", scene.solids if meshed else self._view.rounds)
-        add_floor(page, "/around/ground", scene.up, scene.floor)
-        middle = scene.origins[0, 1] + (0.5 * (scene.low + scene.high) - scene.origins[0, 1] @ scene.up) * scene.up
-        camera = self._server.initial_camera
-        camera.position = tuple(view_from(scene, middle, scene.forward + 0.6 * scene.right + 0.15 * scene.up))
-        camera.look_at = tuple(middle)
+        self._links = Links(self._page, "/around", scene.solids if meshed else self._view.rounds)
+        self._look_at_body(scene, 0.6)
         self._progress = self._server.gui.add_progress_bar(0.0)
         self._text = self._server.gui.add_markdown("")
 
     def pose(self, coordinates: Array, markers: Array | None = None) -> None:
         """Put the body in a pose (coordinates,) and show markers (n, 3) in ground [m], NaN where hidden."""
         rotations, origins = self._view.poses(coordinates)
-        moved = origins[1] - self._start
         with self._server.atomic():
-            self._around.position = -(moved - (moved @ self._view.scene.up) * self._view.scene.up)
+            self._carry_back(origins[1])
             self._links.pose(rotations, origins)
             if markers is not None:
-                seen = np.asarray(markers)[np.isfinite(markers).all(axis=1)]
-                self._server.scene.add_point_cloud(
-                    "/around/markers", seen.astype(np.float32), MARKER, point_size=0.012, point_shape="circle",
-                    precision="float32",
-                )  # fmt: skip
+                self._show_markers(markers, MARKER)
 
     def levels(self, levels: ArrayLike, progress: float, text: str) -> None:
         """Color every link by its level in 0..1, and tell how far things are (0..1) and a text in Markdown."""
@@ -76,7 +192,81 @@ class WebViewer:
             self._progress.value = 100.0 * min(max(progress, 0.0), 1.0)
             self._text.content = text
 
+
+ROWS, COLUMNS = 30, 40
+"""Characters of the drawn body."""
+
+
+BESIDE = 60
+"""Characters that the numbers need beside it."""
+
+
+DRAWN = 30.0
+"""Poses a second that the page is sent [Hz]."""
+
+
+class Display(Protocol):
+    """Something that shows a session."""
+
+    def pose(self, coordinates: Array, markers: Array | None) -> None:
+        """A new frame."""
+
+    def show(self, state: OnlineState, at: Clock) -> None:
+        """A new look at the estimate."""
+
+    def close(self) -> None:
+        """The session is over."""
+
+
+class TerminalDisplay:
+    """Draws on the terminal through `rich`."""
+
+    def __init__(self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None):
+        self._model, self._segments = model, segments
+        self._view = BodyView(model, surfaces)
+        self._console = Console(stderr=True)
+        self._live = Live(console=self._console, auto_refresh=False, transient=False)
+        self._live.start()
+
+    def pose(self, coordinates: Array, markers: Array | None) -> None:
+        """Nothing: the terminal is drawn with the next look."""
+
+    def show(self, state: OnlineState, at: Clock) -> None:
+        """Draw the body and the numbers."""
+        rows = min(ROWS, self._console.size.height - 4)
+        body = None
+        if rows >= 10 and self._console.size.width >= COLUMNS + BESIDE:
+            body = half_blocks(self._view.pixels(state.pose, state.levels, COLUMNS, 2 * rows))
+        panel = live_panel(state, self._model.body_names, self._segments, at, body)
+        self._live.update(panel, refresh=True)
+
+    def close(self) -> None:
+        """Leave the last picture standing."""
+        self._live.stop()
+
+
+class WebDisplay:
+    """Draws in a web page."""
+
+    def __init__(
+        self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None, port: int
+    ):
+        self._model, self._segments = model, segments
+        self._viewer = WebViewer(model, surfaces, port)
+        self._drawn = 0.0
+        sys.stderr.write(f"the body is at http://localhost:{self._viewer.port}\n")
+
+    def pose(self, coordinates: Array, markers: Array | None) -> None:
+        """Move the body, at most thirty times a second."""
+        if clock.monotonic() - self._drawn > 1.0 / DRAWN:
+            self._viewer.pose(coordinates, markers)
+            self._drawn = clock.monotonic()
+
+    def show(self, state: OnlineState, at: Clock) -> None:
+        """Color the body and write the numbers."""
+        text = live_markdown(state, self._model.body_names, self._segments, at)
+        self._viewer.levels(state.levels, state.fit.progress, text)
+
     def close(self) -> None:
         """Take the page down."""
-        with quiet():
-            self._server.stop()
+        self._viewer.close()

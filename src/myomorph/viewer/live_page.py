@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,14 +15,10 @@ from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.image import activation_color
-from myomorph.report.scene.scene import Solid
-from myomorph.report.scene.shapes import coarser, cone, reduced, tube
+from myomorph.report.scene.shapes import tube
 from myomorph.viewer.replay_body import LEAST_FORCE, SLACK, TALL, TIGHT, WEIGHT, Tubes, arrows, tubes
-from myomorph.viewer.replay_scene import COLORS
-from myomorph.viewer.web_page import DEEPER, Links, add_floor, add_lights, open_server, quiet, view_from
-
-DETAIL, SIMPLE, MOST_TRIANGLES = 0.003, 300, 60_000
-"""Smallest detail of bones, as a share of the body's size; triangles of shapes that keep all, and of all bones."""
+from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
+from myomorph.viewer.web_page import DEEPER, Links, Page
 
 STRONGEST, TURNED = 8, 8
 """Muscles and torques that the table holds."""
@@ -37,7 +32,7 @@ THIN = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What the page is told of one frame.
+    """What the page is sent of one frame.
 
     Attributes
     ----------
@@ -60,8 +55,8 @@ class Shown:
     facts: Mapping[str, str]
 
 
-class ChainViewer:
-    """A page on this machine.
+class ChainViewer(Page):
+    """A page that shows the newest frame of the chain.
 
     Parameters
     ----------
@@ -76,6 +71,7 @@ class ChainViewer:
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None, port: int, wrenches: int):
+        super().__init__(port, "Myomorph live")
         self._model, self._view = model, BodyView(model, surfaces)
         self._paths = compile_paths(model)
         self._strength = np.array([max(one.max_isometric_force, 1e-9) for one in model.muscles])
@@ -83,63 +79,31 @@ class ChainViewer:
         self._size = min(scene.size, TALL * (scene.high - scene.low))
         gravity = float(np.linalg.norm(model.gravity)) or 9.81
         self._weight = max(gravity * model.mass, 1e-9)
-        self._server = open_server(port, "Myomorph live")
-        self.port = int(self._server.get_port())
-        self._page = page = self._server.scene
-        page.set_up_direction(tuple(float(one) for one in scene.up))
-        add_lights(page, scene)
-        # All that is seen hangs on one frame, which moves back as the subject moves on.
-        self._around = page.add_frame("/around", show_axes=False)
-        self._start = np.array(scene.origins[0, 1])
-        self._links = Links(page, "/around", self._solids(bool(surfaces)))
-        add_floor(page, "/around/ground", scene.up, scene.floor)
-        middle = scene.origins[0, 1] + (0.5 * (scene.low + scene.high) - scene.origins[0, 1] @ scene.up) * scene.up
-        camera = self._server.initial_camera
-        camera.position = tuple(view_from(scene, middle, scene.forward + 0.9 * scene.right + 0.15 * scene.up))
-        camera.look_at = tuple(middle)
+        self._lay_floor(scene, scene.origins[0, 1])
+        meshed = bool(surfaces) or any(mesh.shape != "mesh" for body in model.bodies for mesh in body.meshes)
+        solids = bone_solids(scene, self._size) if meshed else self._view.limbs(THIN)
+        self._links = Links(self._page, "/around", solids)
+        self._look_at_body(scene, 0.9)
         rest = np.array([one.default for one in model.coordinates])
         unknown = np.full(len(model.muscles), np.nan)
-        self._muscles = self._batch("muscles", tube(), self._strings(rest, unknown, unknown))
+        self._muscles = add_batch(self._page, "/around/muscles", tube(), self._strings(rest, unknown, unknown))
         none = np.full((wrenches, 2, 3), np.nan)
-        shafts, heads = arrows(none, self._size, np.array(COLORS["measured"]) / 255.0)
-        self._arrows = [self._batch("shafts", tube(), shafts), self._batch("heads", cone(), heads)] if wrenches else []
+        self._arrows = add_arrows(self._page, "/around/", none, self._size, COLORS["measured"]) if wrenches else []
         self._text = self._server.gui.add_markdown("")
         self._rows = Rows(model)
 
     def show(self, shown: Shown) -> None:
         """Draw one frame."""
-        known = bool(np.isfinite(shown.coordinates).all())
         with self._server.atomic():
-            if known:
+            if np.isfinite(shown.coordinates).all():
                 rotations, origins = self._view.poses(shown.coordinates)
-                up, moved = self._view.scene.up, origins[1] - self._start
-                self._around.position = -(moved - (moved @ up) * up)
+                self._carry_back(origins[1])
                 self._links.pose(rotations, origins)
-                _move(self._muscles, self._strings(shown.coordinates, shown.activations, shown.forces))
+                move_batch(self._muscles, self._strings(shown.coordinates, shown.activations, shown.forces))
                 self._draw_forces(shown.wrenches)
             if len(shown.markers):
-                seen = shown.markers[np.isfinite(shown.markers).all(axis=1)]
-                self._page.add_point_cloud(
-                    "/around/markers", seen.astype(np.float32), COLORS["recorded"], point_size=0.012,
-                    point_shape="circle", precision="float32",
-                )  # fmt: skip
+                self._show_markers(shown.markers, COLORS["recorded"])
             self._text.content = live_text(self._model, shown, self._rows.of(shown, clock.monotonic()))
-
-    def close(self) -> None:
-        """Take the page down."""
-        with quiet():
-            self._server.stop()
-
-    def _solids(self, surfaces: bool) -> tuple[Solid, ...]:
-        scene = self._view.scene
-        if not (surfaces or any(mesh.shape != "mesh" for body in self._model.bodies for mesh in body.meshes)):
-            return self._view.limbs(THIN)
-        shapes = [
-            one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * self._size)
-            for one in scene.solids
-        ]
-        shapes = reduced(shapes, self._size, MOST_TRIANGLES)
-        return tuple(Solid(one.body, shape) for one, shape in zip(scene.solids, shapes, strict=True))
 
     def _strings(self, coordinates: Array, activations: Array, forces: Array) -> Tubes:
         """Muscles as tubes: activation as color, tension as cross-section."""
@@ -153,22 +117,7 @@ class ChainViewer:
             return
         ends = force_ends(wrenches, self._view.scene.up, self._weight, WEIGHT * self._size)
         for handle, part in zip(self._arrows, arrows(ends, self._size, np.zeros(3)), strict=True):
-            handle.batched_positions, handle.batched_wxyzs = part.positions, part.wxyzs
-            handle.batched_scales = part.scales
-
-    def _batch(self, name: str, shape: Surface, shown: Tubes) -> Any:
-        return self._page.add_batched_meshes_simple(
-            f"/around/{name}", shape.vertices.astype(np.float32), shape.faces.astype(np.uint32),
-            batched_wxyzs=shown.wxyzs, batched_positions=shown.positions, batched_scales=shown.scales,
-            batched_colors=shown.colors, lod="off", cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
-
-
-def _move(handle: Any, shown: Tubes) -> None:
-    for name, values in (
-        ("positions", shown.positions), ("wxyzs", shown.wxyzs), ("scales", shown.scales), ("colors", shown.colors)
-    ):  # fmt: skip
-        setattr(handle, f"batched_{name}", values)
+            move_batch(handle, part, colors=False)
 
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:
@@ -218,18 +167,18 @@ def live_text(model: Model, shown: Shown, rows: tuple[Sequence[int], Sequence[in
     lines += ["", "| Muscle | activation | tension |", "|---|--:|--:|"]
     names = model.muscle_names
     lines += [
-        f"| {names[m]} | {_told(shown.activations[m], '.2f')} | {_told(shown.forces[m], '.0f', ' N')} |"
+        f"| {names[m]} | {_number(shown.activations[m], '.2f')} | {_number(shown.forces[m], '.0f', ' N')} |"
         for m in muscles
     ]
     lines += ["", "| Coordinate | angle | torque |", "|---|--:|--:|"]
     names = model.coordinate_names
     lines += [
-        f"| {names[j]} | {_told(np.rad2deg(shown.coordinates[j]), '.0f', '°')} | "
-        f"{_told(shown.torques[j], '.0f', ' N·m')} |"
+        f"| {names[j]} | {_number(np.rad2deg(shown.coordinates[j]), '.0f', '°')} | "
+        f"{_number(shown.torques[j], '.0f', ' N·m')} |"
         for j in coordinates
     ]
     return "\n".join(lines)
 
 
-def _told(value: float, form: str, unit: str = "") -> str:
+def _number(value: float, form: str, unit: str = "") -> str:
     return f"{value:{form}}{unit}" if np.isfinite(value) else "—"

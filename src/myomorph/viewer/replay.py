@@ -1,46 +1,46 @@
-"""A result in a web page: the body moves, its muscles in the colors of their activations, curves beside it."""
+"""A page that plays results again: the body moves, its muscles in the colors of their activations, curves beside it."""
 
 from __future__ import annotations
 
+import re
 import threading
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from myomorph.analysis.selection import MAJOR_MUSCLES, pairs
+from myomorph.model.errors import MyomorphError
+from myomorph.model.sides import split_side
+from myomorph.report.scene.image import ACTIVATION, png
 from myomorph.report.trial.given import ReportInput
+from myomorph.viewer.player import Player
 from myomorph.viewer.replay_body import PlayedBody
-from myomorph.viewer.replay_panel import Panel
-from myomorph.viewer.replay_scene import ShownBody
-from myomorph.viewer.web_page import add_floor, add_lights, open_server, quiet, view_from
+from myomorph.viewer.replay_charts import Curves
+from myomorph.viewer.replay_scene import COLORS, LAYERS
+from myomorph.viewer.web_page import quiet
 
 FRAMES = 30.0
 """Frames a second that the page is sent [Hz]."""
 
-TOO_NEAR, SIDE_BY_SIDE = 0.1, 0.45
-"""Distance of two bodies below which they begin side by side, and how far apart they then are, in sizes of the body."""
-
-GOES_AWAY = 0.4
-"""Way over the floor from which on the view follows, in sizes of the body."""
-
-NEAR = 0.82
-"""Distance of the camera in sizes of the body."""
-
-FIRST_VIEW = (0.75, 0.7, 0.16)
-"""From where the camera looks at first: ahead, to the right and above."""
-
 SLOW = 3
 """Numbers and curves follow with every third frame."""
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
+VIEWS = {"Front": (1.0, 0.0, 0.05), "Right": (0.0, 1.0, 0.05), "Back": (-1.0, 0.0, 0.05), "Left": (0.0, -1.0, 0.05)}
+ALL = "all"
+WIDTH = 330
+SMALL = "display:flex;gap:0.7em;align-items:center;font-size:0.78em;opacity:0.85;padding:0.2em 0.6em 0.5em"
+MAX_ROWS = 10
 
 Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
 """For each body that is shown, its recordings by name, each opened when it is asked for."""
 
 
-class Replay:
+class Replay(Player):
     """A page on this machine that plays results again.
-
-    Everything that is shown hangs on one frame, which moves back as the first body moves on where the view follows it.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ class Replay:
 
     Attributes
     ----------
-    lock : what changes the page holds it, for the clock and every control run in threads of their own
+    chosen : of each body, the name of the recording that is shown
+    panel : the controls
 
     Raises
     ------
@@ -58,22 +59,17 @@ class Replay:
     """
 
     def __init__(self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None):
+        super().__init__(port)
         self.choices = choices
         self.chosen = [next(iter(one)) for one in choices]
-        self.lock = threading.RLock()
         self._stopped = threading.Event()
-        self.playing, self.speed, self.loop, self.follows = False, 1.0, True, False
-        self.now, self.drawn = 0.0, 0
-        self._server = open_server(port, "Myomorph")
-        self.port = int(self._server.get_port())
         try:
             with self.lock:
                 self._server.gui.add_markdown("Opening the results ...")
-                self._server.on_client_connect(self._aim)
+                self._server.on_client_connect(self._welcome)
                 if served is not None:
                     served(self.port)
-                self.bodies = [PlayedBody(one[name]()) for one, name in zip(choices, self.chosen, strict=True)]
-                self._build()
+                self._build([PlayedBody(one[name]()) for one, name in zip(choices, self.chosen, strict=True)])
         except BaseException:
             self._stopped.set()
             with quiet():
@@ -82,129 +78,38 @@ class Replay:
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
         self._thread.start()
 
-    @property
-    def span(self) -> tuple[float, float]:
-        """First and last time of the page's clock [s]."""
-        return self._span
-
     def choose(self, number: int, name: str) -> None:
         """Show another recording of a body."""
         opened = PlayedBody(self.choices[number][name]())
         with self.lock:
-            self.chosen[number], self.bodies[number] = name, opened
-            self.playing = False
-            self._build()
+            self.chosen[number], self.playing = name, False
+            self._build([*self.bodies[:number], opened, *self.bodies[number + 1 :]])
             for client in self._server.get_clients().values():
                 self._aim(client)
-
-    def seek(self, now: float) -> None:
-        """Go to a time of the page's clock [s]."""
-        with self.lock:
-            self.now = float(np.clip(now, *self._span))
-            self._draw(slow=True)
-
-    def play(self, playing: bool) -> None:
-        """Play on, or pause; at the end it begins again."""
-        with self.lock:
-            if playing and self.now >= self._span[1] - 1e-9:
-                self.now = self._span[0]
-            self.playing = playing
-            self._draw(slow=True)
-
-    def redraw(self) -> None:
-        """Draw everything as it is now, though no frame has passed."""
-        with self.lock:
-            self._frames = [-1] * len(self.bodies)
-            self._draw(slow=True)
-
-    def own_time(self, number: int) -> float:
-        """The present by a body's own clock [s]."""
-        return self.now + self._offsets[number]
-
-    def toggle(self, layer: str, visible: bool) -> None:
-        """Show a layer of all bodies, or hide it."""
-        with self.lock:
-            if layer == "floor":
-                self.floor.visible = visible
-            for shown in self.shown:
-                shown.toggle(layer, visible)
-        self.redraw()
-
-    def follow(self, follows: bool) -> None:
-        """Let the view go with the first body, or stay."""
-        self.follows = follows
-        self.redraw()
-
-    def look_from(self, ahead: float, right: float, up: float) -> None:
-        """Turn every browser's camera to the bodies, from a direction in the first one's own axes."""
-        for client in self._server.get_clients().values():
-            self._aim(client, (ahead, right, up))
-
-    def part(self, distance: float) -> None:
-        """Move every body to the right of the one before it, by a distance beyond where it was [m]."""
-        with self.lock:
-            self.apart = distance
-            for i, shown in enumerate(self.shown):
-                shown.node.position = i * distance * self.bodies[0].scene.right
 
     def close(self) -> None:
         """Take the page down."""
         self._stopped.set()
         self._thread.join(timeout=2.0)
-        with quiet():
-            self._server.stop()
+        super().close()
 
     def wait(self) -> None:
         """Serve until the program is interrupted."""
         while not self._stopped.wait(0.5):
             pass
 
-    def _build(self) -> None:
+    def _build(self, bodies: list[PlayedBody]) -> None:
         """Make all that the page shows."""
-        page, scene = self._server.scene, self.bodies[0].scene
-        page.reset()
-        self._server.gui.reset()
-        page.set_up_direction(tuple(float(one) for one in scene.up))
-        add_lights(page, scene)
-        self._offsets = _together(self.bodies)
-        ends = [(one.time[0] - late, one.time[-1] - late) for one, late in zip(self.bodies, self._offsets, strict=True)]
-        self._span = float(min(one for one, _ in ends)), float(max(one for _, one in ends))
-        self.now = self._span[0]
-        self.around = page.add_frame("/around", show_axes=False)
-        self.floor = add_floor(page, "/around/ground", scene.up, scene.floor)
-        self.shown = [ShownBody(page, f"/around/body{i}", one, i) for i, one in enumerate(self.bodies)]
-        self._frames = [-1] * len(self.bodies)
-        roots = [one.at(self._frame(i)).middle for i, one in enumerate(self.bodies)]
-        together = len(roots) > 1 and float(np.linalg.norm(np.ptp(roots, axis=0))) < TOO_NEAR * scene.size
-        self.apart = round(SIDE_BY_SIDE * scene.size, 1) if together else 0.0
-        self.part(self.apart)
-        self._start = np.array(self.bodies[0].at(self._frame(0)).origins[1])
-        self.follows = self.bodies[0].travelled > GOES_AWAY * scene.size
-        self.panel = Panel(self, self._server)
+        self._load(bodies)
+        names = [tuple(one) for one in self.choices]
+        self.panel = Panel(self, self._server, names, self.chosen, self.choose)
         self._draw(slow=True)
 
-    def _aim(self, client: Any, direction: tuple[float, float, float] = FIRST_VIEW) -> None:
-        """Turn a browser's camera to the bodies; a browser that is early waits until there are some."""
+    def _welcome(self, client: Any) -> None:
+        """Turn the camera of a browser that has opened the page to the bodies."""
         with self.lock:
             if not self._stopped.is_set():
-                client.camera.up_direction = self.bodies[0].scene.up
-                client.camera.position, client.camera.look_at = self._camera(*direction)
-
-    def _camera(self, ahead: float, right: float, up: float) -> tuple[np.ndarray, np.ndarray]:
-        """Where a camera sees all bodies from a direction, and the middle that it looks at, where the page has them."""
-        scene = self.bodies[0].scene
-        roots = [
-            one.at(self._frame(i)).middle + self.around.position + shown.node.position
-            for i, (one, shown) in enumerate(zip(self.bodies, self.shown, strict=True))
-        ]
-        place = np.mean(roots, axis=0)
-        middle: np.ndarray = place + (0.5 * (scene.floor + scene.high) - place @ scene.up) * scene.up
-        spread = float(np.linalg.norm(np.ptp(roots, axis=0))) / scene.size
-        direction = ahead * scene.forward + right * scene.right + up * scene.up
-        return view_from(scene, middle, direction, NEAR * (1.0 + 0.7 * spread)), middle
-
-    def _frame(self, number: int) -> int:
-        return self.bodies[number].frame_at(self.own_time(number))
+                self._aim(client)
 
     def _run(self) -> None:
         """The clock: as long as it plays, a frame every thirtieth of a second."""
@@ -217,40 +122,260 @@ class Replay:
             with self.lock:
                 self._advance(passed * self.speed, slow=count % SLOW == 0)
 
-    def _advance(self, seconds: float, slow: bool) -> None:
-        start, stop = self._span
-        self.now += seconds
-        if self.now > stop:
-            self.now = start + (self.now - stop) % max(stop - start, 1e-9) if self.loop else stop
-            self.playing = self.loop
-        self._draw(slow=slow or not self.playing)
-
-    def _draw(self, slow: bool) -> None:
-        """Send what has changed; numbers and curves only where `slow`."""
-        with self._server.atomic():
-            for i, shown in enumerate(self.shown):
-                frame = self._frame(i)
-                if frame == self._frames[i]:
-                    continue
-                self._frames[i] = frame
-                instant = self.bodies[i].at(frame, self.panel.found(i))
-                shown.draw(instant)
-                if i == 0:
-                    self._follow(instant.origins[1])
-                self.drawn += 1
-                shown.label(self.panel.labels(i, frame), frame)
-            if slow:
-                self.panel.update(self.now, self._frames)
-
-    def _follow(self, root: np.ndarray) -> None:
-        up = self.bodies[0].scene.up
-        moved = (root - self._start) if self.follows else np.zeros(3)
-        self.around.position = -(moved - (moved @ up) * up)
+    def _show_numbers(self, frames: Sequence[int]) -> None:
+        self.panel.update(frames)
 
 
-def _together(bodies: Sequence[PlayedBody]) -> list[float]:
-    """What to take off each body's clock: nothing, unless recordings share no time; then all begin at 0 [s]."""
-    first, last = max(one.time[0] for one in bodies), min(one.time[-1] for one in bodies)
-    if len(bodies) == 1 or first < last:
-        return [0.0] * len(bodies)
-    return [float(one.time[0]) for one in bodies]
+class Panel:
+    """The controls of a player, and numbers and curves of the present.
+
+    Parameters
+    ----------
+    player : which it controls
+    server : `viser`'s
+    recordings : of each body, the names of those that can be shown
+    chosen : of each body, the name of the one that is
+    choose : called with the number of a body and a name where a user chooses another
+    """
+
+    def __init__(
+        self,
+        player: Player,
+        server: Any,
+        recordings: Sequence[tuple[str, ...]],
+        chosen: Sequence[str],
+        choose: Callable[[int, str], None],
+    ):
+        self._player, self._server, self._gui = player, server, server.gui
+        self._recordings, self._chosen, self._choose = recordings, chosen, choose
+        self._indices = [MuscleIndex(one.muscles, [who.prefix for who in one.subjects]) for one in player.bodies]
+        self._subject, self._missed = 0, ""
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(WIDTH)
+        self._add_time()
+        self._add_muscles()
+        self._add_layers()
+        self._add_views()
+        self._add_about()
+        self._curves = Curves(server.gui, self._on, player.bodies[0], player.own_time(0))
+
+    def update(self, frames: Sequence[int]) -> None:
+        """Show the present time and frames in the slider, the numbers and the curves."""
+        self._slider.value = round(self._player.now, 3)
+        self._play.label = "Pause" if self._player.playing else "Play"
+        self._play.icon = "player-pause" if self._player.playing else "player-play"
+        self._state.content = self._state_text(frames)
+        self._numbers.content = self._numbers_text(frames[self._subject])
+        self._curves.move(self._player.own_time(self._subject))
+
+    def find(self, text: str) -> tuple[str, ...]:
+        """Muscles of the chosen body whose names hold a text; they stand out until the text is gone."""
+        index = self._indices[self._subject]
+        names = index.matches(text)
+        self._missed = text.strip() if not names else ""
+        self._muscle.options = (ALL, *(names or index.names))
+        self._stand_out(names)
+        return names
+
+    def _on(self, control: Any, changed: Callable[[Any], object]) -> None:
+        """Call `changed(value)` where a user changes a control, not where the page does."""
+
+        def listen(event: Any) -> None:
+            if event.client is not None:
+                with self._player.lock, self._server.atomic():
+                    changed(event.target.value)
+
+        control.on_update(listen)
+
+    def _add_time(self) -> None:
+        gui, player = self._gui, self._player
+        for number, names in enumerate(self._recordings):
+            if len(names) > 1:
+                label = "Recording" if len(self._recordings) == 1 else f"Recording {number + 1}"
+                choice = gui.add_dropdown(label, names, initial_value=self._chosen[number])
+                choice.on_update(partial(self._choose_recording, number))
+        start, stop = player.span
+        self._slider = gui.add_slider("Time [s]", start, max(stop, start + 0.001), 0.001, start)
+        self._on(self._slider, player.seek)
+        self._play = gui.add_button("Play", icon="player-play")
+        self._play.on_click(lambda _: player.play(not player.playing))
+        speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+        self._on(speed, lambda value: setattr(player, "speed", float(value)))
+        loop = gui.add_checkbox("Loop", player.loop)
+        self._on(loop, lambda value: setattr(player, "loop", value))
+        self._state = gui.add_markdown("")
+
+    def _add_muscles(self) -> None:
+        gui, player = self._gui, self._player
+        with gui.add_folder("Muscles"):
+            if len(player.bodies) > 1:
+                subjects = tuple(f"{i + 1}: {one.given.head.title}" for i, one in enumerate(player.bodies))
+                subject = gui.add_dropdown("Subject", subjects)
+                self._on(subject, lambda value: self._choose_subject(subjects.index(value)))
+            self._text = gui.add_text("Find", "", hint="Part of a name, as 'soleus' or 'left biceps femoris'")
+            self._on(self._text, self.find)
+            names = self._indices[0].names
+            self._muscle = gui.add_dropdown("Muscle", (ALL, *names), initial_value=ALL, hint="Type to search")
+            self._on(self._muscle, lambda name: self._stand_out(() if name == ALL else (name,)))
+            if any(one.given.tension is not None for one in player.bodies):
+                gui.add_html(_scale())
+            self._numbers = gui.add_markdown("")
+        for number, shown in enumerate(player.shown):
+            shown.on_muscle(partial(self._clicked, number))
+
+    def _add_layers(self) -> None:
+        present = {name for shown in self._player.shown for name in shown.layers}
+        with self._gui.add_folder("Show"):
+            for name in (one for one in LAYERS if one in present):
+                box = self._gui.add_checkbox(LAYERS[name], True)
+                self._on(box, partial(self._player.toggle, name))
+            self._gui.add_html(_key([name for name in LAYERS if name in present and name in COLORS]))
+
+    def _add_views(self) -> None:
+        gui, player = self._gui, self._player
+        with gui.add_folder("View"):
+            views = gui.add_button_group("From", tuple(VIEWS))
+            views.on_click(self._look)
+            follow = gui.add_checkbox("Follow the body", player.follows)
+            self._on(follow, player.follow)
+            if len(player.bodies) > 1:
+                spacing = gui.add_slider(
+                    "Apart [m]", 0.0, 3.0, 0.1, min(player.spacing, 3.0), hint="Bodies side by side"
+                )
+                self._on(spacing, player.part)
+            picture = gui.add_button("Save a picture", icon="camera")
+            picture.on_click(self._save_picture)
+
+    def _add_about(self) -> None:
+        with self._gui.add_folder("About", expand_by_default=False):
+            for one in self._player.bodies:
+                lines = [f"**{_plain(one.given.head.title)}**"]
+                lines += [f"*{note.kind}*: {_plain(note.text)}" for note in one.given.head.notes]
+                lines += [f"*warning*: {_plain(text)}" for text in one.given.head.warnings]
+                self._gui.add_markdown("\n\n".join(lines))
+
+    def _look(self, event: Any) -> None:
+        self._player.look_from(*VIEWS[event.target.value])
+
+    def _choose_recording(self, number: int, event: Any) -> None:
+        if event.client is None or event.target.value == self._chosen[number]:
+            return
+        try:
+            self._choose(number, event.target.value)
+        except MyomorphError as error:
+            event.client.add_notification("This recording cannot be shown", str(error), color="red")
+            event.target.value = self._chosen[number]
+
+    def _choose_subject(self, number: int) -> None:
+        self._subject = number
+        self._text.value = ""
+        self._curves.show_body(self._player.bodies[number])
+        self.find("")
+
+    def _clicked(self, number: int, muscle: int) -> None:
+        if number == self._subject:
+            self._text.value = self._player.bodies[number].muscles[muscle]
+            self.find(self._text.value)
+
+    def _stand_out(self, names: Sequence[str]) -> None:
+        muscles = tuple(self._player.bodies[self._subject].muscles.index(name) for name in names)
+        if names:
+            self._curves.show_muscles(muscles)
+        self._player.stand_out(self._subject, muscles)
+
+    def _save_picture(self, event: Any) -> None:
+        client = event.client
+        if client is None:
+            return
+        camera = client.camera
+        pixels = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=30.0)
+        stem = re.sub(r"\W+", "_", self._player.bodies[0].given.head.title)
+        name = f"{stem}_{self._player.now:.3f}s.png"
+        client.send_file_download(name, png(np.asarray(pixels, dtype=np.uint8)), save_immediately=True)
+
+    def _state_text(self, frames: Sequence[int]) -> str:
+        lines = []
+        for body, frame in zip(self._player.bodies, frames, strict=True):
+            line = f"{_plain(body.given.head.title)}: frame {frame + 1} of {len(body.time)}"
+            if not body.known[frame]:
+                line += ", **pose unknown**"
+            tension = body.given.tension
+            if tension is not None and np.isnan(body.activations[frame]).all():
+                line += ", no muscle tensions here"
+            lines.append(line)
+        return "\n\n".join(lines)
+
+    def _numbers_text(self, frame: int) -> str:
+        body, found = self._player.bodies[self._subject], self._player.found[self._subject]
+        if not found:
+            return f"no muscle is called '{_plain(self._missed)}'" if self._missed else ""
+        if body.given.tension is None:
+            return ", ".join(_plain(body.muscles[m]) for m in found[:MAX_ROWS])
+        rows = ["| | activation | tension |", "|---|---|---|"]
+        for m in found[:MAX_ROWS]:
+            tension = f"{body.tensions[frame, m]:.0f} N" if np.isfinite(body.tensions[frame, m]) else "–"
+            active = f"{body.activations[frame, m]:.2f}" if np.isfinite(body.activations[frame, m]) else "–"
+            rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |")
+        return "\n".join(rows) + (f"\n\nand {len(found) - MAX_ROWS} more" if len(found) > MAX_ROWS else "")
+
+
+def _scale() -> str:
+    """What the colors of muscles mean, as HTML."""
+    colors = ",".join(f"rgb({r},{g},{b})" for r, g, b in ACTIVATION[:: len(ACTIVATION) // 8].tolist())
+    bar = f"flex:1;height:0.6em;border-radius:2px;background:linear-gradient(to right,{colors})"
+    return (
+        f'<div style="{SMALL}"><span>activation 0</span><span style="{bar}"></span><span>1; thick: tight</span></div>'
+    )
+
+
+def _key(layers: Sequence[str]) -> str:
+    """What the colors of layers mean, as HTML."""
+    dots = [
+        f'<span><b style="color:rgb({",".join(str(one) for one in COLORS[name])})">●</b> {LAYERS[name]}</span>'
+        for name in layers
+    ]
+    return f'<div style="{SMALL};flex-wrap:wrap">{"".join(dots)}</div>'
+
+
+def _plain(text: str) -> str:
+    """A text whose characters Markdown would take for its own."""
+    return "".join(f"\\{one}" if one in "\\`*_{}[]()#+!|<>" else one for one in text)
+
+
+class MuscleIndex:
+    """Muscles of a model under the names that people give them.
+
+    Parameters
+    ----------
+    names : of the muscles
+    prefixes : what the names of a subject begin with, where there are several
+    """
+
+    def __init__(self, names: Sequence[str], prefixes: Sequence[str] = ()):
+        self.names = tuple(names)
+        side_of = {name: side for pair in pairs(names) for side, of in pair.members.items() for name in of}
+        self._words = tuple(_words(name, side_of.get(name, ""), prefixes) for name in names)
+
+    def matches(self, text: str) -> tuple[str, ...]:
+        """Names that hold every word of a text, in their own or their anatomical name; a whole name stands alone.
+
+        >>> MuscleIndex(["soleus_r", "soleus_l", "bflh_r"]).matches("biceps femoris")
+        ('bflh_r',)
+        >>> MuscleIndex(["soleus_r", "soleus_l", "bflh_r"]).matches("left sol")
+        ('soleus_l',)
+        """
+        asked = text.strip().lower()
+        exact = tuple(name for name in self.names if name.lower() == asked)
+        if exact or not asked:
+            return exact
+        wanted = asked.split()
+        return tuple(
+            name for name, words in zip(self.names, self._words, strict=True) if all(one in words for one in wanted)
+        )
+
+
+def _words(name: str, side: str, prefixes: Sequence[str]) -> str:
+    own = next((name.removeprefix(one) for one in prefixes if one and name.startswith(one)), name)
+    base = split_side(own.rsplit("__", 1)[-1])[0]
+    titles = [label for label, pattern in MAJOR_MUSCLES if re.fullmatch(pattern, base, re.IGNORECASE)]
+    return " ".join([name, name.replace("_", " "), side, *titles]).lower()

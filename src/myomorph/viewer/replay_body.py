@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.analysis.subjects import Subject, centroids, subjects
+from myomorph.analysis.selection import Subject, centroids, subjects
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -117,19 +117,19 @@ class PlayedBody:
     """
 
     def __init__(self, given: ReportInput):
-        model, motion = given.model, given.kinematics
+        model, motion = given.model, given.kinematics.motion
         if model is None or motion is None or not len(motion):
-            raise BadData(f"{given.title}: has no motion to show: run 'ik', or a step that begins with a motion")
+            raise BadData(f"{given.head.title}: has no motion to show: run 'ik', or a step that begins with a motion")
         self.given, self.model, self.motion = given, model, motion
         self._tree = compile_tree(model)
         self._coordinates = np.ascontiguousarray(self._tree.coordinates_of(motion), dtype=np.float64)
         self.known = np.asarray(np.isfinite(self._coordinates).all(axis=1))
         if not self.known.any():
-            raise BadData(f"{given.title}: no frame of the motion has a value for every coordinate")
+            raise BadData(f"{given.head.title}: no frame of the motion has a value for every coordinate")
         shown = np.flatnonzero(self.known)
         self._some = np.unique(shown[np.linspace(0, len(shown) - 1, FRAMES_LOOKED_AT).astype(int)])
         self.scene: Scene = make_scene(
-            replace(model, muscles=()), motion, self._some.tolist(), given.surfaces, wrenches=given.wrenches
+            replace(model, muscles=()), motion, self._some.tolist(), given.surfaces, wrenches=given.dynamics.wrenches
         )
         # Two people far apart, or one who leaps, do not make a body larger.
         self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))
@@ -139,8 +139,8 @@ class PlayedBody:
         self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
         self.centers: Array = np.stack([one.values for one in centroids(model, motion, self.subjects)], axis=1)
         weight = self.scene.weight * self._heaviest
-        self._measured = _Arrows(given.wrenches, motion.time, weight, self.size)
-        estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
+        self._measured = _Arrows(given.dynamics.wrenches, motion.time, weight, self.size)
+        estimated = None if given.contacts.forces is None else given.contacts.forces.wrenches("group")
         self._estimated = _Arrows(estimated, motion.time, weight, self.size)
 
     @property
@@ -302,7 +302,7 @@ class _Markers:
     """Markers as recorded, and where the model has them."""
 
     def __init__(self, model: Model, given: ReportInput, time: Array, numbers: Mapping[str, int]):
-        recorded = given.markers
+        recorded = given.kinematics.markers
         self.recorded = np.full((len(time), 0 if recorded is None else len(recorded.names), 3), np.nan)
         own = model.markers
         if recorded is not None and len(recorded):

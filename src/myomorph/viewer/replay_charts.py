@@ -1,9 +1,11 @@
-"""What curves are drawn beside a body that is played again."""
+"""Curves beside a body that is played again: which there are, and plots of them with a line at the present."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +22,13 @@ INK = {"right": "#0b66b0", "left": "#cc5211", "": "#4c5862"}
 SEVERAL = ("#0b66b0", "#cc5211", "#2a8a63", "#8d6bb0", "#a8843a", "#4c5862", "#b3261e", "#5b9bd5")
 """Colors of curves without a side."""
 
-MOST_CURVES = 8
+MAX_CURVES = 8
+MAX_POINTS = 600
+HEIGHT, WIDTH = 150, 400
+FONT = "10px system-ui, sans-serif"
+NOW: Mapping[str, Any] = MappingProxyType(
+    {"label": "now", "stroke": "#1d2329", "width": 1, "points": MappingProxyType({"show": False})}
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +68,7 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
 
 def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | None:
     """Generalized forces of the same coordinates, where they are known."""
-    torques = body.given.torques
+    torques = body.given.dynamics.torques
     if torques is None or not set(names) & set(torques.names):
         return None
     turns = {one.name: one.motion == "rotational" for one in body.model.coordinates}
@@ -76,13 +84,13 @@ def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Activations of some muscles, with EMG that was measured on them."""
     if body.given.tension is None or not len(muscles):
         return None
-    chosen = muscles[:MOST_CURVES]
+    chosen = muscles[:MAX_CURVES]
     curves = [Curve(body.muscles[m], body.activations[:, m], _ink(body.muscles[m], k)) for k, m in enumerate(chosen)]
-    emg = body.given.emg
+    emg = body.given.recorded.emg
     if emg is not None:
         names = {body.muscles[m] for m in chosen}
         for channel in emg.names:
-            if names & set(body.given.emg_muscles.get(channel, ())):
+            if names & set(body.given.recorded.emg_muscles.get(channel, ())):
                 curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
     return Chart("Activation", tuple(curves))
 
@@ -91,7 +99,7 @@ def tension_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Tensions of some muscles."""
     if body.given.tension is None or not len(muscles):
         return None
-    chosen = muscles[:MOST_CURVES]
+    chosen = muscles[:MAX_CURVES]
     curves = [Curve(body.muscles[m], body.tensions[:, m], _ink(body.muscles[m], k)) for k, m in enumerate(chosen)]
     return Chart("Tension [N]", tuple(curves))
 
@@ -110,11 +118,11 @@ def force_chart(body: PlayedBody) -> Chart | None:
     """The vertical part of every external force, measured and estimated."""
     curves: list[Curve] = []
     given: ReportInput = body.given
-    estimated = None if given.contact_forces is None else given.contact_forces.wrenches("group")
-    for wrenches, dashed in ((given.wrenches, False), (estimated, True)):
+    estimated = None if given.contacts.forces is None else given.contacts.forces.wrenches("group")
+    for wrenches, dashed in ((given.dynamics.wrenches, False), (estimated, True)):
         if wrenches is not None and len(wrenches):
             curves += _vertical(body, wrenches, dashed)
-    return Chart("Vertical force [N]", tuple(curves[:MOST_CURVES])) if curves else None
+    return Chart("Vertical force [N]", tuple(curves[:MAX_CURVES])) if curves else None
 
 
 def _vertical(body: PlayedBody, wrenches: Wrenches, dashed: bool) -> list[Curve]:
@@ -140,7 +148,7 @@ def center_chart(body: PlayedBody) -> Chart | None:
             if np.isfinite(values).any():
                 name = f"{subject.name} {label}".strip()
                 curves.append(Curve(name, 100.0 * (values - np.nanmean(values)), color, dashed=k > 0))
-    return Chart("Center of mass from its mean [cm]", tuple(curves[:MOST_CURVES])) if curves else None
+    return Chart("Center of mass from its mean [cm]", tuple(curves[:MAX_CURVES])) if curves else None
 
 
 def at_times(time: Array, clock: Array, values: Array) -> Array:
@@ -152,3 +160,132 @@ def at_times(time: Array, clock: Array, values: Array) -> Array:
 def _ink(name: str, k: int) -> str:
     side = split_side(name)[1]
     return INK[side] if side and k < 2 else SEVERAL[k % len(SEVERAL)]
+
+
+class Curves:
+    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass.
+
+    Parameters
+    ----------
+    gui : `viser`'s controls
+    on : calls a function where a user changes a control: `on(control, changed)`
+    """
+
+    def __init__(self, gui: Any, on: Any, body: PlayedBody, now: float):
+        self._gui, self._now = gui, now
+        panel = gui.add_panel()
+        panel.dock_left()
+        panel.set_width(WIDTH)
+        names = ("coordinate", "activation", "tension", "torque", "force", "center")
+        tab = panel.add_tab("Curves")
+        with tab:
+            self._coordinate = gui.add_dropdown("Coordinate", ("",), hint="Type to search", order=0.0)
+        on(self._coordinate, lambda _: self._show_coordinate())
+        self._plots = {name: Plot(gui, tab, float(place)) for place, name in enumerate(names, start=1)}
+        self.show_body(body)
+
+    def show_body(self, body: PlayedBody) -> None:
+        """Show the curves of another body."""
+        self._body, self._choices = body, coordinate_choices(body)
+        self._coordinate.options = tuple(self._choices)
+        self._show_coordinate()
+        self.show_muscles(strongest(body))
+        self._show("force", force_chart(body))
+        self._show("center", center_chart(body))
+
+    def show_muscles(self, muscles: tuple[int, ...]) -> None:
+        """Show some muscles, by their indices."""
+        self._show("activation", activation_chart(self._body, muscles))
+        self._show("tension", tension_chart(self._body, muscles))
+
+    def move(self, now: float) -> None:
+        """Put the lines at another time [s]."""
+        self._now = now
+        for plot in self._plots.values():
+            plot.move(now)
+
+    def _show_coordinate(self) -> None:
+        label = self._coordinate.value
+        names = self._choices.get(label, ())
+        self._show("coordinate", coordinate_chart(self._body, label, names))
+        self._show("torque", torque_chart(self._body, label, names))
+
+    def _show(self, name: str, chart: Chart | None) -> None:
+        self._plots[name].show(chart, self._body.time, self._now)
+
+
+class Plot:
+    """A chart on a page, whose line moves with the time.
+
+    Another chart is another plot in the same place, made whole by one message: a page that draws between a message with
+    other curves and one with their values looks for values that are not there.
+
+    Parameters
+    ----------
+    gui : `viser`'s controls
+    tab : where it stands
+    place : among the tab's controls
+    """
+
+    def __init__(self, gui: Any, tab: Any, place: float):
+        self._gui, self._tab, self._place = gui, tab, place
+        self._handle: Any = None
+        self._time: Array = np.zeros(0)
+        self._lines: Array = np.zeros((0, 0))
+        self._range = (0.0, 1.0)
+
+    def show(self, chart: Chart | None, time: Array, now: float) -> None:
+        """Show another chart at a body's times, or none."""
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+        if chart is None or len(time) < 2:
+            return
+        step = max(-(-len(time) // MAX_POINTS), 1)
+        self._time = time[::step]
+        self._lines = np.stack([one.values[::step] for one in chart.curves])
+        known = self._lines[np.isfinite(self._lines)]
+        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+        room = 0.06 * max(high - low, 1e-6)
+        self._range = (low - room, high + room)
+        with self._tab:
+            self._handle = self._gui.add_uplot(
+                self._data(now),
+                ({"label": "t [s]"}, *(_series(one) for one in chart.curves), _plain(NOW)),
+                title=chart.title,
+                scales={
+                    "x": {"time": False, "range": (float(self._time[0]), float(self._time[-1]))},
+                    "y": {"range": self._range},
+                },
+                axes=({"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}),
+                legend={"show": True, "live": True},
+                cursor={"drag": {"x": True, "y": False}},
+                height=HEIGHT,
+                padding=(0, 10, 0, 0),
+                order=self._place,
+            )
+
+    def move(self, now: float) -> None:
+        """Put the line at another time [s]."""
+        if self._handle is not None:
+            self._handle.data = self._data(now)
+
+    def _data(self, now: float) -> tuple[Array, ...]:
+        """Times and values with the present put in twice, between which the line stands."""
+        now = float(np.clip(now, self._time[0], self._time[-1]))
+        at = int(np.searchsorted(self._time, now))
+        time = np.insert(self._time, at, (now, now))
+        values = [np.insert(one, at, (np.interp(now, self._time, one),) * 2) for one in self._lines]
+        line = np.full(len(time), np.nan)
+        line[at : at + 2] = self._range
+        return (time, *values, line)
+
+
+def _series(curve: Curve) -> dict[str, Any]:
+    series: dict[str, Any] = {"label": curve.label, "stroke": curve.color, "width": 1.5, "points": {"show": False}}
+    return series | {"dash": (5, 4)} if curve.dashed else series
+
+
+def _plain(value: Any) -> Any:
+    """Mappings as dictionaries, which is what a message can hold."""
+    return {name: _plain(one) for name, one in value.items()} if isinstance(value, Mapping) else value

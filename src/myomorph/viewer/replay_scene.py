@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.surface import Surface
-from myomorph.report.scene.scene import Solid
+from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
 from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
 from myomorph.viewer.web_page import BONE, Links
@@ -44,11 +44,10 @@ BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
 """Colors of the bones of the first body, the second, ..."""
 
 MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
-MOST_LABELS = 6
 DETAIL = 0.003
 """Smallest detail of bones that is kept, as a share of the body's size."""
 
-MOST_TRIANGLES, SIMPLE = 60_000, 300
+MAX_TRIANGLES, SIMPLE = 60_000, 300
 """Triangles of all bones at most, and of shapes that keep all their edges."""
 
 
@@ -68,24 +67,14 @@ class ShownBody:
         scene = body.scene
         first = body.at(int(np.flatnonzero(body.known)[0]))
         size = body.size
-        surfaces = [
-            one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * size)
-            for one in scene.solids
-        ]
-        surfaces = reduced(surfaces, size, MOST_TRIANGLES)
-        solids = [Solid(one.body, surface) for one, surface in zip(scene.solids, surfaces, strict=True)]
-        self._links = Links(page, root, solids, self._bone_colors(number))
+        self._links = Links(page, root, bone_solids(scene, size), self._bone_colors(number))
         self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
-            self._layers["muscles"] = [self._add_batch("muscles", tube(), first.tubes)]
+            self._layers["muscles"] = [add_batch(page, f"{root}/muscles", tube(), first.tubes)]
         for name, ends in (("measured", first.measured), ("estimated", first.estimated)):
             if len(ends):
-                shafts, heads = arrows(ends, size, np.array(COLORS[name]) / 255.0)
-                self._layers[name] = [
-                    self._add_batch(f"{name}_shafts", tube(), shafts),
-                    self._add_batch(f"{name}_heads", cone(), heads),
-                ]
+                self._layers[name] = add_arrows(page, f"{root}/{name}_", ends, size, COLORS[name])
         for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
             if count:
                 self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
@@ -113,13 +102,12 @@ class ShownBody:
         if self._visible["bones"]:
             self._links.pose(instant.rotations, instant.origins)
         if self._visible["muscles"] and self._layers["muscles"]:
-            _move(self._layers["muscles"][0], instant.tubes)
-            self._layers["muscles"][0].batched_colors = instant.tubes.colors
+            move_batch(self._layers["muscles"][0], instant.tubes)
         for name, ends in (("measured", instant.measured), ("estimated", instant.estimated)):
             if self._visible[name] and self._layers[name]:
                 parts = arrows(ends, self.body.size, np.zeros(3))
                 for handle, part in zip(self._layers[name], parts, strict=True):
-                    _move(handle, part)
+                    move_batch(handle, part, colors=False)
         for name, places in (("recorded", instant.recorded), ("modelled", instant.modelled)):
             if self._visible[name] and self._layers[name]:
                 self._place(self._layers[name][0], places)
@@ -137,32 +125,17 @@ class ShownBody:
                 self._labels.append(self._page.add_label(name, text, position=place, anchor="bottom-left"))
             self._labels[k].text, self._labels[k].position = text, place
 
-    def on_muscle(self, told: Any) -> None:
-        """Call `told(index of the muscle)` where a muscle is clicked."""
+    def on_muscle(self, clicked: Any) -> None:
+        """Call `clicked(index of the muscle)` where a muscle is clicked."""
         if self._layers["muscles"]:
             owner = self.body.tube_muscles
-            self._layers["muscles"][0].on_click(lambda event: told(int(owner[event.instance_index])))
-
-    def _add_batch(self, name: str, shape: Surface, shown: Tubes) -> Any:
-        """Copies of one surface, each with its own place, turn, size and color."""
-        return self._page.add_batched_meshes_simple(
-            f"{self._root}/{name}",
-            shape.vertices.astype(np.float32),
-            shape.faces.astype(np.uint32),
-            batched_wxyzs=shown.wxyzs,
-            batched_positions=shown.positions,
-            batched_scales=shown.scales,
-            batched_colors=shown.colors,
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+            self._layers["muscles"][0].on_click(lambda event: clicked(int(owner[event.instance_index])))
 
     def _add_balls(self, name: str, count: int, radius: float) -> Any:
         none = np.zeros((count, 3), dtype=np.float32)
         turns = np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (count, 1))
         colors = np.tile(np.array(COLORS[name], dtype=np.uint8), (count, 1))
-        return self._add_batch(name, sphere(radius), Tubes(none, turns, none, colors))
+        return add_batch(self._page, f"{self._root}/{name}", sphere(radius), Tubes(none, turns, none, colors))
 
     @staticmethod
     def _place(handle: Any, places: Array) -> None:
@@ -193,7 +166,7 @@ class ShownBody:
         ]
 
     def _add_plates(self) -> None:
-        corners = [one.corners[outline(one.corners)] for one in self.body.given.plates]
+        corners = [one.corners[outline(one.corners)] for one in self.body.given.recorded.plates]
         if not corners:
             return
         lift = 0.001 * self.body.scene.up
@@ -221,8 +194,35 @@ class ShownBody:
         )
 
 
-def _move(handle: Any, shown: Tubes) -> None:
+def bone_solids(scene: Scene, size: float) -> tuple[Solid, ...]:
+    """The solids of a body of a size [m], with no more triangles than a page can draw."""
+    shapes = [
+        one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * size) for one in scene.solids
+    ]
+    shapes = reduced(shapes, size, MAX_TRIANGLES)
+    return tuple(Solid(one.body, shape) for one, shape in zip(scene.solids, shapes, strict=True))
+
+
+def add_batch(page: Any, name: str, shape: Surface, shown: Tubes) -> Any:
+    """Copies of one surface, each with its own position, rotation, scale and color."""
+    return page.add_batched_meshes_simple(
+        name, shape.vertices.astype(np.float32), shape.faces.astype(np.uint32),
+        batched_wxyzs=shown.wxyzs, batched_positions=shown.positions, batched_scales=shown.scales,
+        batched_colors=shown.colors, lod="off", cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+
+
+def move_batch(handle: Any, shown: Tubes, colors: bool = True) -> None:
+    """Put copies elsewhere, and give them other colors where `colors`."""
     handle.batched_positions, handle.batched_wxyzs, handle.batched_scales = shown.positions, shown.wxyzs, shown.scales
+    if colors:
+        handle.batched_colors = shown.colors
+
+
+def add_arrows(page: Any, name: str, ends: Array, size: float, color: tuple[int, int, int]) -> list[Any]:
+    """Shafts and heads of arrows from their starts to their ends (arrows, 2, 3) beside a body of a size [m]."""
+    shafts, heads = arrows(ends, size, np.array(color) / 255.0)
+    return [add_batch(page, f"{name}shafts", tube(), shafts), add_batch(page, f"{name}heads", cone(), heads)]
 
 
 def outline(corners: Array) -> list[int]:

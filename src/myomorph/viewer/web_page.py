@@ -1,4 +1,4 @@
-"""What every live page has: a server on this machine, a floor, a camera and the links of bodies."""
+"""The base of every page that plays: a server on this machine, lights, a floor, a camera, and the links of bodies."""
 
 from __future__ import annotations
 
@@ -22,13 +22,81 @@ HOST = "127.0.0.1"
 """Pages are for this machine only."""
 
 BONE = (214, 207, 193)
-"""Color of links that nothing is told of."""
+"""Color of links without a value."""
 
 DEEPER = 1.35
 """Exponent on colors, which the page's lights make paler."""
 
 MARKER = (70, 70, 70)
 """Color of recorded markers."""
+
+
+class Page:
+    """A page on this machine on which bodies move.
+
+    All that is seen hangs on one frame, which moves back as the first body moves on where the view follows it.
+
+    Parameters
+    ----------
+    port : of the page, http://localhost:PORT; any free one where not given
+    title : of the page
+
+    Attributes
+    ----------
+    port : of the page
+
+    Raises
+    ------
+    MyomorphError : `viser` is not installed
+    BadData : the port is taken, or none
+    """
+
+    def __init__(self, port: int | None, title: str):
+        self._server = open_server(port, title)
+        self._page = self._server.scene
+        self.port = int(self._server.get_port())
+
+    def close(self) -> None:
+        """Take the page down."""
+        with quiet():
+            self._server.stop()
+
+    def _lay_floor(self, scene: Scene, root: Array) -> None:
+        """Empty the page, and give it lights, the floor of a scene, and the frame that bodies hang on.
+
+        Parameters
+        ----------
+        root : (3,) where the first body begins [m]
+        """
+        page = self._page
+        page.reset()
+        self._server.gui.reset()
+        page.set_up_direction(tuple(float(one) for one in scene.up))
+        add_lights(page, scene)
+        self.around = page.add_frame("/around", show_axes=False)
+        self.floor = add_floor(page, "/around/ground", scene.up, scene.floor)
+        self._up, self._start = scene.up, np.array(root)
+
+    def _look_at_body(self, scene: Scene, right: float) -> None:
+        """Let browsers look at one body from ahead, and from so far to its right."""
+        root = scene.origins[0, 1]
+        middle = root + (0.5 * (scene.low + scene.high) - root @ scene.up) * scene.up
+        camera = self._server.initial_camera
+        camera.position = tuple(view_from(scene, middle, scene.forward + right * scene.right + 0.15 * scene.up))
+        camera.look_at = tuple(middle)
+
+    def _carry_back(self, root: Array) -> None:
+        """Move all that is seen back by the way over the floor from where the first body began to `root` [m]."""
+        moved = root - self._start
+        self.around.position = -(moved - (moved @ self._up) * self._up)
+
+    def _show_markers(self, markers: Array, color: tuple[int, int, int]) -> None:
+        """Show markers (n, 3) in ground as points, NaN where hidden [m]."""
+        seen = np.asarray(markers)[np.isfinite(markers).all(axis=1)]
+        self._page.add_point_cloud(
+            "/around/markers", seen.astype(np.float32), color, point_size=0.012, point_shape="circle",
+            precision="float32",
+        )  # fmt: skip
 
 
 def open_server(port: int | None, title: str) -> Any:

@@ -1,4 +1,6 @@
 """The in-vitro experiment: a limb that swings on a force plate, and the viscosity of its joint and muscles.
 
-The computation lives at this level; files and runs are in `viscosity.study`, the page in `viscosity.report`.
+From the bottom: `specimen` cuts base, joint and limb out of a model, `swings` holds recordings as linear equations,
+`tracking` makes these from markers and plate, `identification` solves them, `trust` judges the result. Files and runs
+are in `study`, the page in `report`. Nothing here knows subjects or trials of other studies.
 """

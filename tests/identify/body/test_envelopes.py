@@ -10,7 +10,7 @@ from skins import sphere
 
 from myomorph.identify.body.envelope import HULL, INERTIA, TISSUE, envelope_points
 from myomorph.identify.body.points import MassPoints, links_of
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Body, Mesh

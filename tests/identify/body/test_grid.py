@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skins import box, capsule, sphere
 
-from myomorph.identify.body.grid import DENSITIES, fill, reference_masses
+from myomorph.identify.body.points import DENSITIES, fill, reference_masses
 from myomorph.identify.body.skin import Skin, check_skin, inside
 from myomorph.model.errors import BadData, UnknownName
 

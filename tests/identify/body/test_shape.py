@@ -7,9 +7,9 @@ import importlib.util
 import numpy as np
 import pytest
 
-from myomorph.identify.body.grid import fill
-from myomorph.identify.body.landmarks import landmark_of_marker
-from myomorph.identify.body.shape import DENSITY, body_shape, girth, measurements
+from myomorph.identify.body.fit_pose import landmark_of_marker
+from myomorph.identify.body.points import fill
+from myomorph.identify.body.shape import DENSITY, body_shape, circumference, measurements
 from myomorph.identify.body.skin import inside
 from myomorph.identify.body.statistical_body import AGES, FREE, LOCAL, age_shares, segment_of_bone, statistical_body
 from myomorph.model.errors import BadData
@@ -108,9 +108,9 @@ def test_the_girth_of_a_section_is_its_hull(subject):
     tube = np.concatenate([ring - [0, 1, 0], ring + [0, 1, 0]])
     i, j = np.arange(400), (np.arange(400) + 1) % 400
     edges = np.concatenate([np.stack([i, i + 400], axis=1), np.stack([j, i + 400], axis=1)])
-    assert girth(tube, edges, 0.1) == pytest.approx(2.0 * np.pi * 0.15, rel=1e-4)
+    assert circumference(tube, edges, 0.1) == pytest.approx(2.0 * np.pi * 0.15, rel=1e-4)
     with pytest.raises(BadData, match="nothing to measure"):
-        girth(tube, edges, 5.0)
+        circumference(tube, edges, 5.0)
 
 
 @needs_anny

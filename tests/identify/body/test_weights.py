@@ -10,12 +10,11 @@ from myomorph.identify.body.weights import (
     bone_weights,
     checked_weights,
     cog_weights,
-    given_weights,
     links_with_mass,
     nearest_weights,
 )
-from myomorph.io.models import read_model
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.io.formats import read_model
+from myomorph.model.errors import BadData
 
 
 @pytest.fixture(scope="module")
@@ -121,20 +120,6 @@ def test_weights_do_not_change_when_points_and_links_move_together(cloud):
     )  # fmt: skip
     for weigh in (cog_weights, bone_weights):
         assert np.allclose(weigh(points @ R.T + p, moved).toarray(), weigh(points, links).toarray(), atol=1e-11)
-
-
-def test_given_weights_go_to_the_links_that_their_columns_name(cloud):
-    points, links = cloud
-    table = np.random.default_rng(0).uniform(size=(len(points), 4))
-    weights = given_weights(table, ["link2", "link0", "link2", "link5"])(points, links).toarray()
-    share = table / table.sum(axis=1, keepdims=True)
-    assert np.allclose(weights[:, 2], share[:, 0] + share[:, 2])
-    assert np.allclose(weights[:, 0], share[:, 1])
-    assert not weights[:, [1, 3, 4]].any()
-    with pytest.raises(UnknownName, match="unknown link 'femur'"):
-        given_weights(table, ["link2", "femur", "link2", "link5"])(points, links)
-    with pytest.raises(BadData, match="have no weight in any link"):
-        given_weights(0.0 * table, ["link2", "link0", "link2", "link5"])(points, links)
 
 
 def test_a_map_of_the_users_own_is_checked(cloud):

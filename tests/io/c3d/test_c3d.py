@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.ezc3d import read_c3d_ezc3d
-from myomorph.io.c3d.plain import read_c3d_plain
-from myomorph.io.c3d.raw import RawC3d
+from myomorph.io.c3d.ezc3d import read_c3d_ezc3d, write_c3d
+from myomorph.io.c3d.plain import RawC3d, read_c3d_plain
 from myomorph.io.c3d.read import emg_channels, read_c3d
 from myomorph.io.parsing.guard import run_guarded
 from myomorph.model.errors import BadFile
-from myomorph.model.series import Event
+from myomorph.model.series import Event, Markers
 
 SAMPLES = "c3d-vendor-samples/C3DSamples"
 ORG = f"{SAMPLES}/c3d.org"
@@ -189,10 +190,29 @@ def test_jump_recording_of_a_package():
 
 
 def test_a_reader_that_hangs_or_dies_is_stopped():
-    hung = run_guarded("timeit", ["-n", "1", "-r", "1", "import time; time.sleep(60)"], 0.5)
+    hung = run_guarded("builtins:exec", ["import time; time.sleep(60)"], 0.5)
     assert hung.status == "hung"
-    died = run_guarded("timeit", ["-n", "1", "-r", "1", "import os; os._exit(7)"], 20)
+    died = run_guarded("builtins:exec", ["import os; os._exit(7)"], 20)
     assert (died.status, died.message) == ("failed", "ended with status 7")
+    raised = run_guarded("builtins:exec", ["raise ValueError('of no\\nuse')"], 20)
+    assert (raised.status, raised.message) == ("failed", "of no use")
+    if os.name != "nt":
+        ate = run_guarded("builtins:exec", ["bytes(8 << 30)"], 20, gigabytes=4.0)
+        assert (ate.status, ate.message) == ("failed", "asked for more memory than such a file can need")
+
+
+def test_without_ezc3d_our_own_reader_reads(tmp_path, monkeypatch):
+    """As on ARM, for which there is no wheel: what is read is the same, and nothing is said of it."""
+    markers = Markers(np.arange(20) / 200.0, ("one", "two"), np.random.default_rng(0).standard_normal((20, 2, 3)))
+    write_c3d(tmp_path / "one.c3d", markers)
+    by_library = read_c3d(tmp_path / "one.c3d")
+    monkeypatch.setitem(sys.modules, "ezc3d", None)
+    found = read_c3d(tmp_path / "one.c3d")
+    assert (found.facts["reader"], found.warnings) == ("Myomorph's own reader", by_library.warnings)
+    np.testing.assert_array_equal(found.markers.values, by_library.markers.values)
+    np.testing.assert_array_equal(found.markers.time, by_library.markers.time)
+    with pytest.raises(BadFile, match="ezc3d"):
+        write_c3d(tmp_path / "two.c3d", markers)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from myomorph.io.c3d.ezc3d import write_c3d
 from myomorph.io.c3d.read import read_c3d
-from myomorph.io.c3d.write import write_c3d
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, PlateRecording
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mujoco_models import MODELS, State, compiled, load, random_motion
-from myomorph.io.mjcf.coordinates import coordinates_from_qpos, qpos_from_coordinates
-from myomorph.io.mjcf.read import model_from_mujoco, read_mjcf
+from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco, qpos_from_coordinates, read_mjcf
 from myomorph.model.errors import BadFile, BadModel
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.actuator_files import read_actuators
+from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadFile, UnknownName
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
 from myomorph.io.parsing.xml import read_xml
 from myomorph.model.errors import BadFile, BadModel, MyomorphError, UnknownName

@@ -15,11 +15,10 @@ from lxml import etree
 import opensim_oracle
 from conftest import DATA
 from myomorph.io.mjcf.read import read_mjcf
-from myomorph.io.osim.document import Document, Node
-from myomorph.io.osim.functions import natural_spline, read_function, smooth_step
+from myomorph.io.osim.document import Document, Node, legal
+from myomorph.io.osim.functions import natural_spline, read_function, smooth_step, write_function
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
-from myomorph.io.osim.write_functions import legal, write_function
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import (
     PiecewisePolynomial,
@@ -31,7 +30,7 @@ from myomorph.model.functions import (
     simm_spline,
 )
 from myomorph.model.model import Body, Model
-from myomorph.model.passive_parts import PassiveTorque
+from myomorph.model.paths import PassiveTorque
 from osim_models import FILES, body_poses, random_values
 
 # What a written file says differently by its nature: where it is, and where meshes hang in it.

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from myomorph.io.osim.tasks import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.osim.tool_setups import AnalyzeSetup, InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.model.errors import BadFile
 

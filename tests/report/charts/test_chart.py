@@ -8,9 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from myomorph.model.series import Event
-from myomorph.report.charts.bars import bar_plot
-from myomorph.report.charts.chart import Limit, Line, Panel, decimate, envelope, number, scaled_unit, ticks, time_plot
-from myomorph.report.charts.maps import floor_plot, heat_map, pooled
+from myomorph.report.charts.axis import number, scaled_unit, ticks
+from myomorph.report.charts.cells import heat_map, pooled
+from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.marks import Level, decimate, envelope
+from myomorph.report.charts.points import floor_plot
+from myomorph.report.charts.rows import bar_plot
 from myomorph.report.scene.image import HEAT, png
 
 
@@ -91,7 +94,7 @@ def test_odd_values_still_make_a_drawing(values: np.ndarray) -> None:
         [Line(np.arange(float(len(values))), values, "emg left", 'a "b"', True)],
         (0.0, 4.0),
         [Event(1.0, "Foot Strike", "Left"), Event(1.01, "<b>"), Event(99.0, "outside")],
-        [Limit(0.5, "a < b")],
+        [Level(0.5, "a < b")],
         name_events=True,
     )
     ElementTree.fromstring(time_plot(panel))

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from myomorph.analysis.subjects import Subject
-from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
-from myomorph.report.charts.contact_graph import (
-    contact_graph,
+from myomorph.analysis.contact_states import (
     graph_rows,
     limb_of,
     limb_states,
@@ -15,7 +12,9 @@ from myomorph.report.charts.contact_graph import (
     row_label,
     solved_contacts,
 )
-from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
+from myomorph.analysis.selection import Subject
+from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
+from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop, contact_graph
 from walker import GRAVITY, steps
 
 UP = np.array([0.0, 1.0, 0.0])

@@ -12,7 +12,7 @@ import trimesh
 from matplotlib.image import imread
 
 from myomorph.model.surface import Surface
-from myomorph.report.charts.residual_map import residual_map
+from myomorph.report.charts.pictures import residual_map
 
 
 def pictures(drawn):

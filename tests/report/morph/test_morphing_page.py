@@ -10,11 +10,10 @@ import pytest
 
 from boxed_leg import FRONT, HALF, grown, leg, morph_of, muscle, with_muscle
 from myomorph.model.provenance import Provenance, Source
-from myomorph.morph.checks import check_morph
+from myomorph.morph.checks.checks import check_morph
 from myomorph.report.morph.morph_page import morph_page
 from myomorph.report.morph.tables import morphing_tables
-from myomorph.report.page.head import Note
-from myomorph.report.page.section import Section
+from myomorph.report.page.parts import Note, Section
 
 MADE = Provenance("morph", (Source("bone", "/home/me/bones/thigh.obj", "ab" * 32),), {"map": "ssd", "exponent": 4.0})
 
@@ -45,7 +44,7 @@ def test_the_page_tells_numbers_and_warnings_first(morph, checks):
     for one in checks.warnings:
         assert one.text in text
     titles = re.findall(r"<h2>([^<]+)</h2>", page)
-    assert titles[0] == "What looks wrong"
+    assert titles[0] == "Warnings"
     assert titles[1:4] == ["Source and target", "Bones and their maps", "Moment arms"]
     worst = checks.penetrations[0]
     assert f"{1e3 * worst.increase:.2f} mm" in text
@@ -96,7 +95,7 @@ def test_nothing_wrong_is_said_so():
     source = leg()
     fine = morph_of(source, source)
     text = text_of(morph_page(fine, check_morph(fine), MADE))
-    assert "Nothing looks worse than in the source" in text
+    assert "No warning compared with the source" in text
 
 
 def test_a_skeleton_without_muscles_has_a_page():

@@ -11,8 +11,7 @@ from myomorph.model.paths import MovingPathPoint, Path, PathPoint
 from myomorph.model.series import Series
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.report.scene.pictures import pictures
-from myomorph.report.scene.player import HIDDEN, MOST_TRIANGLES, frames_to_play, player
+from myomorph.report.scene.pictures import HIDDEN, MAX_TRIANGLES, frames_to_play, pictures, player
 from myomorph.report.scene.raster import FAR, Canvas, View
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.scene.shapes import coarser, normals, primitive, stick
@@ -215,7 +214,7 @@ def test_the_player_keeps_to_its_budget() -> None:
     heavy = replace(body, bodies=tuple(replace(one, meshes=(mesh,)) for one in body.bodies))
     told = json.loads(player(make_scene(heavy, motion(body), [0], {"dense.stl": dense})))
     total = sum(len(decoded(one["faces"], "<u2")) for one in told["solids"]) / 3
-    assert 1000 < total <= MOST_TRIANGLES
+    assert 1000 < total <= MAX_TRIANGLES
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

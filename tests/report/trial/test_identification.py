@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lxml import etree, html
+from tests.walker import shown
 
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.spatial import Transform
-from myomorph.report.charts.chart import number
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.charts.axis import number
 from myomorph.report.trial.identification_tables import (
     ATHLETES,
     identification_tables,
@@ -180,7 +180,7 @@ def test_every_link_has_its_segment() -> None:
 
 
 def test_the_page_prints_the_numbers() -> None:
-    text = report_page(ReportInput("s01", model=everything().model, identification=everything()))
+    text = report_page(shown("s01", model=everything().model, identification=everything()))
     page = html.document_fromstring(text.encode("utf-8"), parser=html.HTMLParser(encoding="utf-8"))
     keys = page.xpath("//main/section/@id")
     assert keys == ["body-identified", "masses", "segments", "base", "cross-validation", "calibration", "made"]
@@ -201,7 +201,7 @@ def test_the_page_prints_the_numbers() -> None:
 def test_little_is_enough() -> None:
     """Masses alone make a page; what was not given is not shown."""
     given = masses_only(spine(), TABLE_3_1)
-    text = report_page(ReportInput("spine", model=given.model, identification=given))
+    text = report_page(shown("spine", model=given.model, identification=given))
     page = html.document_fromstring(text.encode("utf-8"), parser=html.HTMLParser(encoding="utf-8"))
     assert page.xpath("//main/section/@id") == ["body-identified", "masses", "segments", "made"]
 

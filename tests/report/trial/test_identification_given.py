@@ -6,13 +6,13 @@ import pytest
 from scipy import sparse
 
 from myomorph.identify.body.points import MassPoints, links_of
-from myomorph.identify.cross_validation import CrossValidation, cross_validate
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import Identification, IdentificationOptions, identify
+from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.report.trial.identification_given import identification_input
 from myomorph.report.trial.identification_tables import identification_tables, wrench_errors
+from myomorph.report.trial.identified import identification_input
 from myomorph.study.trial.inputs import open_loads, open_model, open_motion
 
 

@@ -5,21 +5,21 @@ from typing import get_args
 import numpy as np
 import pytest
 from lxml import etree
+from tests.walker import having, shown
 
-from myomorph.analysis.centroid import centroid
-from myomorph.analysis.limb_muscles import MUSCLES, named_muscles
-from myomorph.analysis.phase import Phase
-from myomorph.analysis.presets import CUTS, PANELS, PRESETS, Preset, fitting_preset, preset_of
-from myomorph.analysis.subjects import centroids, subjects
+from myomorph.analysis.center_of_mass import centroid
+from myomorph.analysis.phases import Phase
+from myomorph.analysis.presets import CUTS, MUSCLES, PANELS, PRESETS, Preset, fitting_preset, named_muscles, preset_of
+from myomorph.analysis.selection import centroids, subjects
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.report.charts.strip import even_times, picture_strip, pictures_beside
+from myomorph.report.charts.pictures import even_times, picture_strip, pictures_beside
 from myomorph.report.charts.tracks import Backdrop
 from myomorph.report.scene.pictures import pictures, proportion
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.estimated_forces import (
     acting_forces,
     contact_verdicts,
@@ -60,7 +60,7 @@ def pair(apart: float = 1.0) -> tuple[Motion, ReportInput]:
     both = {"tori": one, "uke": Motion(one.time, one.names, values)}
     joined = join_models(dict.fromkeys(both, body))
     moving = join_motions(both)
-    return moving, ReportInput("two", model=joined, motion=moving, tension=Tension(joined, moving.time))
+    return moving, shown("two", model=joined, coordinates=moving, tension=Tension(joined, moving.time))
 
 
 def test_presets_name_only_what_exists() -> None:
@@ -88,7 +88,7 @@ def test_a_study_file_knows_every_preset() -> None:
 
 def test_times_outside_the_motion_are_refused() -> None:
     with pytest.raises(BadData, match="no picture at 99 s: the motion lasts from"):
-        report_page(replace(everything(), times=(99.0,)))
+        report_page(having(everything(), times=(99.0,)))
 
 
 def test_the_preset_follows_from_the_recording() -> None:
@@ -105,20 +105,20 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
     assert found[1].members == {"right": ("uke_recfem_r",), "left": ("uke_recfem_l",)}
     assert "Tibialis anterior" in lacking
     assert len(found) + len(lacking) == 8
-    section = analysis_sections(prepare(replace(everything(60), preset="taichi")))[0]
-    assert "The model has no muscle for: Deltoid, anterior;" in section.lead
+    section = analysis_sections(prepare(having(everything(60), preset="taichi")))[0]
+    assert "The model lacks: Deltoid, anterior;" in section.lead
 
 
 def test_presets_make_pages_of_well_formed_drawings() -> None:
     for name in ("taichi", "tap", "motion"):
-        sections = analysis_sections(prepare(replace(everything(), preset=name)))
+        sections = analysis_sections(prepare(having(everything(), preset=name)))
         assert [one.key for one in sections] == ["analysis", "center-of-gravity", "phases", "relations"]
         for drawing in (one for section in sections for figure in section.figures for one in _drawings(figure.svg)):
             assert (
                 etree.fromstring(drawing).get("aria-label") or etree.fromstring(drawing).get("role") == "presentation"
             )
     with pytest.raises(UnknownName, match="taichi"):
-        report_page(replace(everything(), preset="swim"))
+        report_page(having(everything(), preset="swim"))
 
 
 def _drawings(svg: str) -> list[str]:
@@ -128,7 +128,7 @@ def _drawings(svg: str) -> list[str]:
 def test_height_of_the_center_of_gravity_and_of_standing() -> None:
     body = model()
     moving = motion(body)
-    found = analyse(prepare(ReportInput("one", model=body, motion=moving)))
+    found = analyse(prepare(shown("one", model=body, coordinates=moving)))
     assert found is not None
     person = found.persons[0]
     height = centroid(body, moving).values[:, 1]
@@ -141,7 +141,7 @@ def test_height_of_the_center_of_gravity_and_of_standing() -> None:
 
 
 def test_given_phases_win_and_times_choose_the_pictures() -> None:
-    given = replace(everything(), phases=(Phase("first", 0.0, 0.7), Phase("second", 0.7, 1.99)), times=(0.3, 1.1))
+    given = having(everything(), phases=(Phase("first", 0.0, 0.7), Phase("second", 0.7, 1.99)), times=(0.3, 1.1))
     found = analyse(prepare(given))
     assert found is not None
     assert [one.stage.name for one in found.measures] == ["first", "second"]
@@ -154,9 +154,9 @@ def test_given_phases_win_and_times_choose_the_pictures() -> None:
 def test_a_page_needs_no_model() -> None:
     """Contacts alone make a graph; nothing is drawn of what is not known."""
     time = np.arange(0.0, 2.0, 0.01)
-    sections = analysis_sections(prepare(ReportInput("plates", wrenches=steps(time, WEIGHT))))
+    sections = analysis_sections(prepare(shown("plates", wrenches=steps(time, WEIGHT))))
     assert [one.key for one in sections] == ["analysis", "phases"]
-    assert analysis_sections(prepare(ReportInput("nothing"))) == []
+    assert analysis_sections(prepare(shown("nothing"))) == []
 
 
 def test_two_subjects_have_each_their_center_of_gravity() -> None:
@@ -235,19 +235,19 @@ def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:
 
 def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> None:
     time = np.arange(0.0, 2.0, 0.01)
-    given = ReportInput("x", wrenches=steps(time, WEIGHT), contact_forces=contact_forces(time))
+    given = shown("x", wrenches=steps(time, WEIGHT), forces=contact_forces(time))
     acting = acting_forces(given)
     assert acting is not None
     assert "plate 1" not in acting.names
     assert "plate 2" not in acting.names
-    apart = replace(given, contact_forces=replace(contact_forces(time), sites=_elsewhere(time)))
+    apart = having(given, forces=replace(contact_forces(time), sites=_elsewhere(time)))
     acting = acting_forces(apart)
     assert acting is not None
     assert {"plate 1", "plate 2"} <= set(acting.names)
     assert situation_of(given) == "unknown"
-    assert situation_of(ReportInput("x", wrenches=steps(time, WEIGHT))) == "measured"
+    assert situation_of(shown("x", wrenches=steps(time, WEIGHT))) == "measured"
     heard = Contacts(("stick_r",), (Touch("stick_r", 0.0, 0.1, "drum", source="sound"),))
-    assert situation_of(replace(given, contacts=heard)) == "sound"
+    assert situation_of(having(given, touches=heard)) == "sound"
 
 
 def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None:
@@ -260,13 +260,13 @@ def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None
     strength = np.where(loaded, 0.0, 1.0)[:, None]
     estimated = ContactForces(time, (site,), strength, force * strength[..., None], 0 * force, 0 * force)
     plate = Wrenches(time, ("plate",), ("tibia_r",), force * loaded[:, None, None], 0 * force, 0 * force)
-    given = ReportInput("x", wrenches=plate, contact_forces=estimated)
+    given = shown("x", wrenches=plate, forces=estimated)
     acting = acting_forces(given)
     assert acting is not None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
     (foot,) = groups_of(estimated, plate)
     assert not (np.isfinite(foot.measured[:, 1]) & foot.estimated).any()
-    hidden = replace(given, contact_forces=replace(estimated, strengths=np.ones_like(strength), forces=force))
+    hidden = having(given, forces=replace(estimated, strengths=np.ones_like(strength), forces=force))
     acting = acting_forces(hidden)
     assert acting is not None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
@@ -284,9 +284,9 @@ def test_residuals_are_held_against_the_limits() -> None:
     peak = float(np.linalg.norm(np.nan_to_num(group_forces(force).forces).sum(axis=1), axis=1).max())
     values = np.zeros((len(time), 6))
     values[:, 1], values[10, 1], values[:, 3] = 0.04 * peak, 0.06 * peak, 0.005 * peak
-    given = ReportInput(
+    given = shown(
         "x",
-        contact_forces=force,
+        forces=force,
         residuals=Series(time, names, values),
         uncarried=(Uncarried(0.5, "friction 0.8 to 1.1"),),
     )
@@ -297,7 +297,7 @@ def test_residuals_are_held_against_the_limits() -> None:
     assert rows["Residual moment beside contacts, peak"].value == pytest.approx(0.5)
     not_carried = rows["Frames whose contacts could not carry the motion"]
     assert (not_carried.value, not_carried.state, not_carried.time) == (1.0, "over", 0.5)
-    assert contact_verdicts(ReportInput("x"), 1.0) == []
+    assert contact_verdicts(shown("x"), 1.0) == []
 
 
 class Open:
@@ -311,14 +311,12 @@ class Open:
 
 def test_the_panel_of_contact_forces() -> None:
     given = everything()
-    time = given.wrenches.time
+    time = given.dynamics.wrenches.time
     forces = contact_forces(time)
-    told = replace(
-        given, contact_forces=forces, intervals=Open(forces, 2), uncarried=(Uncarried(0.5, "more friction"),)
-    )
+    told = having(given, forces=forces, intervals=Open(forces, 2), uncarried=(Uncarried(0.5, "more friction"),))
     panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
     assert "fourth situation" in panel.lead
-    assert "leave open" in panel.lead
+    assert "that the data allow" in panel.lead
     assert "its opposite" in panel.lead
     assert ("measured", "measured") in panel.legend
     rows = {row[0]: row for row in panel.grids[0].rows}
@@ -327,7 +325,7 @@ def test_the_panel_of_contact_forces() -> None:
     assert panel.grids[1].rows == (("0.500 s", "more friction"),)
     vertical = etree.fromstring(_drawings(panel.figures[0].svg)[0])
     assert len(vertical.xpath("//*[contains(@class, 'band')]")) == 1
-    seldom = replace(told, intervals=Open(forces, 20))
+    seldom = having(told, intervals=Open(forces, 20))
     panel = next(one for one in analysis_sections(prepare(seldom)) if one.key == "contact-forces")
     bars = etree.fromstring(_drawings(panel.figures[0].svg)[0]).xpath("//*[contains(@class, 'interval')]/@d")
     assert [one.count("M") for one in bars] == [len(time[::20])]

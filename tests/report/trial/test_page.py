@@ -5,9 +5,10 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from lxml import etree, html
+from tests.walker import having, shown
 
 from myomorph.model.series import Emg, Event, Series, Wrenches
-from myomorph.report.page.head import Note
+from myomorph.report.page.parts import Note
 from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.trial_page import report_page
 from walker import everything
@@ -98,16 +99,16 @@ def test_the_movement_has_its_events(page: html.HtmlElement) -> None:
     ],
 )
 def test_a_part_that_is_missing_is_told(without: tuple[str, ...], gone: set[str], word: str) -> None:
-    given = replace(everything(40), **dict.fromkeys(without))  # type: ignore[arg-type]
+    given = having(everything(40), **dict.fromkeys(without))  # type: ignore[arg-type]
     if "fit" in without and "model" not in without:
-        given = replace(given, motion=everything(40).fit.motion)  # type: ignore[union-attr]
+        given = having(given, coordinates=everything(40).kinematics.fit.motion)  # type: ignore[union-attr]
     page = parsed(given)
     assert not keys(page) & gone
     assert any(one.startswith(word) for one in page.xpath("//section[@class='absent']//li/text()"))
 
 
 def test_nothing_at_all_is_still_a_page() -> None:
-    page = parsed(ReportInput("empty"))
+    page = parsed(shown("empty"))
     assert keys(page) == {"made"}
     assert page.xpath("string(//h1)") == "empty"
 
@@ -119,7 +120,7 @@ def test_what_users_write_stays_text() -> None:
     assert body is not None
     renamed = replace(body, name=odd)
     page = parsed(
-        replace(
+        having(
             given,
             title=odd,
             model=renamed,
@@ -137,19 +138,23 @@ def test_emg_is_drawn_on_its_muscle_and_never_guessed() -> None:
     given = everything(100)
     assert given.tension is not None
     emg = Emg(given.tension.time, ("ch1", "ch2"), np.abs(np.sin(given.tension.time))[:, None] * [1.0, 0.5])
-    page = parsed(replace(given, emg=emg, emg_muscles=MappingProxyType({"ch1": ("recfem_r",)})))
+    page = parsed(having(given, emg=emg, emg_muscles=MappingProxyType({"ch1": ("recfem_r",)})))
     drawing = page.xpath("//section[@id='activations']//svg[@aria-label='Rectus femoris']")[0]
     assert "EMG right" in drawing.xpath(".//path[@data-label]/@data-label")
     assert page.xpath("//section[@id='emg']//svg/@aria-label") == ["ch2"]
-    assert "none is claimed: ch2" in page.xpath("string(//section[@id='emg']/p)")
+    assert "does not specify their muscles: ch2" in page.xpath("string(//section[@id='emg']/p)")
 
 
 def test_truth_is_set_beside_the_estimate() -> None:
     given = everything(100)
-    assert given.fit is not None
-    assert given.torques is not None
-    true = Series(given.fit.motion.time, given.fit.motion.names, given.fit.motion.values + np.deg2rad(2.0))
-    page = parsed(replace(given, truth=Truth(true, given.torques, None)))
+    assert given.kinematics.fit is not None
+    assert given.dynamics.torques is not None
+    true = Series(
+        given.kinematics.fit.motion.time,
+        given.kinematics.fit.motion.names,
+        given.kinematics.fit.motion.values + np.deg2rad(2.0),
+    )
+    page = parsed(having(given, truth=Truth(true, given.dynamics.torques, None)))
     table = page.xpath("//section[@id='truth']//table")[0]
     assert table.xpath("string(tbody/tr[1]/td[2])") == "2.00 °"
     drawing = page.xpath("//section[@id='joints']//svg[@aria-label='Knee angle']")[0]
@@ -157,7 +162,7 @@ def test_truth_is_set_beside_the_estimate() -> None:
 
 
 def test_a_part_of_a_body_is_not_judged_by_its_root() -> None:
-    page = parsed(replace(everything(100), root_note="The trunk hangs on the root."))
+    page = parsed(having(everything(100), root_note="The trunk hangs on the root."))
     assert "The trunk hangs on the root." in page.xpath("string(//section[@id='forces'])")
     assert "Residual" not in page.xpath("string(//section[@id='verdict'])")
 
@@ -173,7 +178,8 @@ def test_a_long_recording_stays_a_small_page() -> None:
 @pytest.mark.parametrize("frames", [1, 2, 3, 100])
 def test_short_recordings_make_a_page_without_complaint(frames: int) -> None:
     given = everything(frames)
-    page = parsed(replace(given, overstretched=("recfem_r",)))
+    given.tension.overstretched = ("recfem_r",)
+    page = parsed(given)
     assert {"body", "markers", "joints", "activations", "tensions"} <= keys(page) | (
         {"joints"} if frames == 1 else set()
     )
@@ -183,23 +189,27 @@ def test_short_recordings_make_a_page_without_complaint(frames: int) -> None:
 @pytest.mark.filterwarnings("error")
 def test_frames_without_a_pose_or_a_solution_are_borne() -> None:
     given = everything(100)
-    assert given.fit is not None
-    values = np.array(given.fit.motion.values)
+    assert given.kinematics.fit is not None
+    values = np.array(given.kinematics.fit.motion.values)
     values[10:20] = np.nan
-    hidden = replace(given.fit, motion=replace(given.fit.motion, values=values), errors=np.full((100, 2), np.nan))
+    hidden = replace(
+        given.kinematics.fit,
+        motion=replace(given.kinematics.fit.motion, values=values),
+        errors=np.full((100, 2), np.nan),
+    )
     tension = given.tension
     assert tension is not None
     tension.activations[30:] = np.nan
     tension.forces[30:] = np.nan
-    assert given.wrenches is not None
+    assert given.dynamics.wrenches is not None
     lost = Wrenches(
-        given.wrenches.time,
-        given.wrenches.names,
-        given.wrenches.bodies,
+        given.dynamics.wrenches.time,
+        given.dynamics.wrenches.names,
+        given.dynamics.wrenches.bodies,
         np.full((100, 2, 3), np.nan),
-        given.wrenches.points,
-        given.wrenches.torques,
+        given.dynamics.wrenches.points,
+        given.dynamics.wrenches.torques,
     )
-    page = parsed(replace(given, fit=hidden, wrenches=lost))
+    page = parsed(having(given, fit=hidden, wrenches=lost))
     assert "joints" in keys(page)
     assert "nan" not in page.xpath("string(//main)").replace("finance", "").lower().split()

@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from myomorph.analysis.columns import compared
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.report.charts.columns import compared
 from myomorph.report.trial import tables
 from walker import GRAVITY, Tension, fitted, model, motion
 

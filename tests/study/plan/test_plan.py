@@ -43,8 +43,8 @@ def problems_of(folder, text):
 def test_smallest_form(folder):
     plan = plan_of(folder, SMALLEST)
     assert plan.name == "walking"
-    assert [take.name for take in plan.takes] == ["walk1", "walk2"]
-    first, second = plan.takes
+    assert [trial.name for trial in plan.trials] == ["walk1", "walk2"]
+    first, second = plan.trials
     assert (first.loads, first.emg) == (folder / "walk1_grf.xml", folder / "walk1_emg.sto")
     assert (second.loads, second.emg) == (None, None)
     assert first.mass == 72.6
@@ -61,9 +61,9 @@ def test_table_form_and_options(folder):
         )
         + "[options.id]\ncutoff = 6\n[options.tension]\npassive = false\nweights = 'volume'\n",
     )
-    (take,) = plan.takes
-    assert (take.name, take.time) == ("fast", (0.5, 1.5))
-    assert take.loads == folder / "walk1_grf.xml"
+    (trial,) = plan.trials
+    assert (trial.name, trial.time) == ("fast", (0.5, 1.5))
+    assert trial.loads == folder / "walk1_grf.xml"
     assert plan.settings == {"id": {"cutoff": 6.0}, "tension": {"passive": False, "weights": "volume"}}
 
 
@@ -121,11 +121,11 @@ def test_two_trials_of_one_name_are_refused(folder):
 def test_forces_without_bodies_are_not_guessed(folder):
     (folder / "walk2_forces.mot").write_text("")
     plan = plan_of(folder, SMALLEST)
-    assert plan.takes[1].loads is None
+    assert plan.trials[1].loads is None
     assert any("walk2_forces.mot is not used" in remark for remark in plan.remarks)
     given = '[{markers = "walk2.trc", loads = "walk2_forces.mot", bodies = {ground_force_ = "calcn_r"}}]'
-    (take,) = plan_of(folder, SMALLEST.replace('["walk*.trc"]', given)).takes
-    assert dict(take.bodies) == {"ground_force_": "calcn_r"}
+    (trial,) = plan_of(folder, SMALLEST.replace('["walk*.trc"]', given)).trials
+    assert dict(trial.bodies) == {"ground_force_": "calcn_r"}
 
 
 @pytest.mark.parametrize(
@@ -156,8 +156,8 @@ def test_options_are_those_of_the_steps():
     """Written once: every setting of a step's dataclass is a key, with its default and a line of help."""
     from dataclasses import fields
 
-    from myomorph.tension.contacts import ContactOptions
     from myomorph.tension.solve import TensionOptions
+    from myomorph.tension.terms.contacts import ContactOptions
 
     settings = {one.name: one for one in step_settings()["tension"]}
     own = {one.name for options in (TensionOptions, ContactOptions) for one in fields(options)}
@@ -176,7 +176,7 @@ def test_steps_on_a_subject_come_before_those_that_use_its_model(folder):
     subject = plan.subjects["s01"]
     assert plan.steps[0] == ("calibrate", "ik", "identify", "id")
     assert (subject.static, subject.shape.height, subject.shape.sex) == (folder / "run.trc", 1.8, "male")
-    assert [take.name for take in subject.takes] == ["walk1", "walk2"]
+    assert [trial.name for trial in subject.trials] == ["walk1", "walk2"]
     assert plan.settings["identify"] == {"cutoff": 6.0, "spacing": 0.01}
     told = problems_of(folder, text.replace(steps, '["ik", "id", "identify", "calibrate"]'))
     assert "'identify' comes after 'id'" in told

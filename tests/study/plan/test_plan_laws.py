@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from myomorph.store.results import file_name
 from myomorph.study.plan.measures import LARGEST, UNITS, read_measures
 from myomorph.study.plan.plan_checks import check_names, folder_key
-from myomorph.study.plan.step_settings import FILTERED, merged
-from myomorph.study.trial.takes import FileTake
+from myomorph.study.plan.step_settings import filtered_steps, merged
+from myomorph.study.trial.trial_files import TrialFiles
 
 DEVICES = ["CON", "PRN", "AUX", "NUL", "COM1", "COM2", "COM3", "COM9", "COM¹", "LPT1", "LPT2", "LPT9", "LPT³"]
 NAME = st.text(min_size=1, max_size=12) | st.sampled_from([*DEVICES, "con.txt", "nul. ", "com1.a.b", "a.", "A", "a"])
@@ -24,8 +24,8 @@ TABLE = st.text(alphabet='subjectmas,;\t\n"[kg]0123.- \0ä', max_size=120)
 @given(trials=NAMES)
 def test_names_that_pass_are_different_folders_on_every_system(trials):
     problems: list[str] = []
-    takes = [FileTake(Path("m.osim"), name, "s") for name in trials]
-    check_names(takes, {"s": ("ik",)}, (), problems)
+    files = [TrialFiles(Path("m.osim"), name, "s") for name in trials]
+    check_names(files, {"s": ("ik",)}, (), problems)
     if problems:
         return
     folders = [file_name(name) for name in trials]
@@ -77,9 +77,12 @@ def test_units_of_headings(tmp_path, name, unit, factor, form):
     assert getattr(found["a"], name) == pytest.approx(2.0 * factor)
 
 
+FILTERED = st.sampled_from(filtered_steps())
+
+
 @given(
-    study=st.dictionaries(st.sampled_from(FILTERED), st.fixed_dictionaries({}, optional={"cutoff": st.just(6.0)})),
-    own=st.dictionaries(st.sampled_from(FILTERED), st.fixed_dictionaries({}, optional={"cutoff": st.just(12.0)})),
+    study=st.dictionaries(FILTERED, st.fixed_dictionaries({}, optional={"cutoff": st.just(6.0)})),
+    own=st.dictionaries(FILTERED, st.fixed_dictionaries({}, optional={"cutoff": st.just(12.0)})),
 )
 def test_a_cutoff_of_a_trial_is_the_only_one(study, own):
     cutoffs = {given["cutoff"] for given in merged(study, own).values() if "cutoff" in given}

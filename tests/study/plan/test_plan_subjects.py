@@ -59,18 +59,18 @@ def test_every_folder_that_matches_is_a_subject(folder):
     (folder / "Pout" / "results.csv").write_text("")
     plan = plan_of(folder, FOLDERS)
     assert list(plan.subjects) == ["P1", "P2"]
-    assert [(one.subject, one.name) for one in plan.takes] == [
+    assert [(one.subject, one.name) for one in plan.trials] == [
         ("P1", "slow1"), ("P1", "fast1"), ("P2", "slow1"), ("P2", "fast1")
     ]  # fmt: skip
-    assert plan.takes[0].markers == folder / "P1" / "slow1.trc"
-    assert plan.takes[0].model.resolve() == folder / "generic.osim"
+    assert plan.trials[0].markers == folder / "P1" / "slow1.trc"
+    assert plan.trials[0].model.resolve() == folder / "generic.osim"
     assert plan.subjects["P2"].static == folder / "P2" / "P2 standing.trc"
 
 
 def test_a_table_of_its_own_goes_before_a_pattern(folder):
     own = '[[subject]]\nfolders = "P2"\nmodel = "../generic.osim"\ntrials = ["slow1.trc"]\nsteps = ["ik"]\n'
     plan = plan_of(folder, FOLDERS + own)
-    assert [(one.subject, one.name) for one in plan.takes] == [("P1", "slow1"), ("P1", "fast1"), ("P2", "slow1")]
+    assert [(one.subject, one.name) for one in plan.trials] == [("P1", "slow1"), ("P1", "fast1"), ("P2", "slow1")]
     assert any("'P2' has a table of its own" in remark for remark in plan.remarks)
 
 
@@ -87,7 +87,7 @@ def test_names_in_a_list(folder):
         steps = ["ik"]
         """
     plan = plan_of(folder, text)
-    assert [(one.subject, one.name, one.condition) for one in plan.takes] == [
+    assert [(one.subject, one.name, one.condition) for one in plan.trials] == [
         ("a", "slow", "slow"), ("b", "slow", "slow")
     ]  # fmt: skip
     assert plan.conditions.names == ("slow",)
@@ -97,7 +97,7 @@ def test_conditions(folder):
     plan = plan_of(folder, FOLDERS)
     assert plan.conditions.names == ("slow", "fast")
     assert plan.conditions.trials["P1", "fast1"] == "fast"
-    assert [one.condition for one in plan.takes] == ["slow", "fast", "slow", "fast"]
+    assert [one.condition for one in plan.trials] == ["slow", "fast", "slow", "fast"]
     own = FOLDERS + "[subject.conditions]\nfast = 'slow*'\nslow = 'fast*'\n"
     told = problems_of(folder, own)
     assert "study: conditions: 'slow': no trial matches 'slow*'" in told
@@ -136,7 +136,7 @@ def test_exclusions_have_reasons(folder):
     told = '[[exclude]]\nsubject = "P1"\ntrial = "fast*"\nreason = "a marker fell off"\n'
     plan = plan_of(folder, FOLDERS + told)
     assert [(one.subject, one.trial, one.reason) for one in plan.excluded] == [("P1", "fast1", "a marker fell off")]
-    assert [one.name for one in plan.takes] == ["slow1", "slow1", "fast1"]
+    assert [one.name for one in plan.trials] == ["slow1", "slow1", "fast1"]
     assert plan.conditions.trials["P1", "fast1"] == "fast"
     # Of a subject that is left out no file is looked for.
     (folder / "P1" / "P1 standing.trc").unlink()
@@ -163,7 +163,7 @@ def test_an_exclusion_that_is_wrong_is_named(folder, table, words):
 
 def test_a_table_of_measures(folder):
     plan = plan_of(folder, with_measures(), MEASURES)
-    assert [one.mass for one in plan.takes] == [61.5, 61.5, 80.0, 80.0]
+    assert [one.mass for one in plan.trials] == [61.5, 61.5, 80.0, 80.0]
     assert plan.subjects["P1"].shape.sex == "female"
     assert plan.subjects["P1"].shape.age == 30.0
     # A height without a chest is no body shape, and no fault in a table that has a column of heights.
@@ -178,7 +178,7 @@ def test_models_of_a_table_of_measures(folder):
     assert "line 3 ('P2'): model file 'generik.osim' does not exist: there are 'generic.osim'" in told
     table = table.replace("generik", "generic")
     plan = plan_of(folder, with_measures().replace('model = "../generic.osim"\n', ""), table)
-    assert {one.model for one in plan.takes} == {folder / "generic.osim"}
+    assert {one.model for one in plan.trials} == {folder / "generic.osim"}
     assert "model is '../generic.osim' here" in problems_of(folder, with_measures(), table)
 
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from benchmarks.accuracy_interrupted import SETTINGS, begin, end_of, mounted, others_of
+from benchmarks.accuracy.interrupted import SETTINGS, begin, end_of, mounted, others_of
 from benchmarks.cluster import cluster_in, cut_off, machines, namespaces_work
 from benchmarks.interrupted_checks import (
     computed_twice,

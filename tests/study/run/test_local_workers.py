@@ -95,7 +95,7 @@ import sys, time
 sys.path[:0] = [{tests!r}]
 import worker_jobs as made
 from pathlib import Path
-from myomorph.study.local_workers import LocalWorkers
+from myomorph.study.run.local_workers import LocalWorkers
 workers = LocalWorkers(1)
 workers.start(made.job(made.sleep, "a", mark=Path({mark!r})), None)
 time.sleep(600)

@@ -12,7 +12,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from arm_files import write_arm
+from myomorph.demo.arm import example_files
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 
@@ -35,7 +35,7 @@ def test_a_study_in_a_folder_with_an_odd_name(tmp_path: Path, command, name: str
         name = name.strip()
     home = tmp_path / name
     home.mkdir()
-    arm = write_arm(home)
+    arm = example_files(home)
     arm.model.rename(home / "mo del ü.osim")
     arm.markers.rename(home / "été [1] + 100%.trc")
     (home / "study file.toml").write_text(STUDY.format(trial="été [1] + 100%.trc"), encoding="utf-8")
@@ -52,7 +52,7 @@ def test_a_study_in_a_folder_with_an_odd_name(tmp_path: Path, command, name: str
 
 def test_patterns_match_accents_however_they_are_written(tmp_path: Path, command) -> None:
     """A file copied from a Mac may have its accents as signs of their own."""
-    arm = write_arm(tmp_path)
+    arm = example_files(tmp_path)
     arm.markers.rename(tmp_path / "e\u0301te\u0301.trc")
     text = STUDY.format(trial="*.trc").replace("mo del ü", "arm")
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
@@ -68,7 +68,7 @@ def test_what_is_in_no_name_is_told_once_and_in_one_line(tmp_path: Path, command
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 @pytest.mark.parametrize("name", ['quo"te.trc', "back\\slash.trc", "line\nbreak.trc"])
 def test_names_that_only_some_systems_have(tmp_path: Path, command, name: str) -> None:
-    arm = write_arm(tmp_path)
+    arm = example_files(tmp_path)
     try:
         shutil.copy(arm.markers, tmp_path / name)
     except OSError:
@@ -82,7 +82,7 @@ def test_a_model_may_name_its_meshes_as_windows_does(tmp_path: Path) -> None:
     """Backslashes and another case: the file is found, in this model and in a copy of it."""
     from myomorph.io.mesh import read_surfaces
 
-    arm = write_arm(tmp_path)
+    arm = example_files(tmp_path)
     mesh = "<Mesh name='m'><mesh_file>Geometry\\Bone.OBJ</mesh_file></Mesh>"
     text = arm.model.read_text(encoding="utf-8").replace(
         "</inertia>", f"</inertia><attached_geometry>{mesh}</attached_geometry>", 1
@@ -100,7 +100,7 @@ def test_a_model_may_name_its_meshes_as_windows_does(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 def test_a_name_that_is_not_utf8_is_named(tmp_path: Path, command) -> None:
     """As an old Linux wrote accents: no table and no page could hold it."""
-    arm = write_arm(tmp_path)
+    arm = example_files(tmp_path)
     try:
         shutil.copy(arm.markers, tmp_path / "\udce9t\udce9.trc")
     except OSError:
@@ -115,7 +115,7 @@ def test_a_name_that_is_not_utf8_is_named(tmp_path: Path, command) -> None:
 
 
 def test_a_terminal_without_accents_shows_them_otherwise(tmp_path: Path) -> None:
-    arm = write_arm(tmp_path)
+    arm = example_files(tmp_path)
     arm.markers.rename(tmp_path / "été 歩.trc")
     (tmp_path / "study.toml").write_text(STUDY.format(trial="*.trc").replace("mo del ü", "arm"), encoding="utf-8")
     given = [sys.executable, "-m", "myomorph", "run", "study.toml", "--dry-run", "--out", "out"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from myomorph.io.sto import read_sto
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.study.trial.steps import muscles
 
 STUDY = """
 [study]
@@ -118,7 +120,7 @@ def test_an_interrupted_trial_goes_on_where_it_was(arm, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setitem(__import__("myomorph.study.trial.steps").study.steps.RUNNERS, "muscles", interrupted)
+        patch.setattr(muscles, "STEP", replace(muscles.STEP, run=interrupted))
         with pytest.raises(KeyboardInterrupt):
             run(arm)
     assert not list(arm.out.rglob("*.html"))

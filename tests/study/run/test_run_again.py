@@ -7,6 +7,7 @@ import errno
 import hashlib
 import os
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -15,8 +16,9 @@ from myomorph.study.plan.plan import read_plan
 from myomorph.study.plan.plan_checks import OF_STUDY
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
-from myomorph.study.trial import run_take as module
-from myomorph.study.trial import steps
+from myomorph.study.trial import run_trial as module
+from myomorph.study.trial.step import step_of
+from myomorph.study.trial.step_table import STEPS
 
 STUDY = """
 [study]
@@ -88,8 +90,8 @@ def test_an_interrupted_run_ends_with_the_same_bytes(arm, dated, tmp_path, monke
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        if stopped_in in steps.RUNNERS:
-            patch.setitem(steps.RUNNERS, stopped_in, interrupted)
+        if stopped_in in STEPS:
+            patch.setattr(f"{STEPS[stopped_in]}.STEP", replace(step_of(stopped_in), run=interrupted))
         elif stopped_in == "gather":
             patch.setattr(module.os, "replace", interrupted)
         else:
@@ -184,23 +186,23 @@ def test_leftovers_of_a_killed_process_are_removed(arm):
 
 
 def test_a_full_disk_stops_the_study(arm, monkeypatch):
-    run_ik = steps.RUNNERS["ik"]
+    ik = step_of("ik")
     calls = []
 
     def full(*given):
         calls.append(1)
         if len(calls) > 1:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return run_ik(*given)
+        return ik.run(*given)
 
-    monkeypatch.setitem(steps.RUNNERS, "ik", full)
+    monkeypatch.setattr(f"{STEPS['ik']}.STEP", replace(ik, run=full))
     outcomes = run(arm, 3)
     assert outcomes[0].error == ""
     assert outcomes[1].error.startswith("ik: no space is left")
     assert [one.error[:22] for one in outcomes[2:3]] == ["not run: no space is l"]
     assert len(calls) == 2
     assert not any(one.fault for one in outcomes)
-    monkeypatch.setitem(steps.RUNNERS, "ik", run_ik)
+    monkeypatch.setattr(f"{STEPS['ik']}.STEP", ik)
     assert [one.error for one in run(arm, 3)] == [""] * 3
 
 

@@ -6,7 +6,7 @@ import importlib.util
 
 import pytest
 
-from myomorph.io.models import read_model
+from myomorph.io.formats import read_model
 from myomorph.model.segments import segments_of
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.body_shape import BodyOptions, BodyShape

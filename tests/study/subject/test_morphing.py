@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from myomorph.cli.program import main
+from myomorph.io.formats import read_model
 from myomorph.io.mesh import read_mesh
-from myomorph.io.models import read_model
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.functions import linear

@@ -11,8 +11,8 @@ from myomorph.model.series import Table
 from myomorph.motion.envelope import envelopes
 from myomorph.study.trial.emg_files import muscles_of_channels, open_emg
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.steps import step_provenance
-from myomorph.study.trial.takes import FileTake, open_take
+from myomorph.study.trial.step import step_of, step_provenance
+from myomorph.study.trial.trial_files import TrialFiles, read_trial
 
 WALK = "rajagopal-walk-emg"
 HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"
@@ -36,10 +36,10 @@ def raw(tmp_path):
 def test_settings_of_envelopes_belong_to_what_tensions_are_made_from(data, walker, raw):
     """So that a run which is taken up again sees that they changed."""
     path, _ = raw
-    files = FileTake(data(f"{WALK}/subject_walk_scaled.osim"), motion=data(f"{WALK}/coordinates.sto"), emg=path)
+    files = TrialFiles(data(f"{WALK}/subject_walk_scaled.osim"), motion=data(f"{WALK}/coordinates.sto"), emg=path)
 
     def key(step, **given):
-        return step_provenance(step, open_take(files, {"tension": given}, walker)).key
+        return step_provenance(step_of(step), read_trial(files, {"tension": given}, walker)).key
 
     assert key("tension", emg_cutoff=6.0) == key("tension", emg_cutoff=6.0)
     assert key("tension", emg_cutoff=6.0) != key("tension", emg_cutoff=3.0)

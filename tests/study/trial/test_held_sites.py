@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.contact_step import Measurements, set_contacts
-from myomorph.tension.contacts import ContactOptions
+from myomorph.tension.terms.contacts import ContactOptions
 
 
 def test_a_palm_on_a_box_that_rises():

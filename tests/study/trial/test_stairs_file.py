@@ -153,8 +153,8 @@ def test_one_axis_is_open_until_it_is_told(tmp_path):
 def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     from myomorph.rigid.dynamics import inverse_dynamics
     from myomorph.study.trial.contact_step import Measurements, set_contacts
-    from myomorph.tension.contacts import ContactOptions
     from myomorph.tension.solve import TensionOptions, solve_tension
+    from myomorph.tension.terms.contacts import ContactOptions
 
     model, motion, _, _ = recording(tmp_path, ("fz",))
     write(tmp_path, ("fz",))

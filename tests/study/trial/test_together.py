@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from arm_files import table_text
+from myomorph.demo.arm import table_text
 from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.read import read_osim
@@ -70,8 +72,8 @@ def held(arm):
     columns = {"time": table.time, **dict(zip(("tx", "ty", "tz"), places.T, strict=True)), **still}
     (arm.folder / "ball.mot").write_text(table_text(columns))
     (arm.folder / "contacts.toml").write_text(CONTACTS)
-    arm.acceleration = differentiate(Motion(table.time, ("x", "y", "z"), places), None).accelerations
-    return arm
+    acceleration = differentiate(Motion(table.time, ("x", "y", "z"), places), None).accelerations
+    return SimpleNamespace(**vars(arm), acceleration=acceleration)
 
 
 def study(held, extra=BALL, trial="reach"):

@@ -66,7 +66,7 @@ def test_files_of_one_trial_belong_together_and_those_of_several_do_not(write: W
     write(f"b_muscles{STORED}", "b", first=5.0)
     found = recordings(arm.folder / "results")
     assert sorted(found) == ["a", "b"]
-    assert found["b"]().kinematics.time[0] == 5.0  # type: ignore[union-attr]
+    assert found["b"]().kinematics.motion.time[0] == 5.0  # type: ignore[union-attr]
 
 
 def test_what_a_command_wrote_is_shown(arm: SimpleNamespace, command: Callable[..., SimpleNamespace]) -> None:

@@ -9,9 +9,9 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import least_squares
 
-from myomorph.identify.body.mass_map import frames_in_ground
-from myomorph.identify.body.regions import HINGES, Center, Region, center_places, centers_of, hinge_axis
-from myomorph.model.arrays import Array
+from myomorph.identify.body.points import frames_in_ground
+from myomorph.identify.body.regions import HINGES, Center, Region, center_positions, centers_of, hinge_axis
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
@@ -24,7 +24,7 @@ AXIS_LENGTH, AXIS_WEIGHT = 0.05, 0.001
 ROOT, ROOT_WEIGHT = Region("pelvis"), 1e3
 """The pelvis has a shape of its own, so that it can take its place exactly; limbs then follow from it."""
 TRUNK = Region("torso")
-"""The spine keeps its default shape while the trunk is stretched: it could bend to any length."""
+"""The spine keeps its default shape while the trunk is scaled: it could bend to any length."""
 LIMBS, HINGED = ("thigh", "shank", "upper_arm", "lower_arm"), ("shank", "lower_arm")
 OFF = 2e-3
 """A limb whose joint centers stay further off is searched from other angles [m]."""
@@ -75,7 +75,7 @@ def between_grounds(
     rest = first_frame(None, higher)
     ups = [_upright(model.gravity) for model in (lower, higher)]
     places = [
-        center_places(model, {key: own[key] for key in shared}, pose)
+        center_positions(model, {key: own[key] for key in shared}, pose)
         for model, own, pose in ((lower, centers[0], lower_pose), (higher, centers[1], rest))
     ]
     flat = [np.array([place[key] for key in shared]) @ up for place, up in zip(places, ups, strict=True)]
@@ -101,7 +101,7 @@ def _upright(gravity: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Cue:
+class Cue(FrozenArrays):
     """A point on a hinge's axis beside its center: on the higher model's inner body, and where it should be."""
 
     name: str
@@ -120,7 +120,7 @@ def hinge_cues(
 ) -> list[Cue]:
     """Points that turn thighs and upper arms about their length, where both models have a hinge below."""
     rest, found = first_frame(None, higher), []
-    places = center_places(lower, centers[0], lower_pose)
+    places = center_positions(lower, centers[0], lower_pose)
     for key in shared:
         if centers[0][key].name not in HINGES:
             continue
@@ -191,14 +191,14 @@ class CenterFit:
             raise BadData(f"no region of model '{model.name}' lies between two joint centers that both models have")
 
     def solve(self, rounds: int, tolerance: float) -> tuple[dict[str, Array], Motion]:
-        """Stretch and pose in turn until no center moves further than `tolerance` against the lower model's [m]."""
+        """Scale and pose in turn until no center moves further than `tolerance` against the lower model's [m]."""
         pose, logs = first_frame(None, self._model), np.zeros(sum(self.free.values()))
         before: dict[str, float] = {}
         for _ in range(rounds):
-            logs = self._stretch(logs, pose)
+            logs = self._scale_segments(logs, pose)
             model = scale(self._model, self.factors(logs))
             pose = self._pose(model)
-            places = center_places(model, centers_of(model, self._regions), pose)
+            places = center_positions(model, centers_of(model, self._regions), pose)
             errors = {key: float(np.linalg.norm(places[key] - target)) for key, target in self._targets.items()}
             if max(abs(errors[key] - before.get(key, np.inf)) for key in errors) < tolerance:
                 break
@@ -223,13 +223,13 @@ class CenterFit:
             above = above.parent
         return np.full(3, mean if above is None else float(np.prod(own[above])) ** (1.0 / 3.0))
 
-    def _stretch(self, logs: Array, pose: Motion) -> Array:
+    def _scale_segments(self, logs: Array, pose: Motion) -> Array:
         """Factors with which the distances within regions become the lower model's, in a pose."""
         wanted = {pair: float(np.linalg.norm(self._targets[pair[1]] - self._targets[pair[2]])) for pair in self.pairs}
 
         def residuals(x: Array) -> Array:
             model = scale(self._model, self.factors(x))
-            places = center_places(model, centers_of(model, self._regions), pose)
+            places = center_positions(model, centers_of(model, self._regions), pose)
             rows = [np.linalg.norm(places[a] - places[b]) - wanted[region, a, b] for region, a, b in self.pairs]
             start = 0
             for count in self.free.values():
@@ -283,21 +283,21 @@ class CenterFit:
 
     def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
         """Largest distance of some centers from the lower model's [m]."""
-        places = center_places(model, centers_of(model, self._regions), pose)
+        places = center_positions(model, centers_of(model, self._regions), pose)
         return max(float(np.linalg.norm(places[key] - self._targets[key])) for key in keys)
 
     def _posed(self, model: Model, coordinates: tuple[Coordinate, ...]) -> Motion:
         """Inverse kinematics of the joint centers from the defaults of coordinates."""
         centers = centers_of(model, self._regions)
         virtual = [Marker(key, centers[key].joint.child, centers[key].location) for key in self._targets]
-        stretched = {joint.child: joint.parent_frame.translation for joint in model.joints}
+        scaled = {joint.child: joint.parent_frame.translation for joint in model.joints}
         origins = {joint.child: joint.parent_frame.translation for joint in self._model.joints}
         points, weights = list(self._targets.values()), {}
         for key in self._targets:
             weights[key] = ROOT_WEIGHT if ROOT in (centers[key].inner, centers[key].outer) else 1.0
         for cue in self._cues:
             child = self._centers[cue.name.removesuffix(" axis")].joint.child
-            virtual.append(Marker(cue.name, cue.body, stretched[child] + cue.location - origins[child]))
+            virtual.append(Marker(cue.name, cue.body, scaled[child] + cue.location - origins[child]))
             points.append(cue.target)
             weights[cue.name] = AXIS_WEIGHT
         names = tuple(marker.name for marker in virtual)
@@ -313,7 +313,7 @@ class CenterFit:
         for center in order:
             bare = replace(self._model, joints=model.joints)
             larger = scale(bare, factors)
-            place = center_places(larger, centers_of(larger, self._regions), pose)[center.key]
+            place = center_positions(larger, centers_of(larger, self._regions), pose)[center.key]
             missing = self._targets[center.key] - place
             number = higher.body_names.index(center.joint.parent)
             local = frames_in_ground(larger, pose)[number, :3, :3].T @ missing

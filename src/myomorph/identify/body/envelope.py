@@ -9,27 +9,25 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from myomorph.identify.body.grid import MOST, SPACING, fill
-from myomorph.identify.body.points import Links, links_of
+from myomorph.identify.body.points import MAX_GRID_POINTS, SPACING, Links, fill, links_of
 from myomorph.identify.body.skin import Skin
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import signed_volume
+from myomorph.model.surface import Surface, signed_volume
 
 TISSUE = 1050.0
 """Density of solids whose size the inertia does not tell [kg/m^3]."""
 
 PLAUSIBLE = (400.0, 3000.0)
-"""Densities between which a body's inertia is believed to be that of its flesh [kg/m^3]."""
+"""Densities between which a body's inertia is believed to be that of its soft tissue [kg/m^3]."""
 
-LEAST = 1e-3
+MIN_MASS = 1e-3
 """Bodies below this mass are frames between joints and get no points [kg]."""
 
-FEWEST = 40
+MIN_POINTS = 40
 
 
 class EnvelopePoints(NamedTuple):
@@ -84,7 +82,7 @@ def envelope_points(
     """Points on a regular grid inside a solid around every body that has mass, in the first frame of a motion.
 
     A body of mass m, mass center c and central second moments S fills the ellipsoid of half axes
-    sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would be no flesh (its
+    sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would be no soft tissue (its
     density is not `PLAUSIBLE`: inertias that were only guessed), it fills the convex hull of its meshes, and
     where it has none, an ellipsoid along its bones, each of density `TISSUE`.
 
@@ -99,13 +97,17 @@ def envelope_points(
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
     links = links_of(model, pose)
-    heavy = [i for i, body in enumerate(model.bodies) if body.mass >= LEAST]
+    heavy = [i for i, body in enumerate(model.bodies) if body.mass >= MIN_MASS]
     if not heavy:
-        raise BadData(f"no body of model '{model.name}' weighs {LEAST:g} kg or more: nothing to fill with mass points")
+        raise BadData(
+            f"no body of model '{model.name}' weighs {MIN_MASS:g} kg or more: nothing to fill with mass points"
+        )
     moments = pseudo_inertias(inertial_parameters(model))
     solids = [_solid(model.bodies[i], i, moments[i], links, surfaces or {}) for i in heavy]
-    if sum(solid.volume for solid in solids) / spacing**3 > MOST / 4:
-        raise BadData(f"a grid of {1000 * spacing:g} mm is more than {MOST // 4:,} points: give a wider spacing")
+    if sum(solid.volume for solid in solids) / spacing**3 > MAX_GRID_POINTS / 4:
+        raise BadData(
+            f"a grid of {1000 * spacing:g} mm is more than {MAX_GRID_POINTS // 4:,} points: give a wider spacing"
+        )
     kinds = Counter(solid.kind for solid in solids)
     points, owners, masses = [], [], []
     for i, solid in zip(heavy, solids, strict=True):
@@ -150,7 +152,7 @@ def _mesh_corners(body: Body, surfaces: Mapping[str, Surface]) -> Array:
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:
-    """The convex hull of points under flesh of even thickness; without flesh and smaller where it is too large."""
+    """The convex hull of points under soft tissue of even thickness; without it and smaller where it is too large."""
     try:
         hull = ConvexHull(corners)
         wanted = mass / TISSUE
@@ -171,7 +173,7 @@ def _of_hull(mass: float, corners: Array) -> Solid | None:
 
 
 def _thickness(hull: ConvexHull, wanted: float) -> float:
-    """Flesh t over a convex body that makes its volume V + A t + M t^2 + 4/3 pi t^3, Steiner's formula [m].
+    """Thickness t of soft tissue over a convex body whose volume becomes V + A t + M t^2 + 4/3 pi t^3 (Steiner) [m].
 
     M is pi times the mean width; the width is averaged over the three axes.
     """
@@ -201,7 +203,7 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
 
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
     """Grid points in ground inside a solid; the grid is finer in bodies that would have hardly any."""
-    finest = (solid.volume / (2 * FEWEST)) ** (1.0 / 3.0)
+    finest = (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0)
     return _inside(solid, rotation, origin, min(spacing, finest))
 
 

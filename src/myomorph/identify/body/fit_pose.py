@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.identify.body.landmarks import landmark_of_marker
 from myomorph.identify.body.points import links_of
 from myomorph.identify.body.regions import Center, centers_of, regions_of
 from myomorph.identify.body.shape import Shape
 from myomorph.identify.body.skin import Skin, inside
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion
@@ -37,9 +37,28 @@ landmarks are followed without it."""
 
 TRUNK = ("hip", "lumbar", "neck", "shoulder", "pelvis", "ASIS", "PSIS", "C7", "sternum", "acromion")
 
+_SIDED = (
+    ("ASIS", r"asis?|asi"),
+    ("PSIS", r"psis?|psi"),
+    ("acromion", r"acr(omi(on|um))?|ac|sho|shoulder|sh"),
+    ("lateral elbow", r"lel|lelb|elb(ow)?(_?lat(eral)?)?|lhe|humlatepi|elblat"),
+    ("medial elbow", r"mel|melb|elb(ow)?_?med(ial)?|mhe"),
+    ("lateral knee", r"kne|knee(_?lat(eral)?)?|lfc|lknee|lfe|latknee"),
+    ("medial knee", r"knee?_?med(ial)?|mfc|mknee|mfe|kneemed"),
+    ("lateral ankle", r"ank|ankle(_?lat(eral)?)?|lmal|lankle|latmal"),
+    ("medial ankle", r"ank(le)?_?med(ial)?|mmal|mankle|anklemed"),
+    ("heel", r"hee(l)?|cal(c)?(aneus)?"),
+    ("toe tip", r"toe_?tip|hallux"),
+)
+_MIDDLE = (
+    ("C7", r"c7"),
+    ("head top", r"top[._ ]?head|head[._ ]?top|vertex"),
+    ("sternum", r"sternum|clav|jugular|ij|sjn"),
+)
+
 
 @dataclass(frozen=True, eq=False)
-class PoseFit:
+class PoseFit(FrozenArrays):
     """A model's pose in a skin, both in the model's ground.
 
     Attributes
@@ -225,3 +244,20 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
     if outside:
         notes.append(f"mass centers outside of the skin: {', '.join(outside[:6])}")
     return PoseFit(pose, skin, np.eye(3), np.zeros(3), (), np.zeros(0), tuple(notes))
+
+
+def landmark_of_marker(marker: str) -> str:
+    """Name of the landmark that a marker's name tells, "" where it tells none: "right ASIS" for `R.ASIS`."""
+    name = marker.strip().lower()
+    for landmark, pattern in _MIDDLE:
+        if re.fullmatch(pattern, name):
+            return landmark
+    for form in (r"(?P<side>r|l|right|left)[._ -]?(?P<base>.+)", r"(?P<base>.+?)[._ -](?P<side>r|l|right|left)"):
+        found = re.fullmatch(form, name)
+        if found is None:
+            continue
+        base = re.sub(r"[. -]", "_", found["base"])
+        for landmark, pattern in _SIDED:
+            if re.fullmatch(pattern, base):
+                return f"{'right' if found['side'][0] == 'r' else 'left'} {landmark}"
+    return ""

@@ -1,4 +1,8 @@
-"""Sums over mass points by link and by pair of links, in threads."""
+"""Sums over mass points by link and by pair of links, in threads: products with matrices too large to form.
+
+The matrix is G (10 links, points), whose column j holds w_ij m(x_j) for every link i, with the ten monomials
+m(x) = 1, x, y, z, xx, yy, zz, yz, zx, xy. Weights come as the rows of a CSR matrix.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,159 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.identify.body.point_kernels import PRODUCT_OF, PRODUCTS, pull, push, push_pairs, respond
 from myomorph.identify.body.points import MassPoints
 from myomorph.model.arrays import Array
 from myomorph.rigid.frames import over_frames, thread_count
+from myomorph.rigid.kernels import inner, kernel
+
+EXPONENTS = [
+    (0, 0, 0),
+    (1, 0, 0),
+    (0, 1, 0),
+    (0, 0, 1),
+    (2, 0, 0),
+    (0, 2, 0),
+    (0, 0, 2),
+    (0, 1, 1),
+    (1, 0, 1),
+    (1, 1, 0),
+]
+"""Powers of x, y, z in each of the ten monomials."""
+
+_PRODUCTS = sorted({(a + d, b + e, c + f) for a, b, c in EXPONENTS for d, e, f in EXPONENTS})
+PRODUCTS = len(_PRODUCTS)
+"""Different products of two of the ten monomials: 35, all of degree 4 or less."""
+
+PRODUCT_OF = np.array([[_PRODUCTS.index((a + d, b + e, c + f)) for d, e, f in EXPONENTS] for a, b, c in EXPONENTS])
+"""(10, 10) which of the 35 products a product of two monomials is."""
+
+_POWERS = np.array(_PRODUCTS, np.int64)
+
+
+@inner
+def _monomials(x, j):
+    a, b, c = x[j, 0], x[j, 1], x[j, 2]
+    return 1.0, a, b, c, a * a, b * b, c * c, b * c, c * a, a * b
+
+
+@kernel
+def pull(x, first, links, weights, c, start, stop, out):
+    """out_j = sum_i w_ij c_i . m(x_j), that is G^T c, for points start ... stop - 1; c is (links, 10)."""
+    for j in range(start, stop):
+        m = _monomials(x, j)
+        total = 0.0
+        for k in range(first[j], first[j + 1]):
+            i = links[k]
+            total += weights[k] * (
+                c[i, 0] + c[i, 1] * m[1] + c[i, 2] * m[2] + c[i, 3] * m[3] + c[i, 4] * m[4]
+                + c[i, 5] * m[5] + c[i, 6] * m[6] + c[i, 7] * m[7] + c[i, 8] * m[8] + c[i, 9] * m[9]
+            )  # fmt: skip
+        out[j] = total
+
+
+@kernel
+def push(x, first, links, weights, masses, start, stop, out):
+    """out_i += sum_j w_ij masses_j m(x_j), that is G masses, over points start ... stop - 1; out is (links, 10)."""
+    for j in range(start, stop):
+        if masses[j] == 0.0:
+            continue
+        m = _monomials(x, j)
+        for k in range(first[j], first[j + 1]):
+            i, f = links[k], weights[k] * masses[j]
+            out[i, 0] += f
+            out[i, 1] += f * m[1]
+            out[i, 2] += f * m[2]
+            out[i, 3] += f * m[3]
+            out[i, 4] += f * m[4]
+            out[i, 5] += f * m[5]
+            out[i, 6] += f * m[6]
+            out[i, 7] += f * m[7]
+            out[i, 8] += f * m[8]
+            out[i, 9] += f * m[9]
+
+
+@kernel(fastmath={"reassoc", "contract"})
+def push_pairs(x, first, links, weights, factors, start, stop, out):
+    """out[i (i + 1) / 2 + k] += sum_j factor_j w_ij w_kj (35 products at x_j), k <= i: all blocks of G F G^T.
+
+    Points are taken eight at a time: neighbors on a grid share their links, and a sum of eight is written
+    as fast as one. The last of the 36 columns is there for the processor.
+    """
+    most = 0
+    for k in range(first[start], first[stop]):
+        most = max(most, links[k] + 1)
+    powers, products = np.empty((3, 5)), np.zeros((8, PRODUCTS + 1))
+    shares, seen = np.zeros((most, 8)), np.zeros(most, np.bool_)
+    used, taken = np.empty(most, np.int64), np.empty(8, np.int64)
+    j = start
+    while True:
+        points = 0
+        while j < stop and points < 8:
+            if factors[j] != 0.0:
+                taken[points] = j
+                points += 1
+            j += 1
+        if points == 0:
+            return
+        count = 0
+        for p in range(points):
+            one = taken[p]
+            for axis in range(3):
+                powers[axis, 0] = 1.0
+                for e in range(1, 5):
+                    powers[axis, e] = powers[axis, e - 1] * x[one, axis]
+            for q in range(PRODUCTS):
+                products[p, q] = (
+                    factors[one] * powers[0, _POWERS[q, 0]] * powers[1, _POWERS[q, 1]] * powers[2, _POWERS[q, 2]]
+                )
+            for k in range(first[one], first[one + 1]):
+                i = links[k]
+                if not seen[i]:
+                    seen[i] = True
+                    shares[i] = 0.0
+                    used[count] = i
+                    count += 1
+                shares[i, p] = weights[k]
+        for a in range(count):
+            for b in range(a + 1):
+                i, k = max(used[a], used[b]), min(used[a], used[b])
+                row = out[i * (i + 1) // 2 + k]
+                f0, f1, f2, f3 = (
+                    shares[i, 0] * shares[k, 0],
+                    shares[i, 1] * shares[k, 1],
+                    shares[i, 2] * shares[k, 2],
+                    shares[i, 3] * shares[k, 3],
+                )
+                f4, f5, f6, f7 = (
+                    shares[i, 4] * shares[k, 4],
+                    shares[i, 5] * shares[k, 5],
+                    shares[i, 6] * shares[k, 6],
+                    shares[i, 7] * shares[k, 7],
+                )
+                for q in range(PRODUCTS + 1):
+                    row[q] += (
+                        (f0 * products[0, q] + f1 * products[1, q]) + (f2 * products[2, q] + f3 * products[3, q])
+                    ) + ((f4 * products[4, q] + f5 * products[5, q]) + (f6 * products[6, q] + f7 * products[7, q]))
+        for a in range(count):
+            seen[used[a]] = False
+
+
+@kernel
+def respond(reference, freedom, floor, s, ds, t, start, stop, out):
+    """The masses rho_j = max(floor_j, reference_j + freedom_j (s_j + t ds_j)) as sums over points.
+
+    out[0] += sum (rho_j - reference_j) ds_j, and out[1] += its derivative by t.
+    """
+    slope, curvature = 0.0, 0.0
+    for j in range(start, stop):
+        change = freedom[j] * (s[j] + t * ds[j])
+        if reference[j] + change > floor[j]:
+            slope += change * ds[j]
+            curvature += freedom[j] * ds[j] * ds[j]
+        else:
+            slope += (floor[j] - reference[j]) * ds[j]
+    out[0] += slope
+    out[1] += curvature
 
 
 @dataclass(frozen=True, eq=False)

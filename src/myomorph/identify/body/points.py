@@ -1,23 +1,39 @@
-"""Mass points in a body, and the links they belong to, in the one pose in which skin and skeleton match."""
+"""Mass points on a grid inside a body, what each weighs before anything is measured, and the links they belong to."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
-from myomorph.model.arrays import Array, frozen_array
-from myomorph.model.errors import BadData
+from myomorph.identify.body.skin import Skin, inside
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
+SPACING = 0.005
+"""That of [D] [m]."""
+
+BLOCK = 4
+
+MAX_GRID_POINTS = 60_000_000
+"""Grid points in the box around a body; more would not fit into a laptop."""
+
+DENSITIES: Mapping[str, float] = {
+    "head": 1110.0, "upper_trunk": 920.0, "lower_trunk": 1010.0, "upper_arm": 1070.0, "lower_arm": 1130.0,
+    "hand": 1160.0, "thigh": 1050.0, "shank": 1090.0, "foot": 1100.0,
+}  # fmt: skip
+"""Dempster 1955 as tabulated by Winter 2009, table 4.1 [kg/m^3]; the lungs are part of the upper trunk."""
+
 
 @dataclass(frozen=True, eq=False)
-class Links:
+class Links(FrozenArrays):
     """The bodies of a model in one pose, in ground.
 
     Attributes
@@ -39,7 +55,7 @@ class Links:
 
 
 @dataclass(frozen=True, eq=False)
-class MassPoints:
+class MassPoints(FrozenArrays):
     """Points that a body's mass is thought to sit in, [D] eq. 3.5-3.9.
 
     Attributes
@@ -134,3 +150,98 @@ def links_of(model: Model, pose: Motion) -> Links:
         bones=frozen_array(np.array([(start, end) for _, start, end in pieces]).reshape(-1, 2, 3)),
         bone_links=np.array([i for i, _, _ in pieces], np.int64),
     )
+
+
+def fill(skin: Skin, spacing: float = SPACING) -> Array:
+    """Points (points, 3) of the grid `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside the skin [m].
+
+    The grid hangs on the origin of the skin's frame, so that a skin moved by a whole number of spacings
+    has the same points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside or outside as a whole.
+
+    Raises
+    ------
+    BadData : a spacing that leaves no point inside, or too many to hold
+    """
+    if not spacing > 0.0:
+        raise BadData(f"a spacing of {spacing:g} m: expected above 0")
+    vertices, faces = skin.surface.vertices, skin.surface.faces
+    low = np.floor(vertices.min(axis=0) / spacing - 0.5).astype(np.int64)
+    high = np.ceil(vertices.max(axis=0) / spacing - 0.5).astype(np.int64)
+    blocks = (high - low) // BLOCK + 1
+    if blocks.prod() * BLOCK**3 > MAX_GRID_POINTS:
+        extent = np.ptp(vertices, axis=0)
+        raise BadData(
+            f"a grid of {1000 * spacing:g} mm in a box of {' x '.join(f'{x:.3g}' for x in extent)} m is more than "
+            f"{MAX_GRID_POINTS:,} points: give a wider spacing"
+        )
+    passed = _passed(vertices / spacing - 0.5 - low, faces, blocks)
+    if not skin.watertight:
+        passed[:] = True
+    within = np.zeros((*blocks, BLOCK, BLOCK, BLOCK), np.bool_)
+    whole = np.argwhere(~passed)
+    within[tuple(whole[inside(skin, (whole * BLOCK + low + 0.5) * spacing)].T)] = True
+    cut = np.argwhere(passed)
+    offsets = np.argwhere(np.ones((BLOCK, BLOCK, BLOCK)))
+    for part in np.array_split(cut, max(1, len(cut) // 4096)):
+        index = part[:, None] * BLOCK + offsets
+        within[tuple(part.T)] = inside(skin, (index.reshape(-1, 3) + low + 0.5) * spacing).reshape(-1, *(BLOCK,) * 3)
+    found = np.argwhere(within.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK))
+    if not len(found):
+        raise BadData(f"no point of a grid of {1000 * spacing:g} mm is inside the skin: give a finer spacing")
+    points: Array = (found + low + 0.5) * spacing
+    return points
+
+
+def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """(blocks) whether the box around a face reaches into a block; corners in grid steps."""
+    index = np.floor((corners + 0.5) / BLOCK).astype(np.int64)[faces]
+    spans = np.unique(np.concatenate([index.min(axis=1), index.max(axis=1) + 1], axis=1), axis=0)
+    passed = np.zeros(blocks, np.bool_)
+    for a, b, c, d, e, f in np.maximum(spans, 0).tolist():
+        passed[a:d, b:e, c:f] = True
+    return passed
+
+
+def reference_masses(
+    points: Array,
+    mass: float,
+    regions: Sequence[str] | np.ndarray | None = None,
+    densities: Mapping[str, float] | None = None,
+) -> Array:
+    """Masses (points,) that points on a regular grid have before anything is measured, rho_ref [kg].
+
+    M / N of [D], or in proportion to the density of each point's region, scaled to the whole mass.
+
+    Parameters
+    ----------
+    mass : of the whole body [kg]
+    regions : (points,) name of the region of each point
+    densities : by region [kg/m^3], such as `DENSITIES`
+
+    Raises
+    ------
+    UnknownName : a region without a density
+    """
+    if not mass > 0.0:
+        raise BadData(f"a mass of {mass:g} kg: expected above 0")
+    if regions is None:
+        return np.full(len(points), mass / len(points))
+    densities = DENSITIES if densities is None else densities
+    names, owner = np.unique(np.asarray(regions), return_inverse=True)
+    for name in names:
+        if name not in densities:
+            raise UnknownName("region", str(name), tuple(densities), "the table of densities")
+    density = np.array([densities[name] for name in names])
+    if not (density > 0.0).all():
+        raise BadData("a region's density is not above 0")
+    result: Array = density[owner]
+    return result * (mass / result.sum())
+
+
+def frames_in_ground(model: Model, pose: Motion) -> Array:
+    """(bodies, 4, 4) poses of the bodies' frames in the first frame of a motion."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
+    frames = np.tile(np.eye(4), (len(model.bodies), 1, 1))
+    frames[:, :3, :3], frames[:, :3, 3] = poses.rotations[0, 1:], poses.origins[0, 1:]
+    return frames

@@ -1,4 +1,4 @@
-"""What two models of a human body have in common: regions of bodies, and the joint centers between them."""
+"""What two models of a human body have in common: regions, joint centers between them, and masses given to regions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.identify.body.points import frames_in_ground
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
@@ -51,7 +53,7 @@ class Region(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Center:
+class Center(FrozenArrays):
     """A joint center: a point of the first body of a region, and the joint that makes it.
 
     Attributes
@@ -118,7 +120,7 @@ def _pelvis(model: Model, segments: Mapping[str, Segment], parents: Mapping[str,
         if segment.name == "thigh" and parents[name] != GROUND and segments[parents[name]].name != "thigh"
     }
     if not carriers:
-        raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis cannot be told")
+        raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis is unknown")
     found = set(carriers)
     while True:
         size = len(found)
@@ -165,7 +167,7 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
     return found
 
 
-def center_places(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
+def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
     """(3,) each center in ground in the first frame of a motion [m]."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
@@ -188,3 +190,77 @@ def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     inner = poses.rotations[0, tree.body_index[center.joint.parent]]
     turned: Array = inner @ center.joint.parent_frame.rotation @ axis.vector
     return turned
+
+
+def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
+    """(bodies, 4, 4) pseudo-inertia of every body about the ground's origin, in ground."""
+    frames = frames_in_ground(model, pose)
+    result: Array = frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
+    return result
+
+
+def spread(own: Array, target: Array) -> Array:
+    """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as even as possible.
+
+    All masses grow by the same factor and all mass centers move by the same vector, which gives the sum its
+    mass and its mass center. With second moments P of the sum and Q of the target about the mass center,
+    both in the basis V that makes P = V V^T and Q = V L V^T with L diagonal: where L < 1 the bodies are
+    drawn together by the linear map that turns P into V min(L, 1) V^T and moves mass the least (Olkin and
+    Pukelsheim 1982); where L > 1 each body gets its share by mass of V max(L - 1, 0) V^T, without moving.
+    Every body stays physically possible.
+
+    Parameters
+    ----------
+    own : (bodies, 4, 4) in ground, their sum of positive mass
+    target : (4, 4) in ground
+
+    Raises
+    ------
+    BadData : the target or the sum of the bodies is no body's with extent in all directions
+    """
+    total = own.sum(axis=0)
+    P, Q = (_moments(one) for one in (total, target))
+    half = _root(P)
+    inverse = np.linalg.inv(half)
+    values, vectors = np.linalg.eigh(inverse @ Q @ inverse)
+    V = half @ vectors
+    less = V * np.minimum(values, 1.0) @ V.T
+    more = V * np.maximum(values - 1.0, 0.0) @ V.T
+    G = inverse @ _root(half @ less @ half) @ inverse
+    found = _moved(own, total, target, G)
+    found[:, :3, :3] += found[:, 3, 3, None, None] * more
+    return found
+
+
+def spread_mass(own: Array, target: Array) -> Array:
+    """The same with only the mass and the mass center of the target, moments about them as they grow with mass."""
+    return _moved(own, own.sum(axis=0), target, np.eye(3))
+
+
+def _moved(own: Array, total: Array, target: Array, linear: Array) -> Array:
+    growth = target[3, 3] / total[3, 3]
+    A = np.eye(4)
+    A[:3, :3] = linear
+    A[:3, 3] = target[:3, 3] / target[3, 3] - linear @ (total[:3, 3] / total[3, 3])
+    result: Array = growth * (A @ own @ A.T)
+    return result
+
+
+def _moments(pseudo: Array) -> Array:
+    """Second moments about the mass center per mass [m^2]."""
+    mass = pseudo[3, 3]
+    if not mass > 0.0:
+        raise BadData(f"its mass is {mass:.4g} kg")
+    center = pseudo[:3, 3] / mass
+    moments: Array = pseudo[:3, :3] / mass - np.outer(center, center)
+    least = float(np.linalg.eigvalsh(moments)[0])
+    if not least > 0.0:
+        raise BadData(f"its least second moment of mass is {least * mass:.3g} kg m^2: no distribution of mass has it")
+    return moments
+
+
+def _root(matrix: Array) -> Array:
+    """Square root of a positive semidefinite matrix."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    root: Array = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return root

@@ -13,14 +13,12 @@ from scipy.optimize import least_squares
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.body.landmarks import landmark_vertices
 from myomorph.identify.body.skin import Skin, check_height, check_skin
 from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import signed_volume
+from myomorph.model.surface import Surface, signed_volume
 
 DENSITY = 985.0
 """Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]."""
@@ -32,10 +30,11 @@ SPREAD = 0.15
 MISFIT = MappingProxyType({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
 """What counts as one standard deviation of each measurement [m], [m], [kg]."""
 
-MOST_STEPS = 60
+MAX_STEPS = 60
 LEGS_APART = np.radians(10.0)
 """Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs touch."""
 
+FORWARD, UP, RIGHT = np.eye(3)
 _GENDER = {"female": 1.0, "male": 0.0, None: 0.5}
 _SIDES = {"right": "R", "left": "L"}
 _CENTERS = {
@@ -158,7 +157,7 @@ def _likely_traits(
 
     # The measures have kinks where a trait passes an average, at which steps may shrink without end.
     found = least_squares(
-        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MOST_STEPS
+        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MAX_STEPS
     )
     return traits_of(found.x)
 
@@ -183,13 +182,13 @@ def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | Non
     used = vertices[body.faces, 1]
     return {
         "height": float(used.max() - used.min()),
-        "chest": girth(vertices, trunk, float(vertices[list(_NIPPLES), 1].mean())),
+        "chest": circumference(vertices, trunk, float(vertices[list(_NIPPLES), 1].mean())),
         "mass": DENSITY * volume,
         "volume": volume,
     }
 
 
-def girth(vertices: Array, edges: np.ndarray, level: float) -> float:
+def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
     """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of its section.
 
     Raises
@@ -276,3 +275,63 @@ def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, 
     used = np.unique(body.faces)
     found["head top"] = vertices[used[np.argmax(vertices[used, 1])]]
     return {name: frozen_array(point) for name, point in found.items()}
+
+
+def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, Array]) -> dict[str, int]:
+    """Vertex of each landmark of a standing body, x forward, y up, z right.
+
+    Landmarks are where a ray from a joint center, along an axis of the body or of a joint, leaves the skin; the
+    pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found: 14, 19 and 30 % of the
+    distance of the ASIS medial, behind and below them.
+
+    Parameters
+    ----------
+    places : (3,) where each bone of the rig begins [m]
+    """
+    used = np.unique(faces)
+
+    def leaving(start: Array, direction: Array) -> int:
+        point = _exit(vertices, faces, start, direction / np.linalg.norm(direction))
+        return int(used[np.argmin(np.linalg.norm(vertices[used] - point, axis=1))])
+
+    hips = {side: places[f"upperleg01.{side}"] for side in "RL"}
+    width = float(np.linalg.norm(hips["R"] - hips["L"])) / 0.72
+    found = {
+        "C7": leaving(places["neck01"], -FORWARD),
+        "sternum": leaving(0.5 * (places["clavicle.R"] + places["clavicle.L"]), FORWARD),
+        "head top": int(used[np.argmax(vertices[used, 1])]),
+    }
+    for letter, side, out in (("R", "right", RIGHT), ("L", "left", -RIGHT)):
+        shoulder, elbow, wrist = (places[f"{bone}.{letter}"] for bone in ("upperarm01", "lowerarm01", "wrist"))
+        knee, ankle = places[f"lowerleg01.{letter}"], places[f"foot.{letter}"]
+        # The elbow bends about the normal of upper arm and forearm, which points outward on the right.
+        hinge = np.cross(elbow - shoulder, wrist - elbow)
+        hinge *= np.sign(hinge @ out) or 1.0
+        level = hips[letter] + 0.30 * width * UP
+        foot = [v for v in used if np.linalg.norm(vertices[v] - ankle) < 0.25 and vertices[v, 1] < ankle[1]]
+        forward = vertices[foot, 0]
+        found |= {
+            f"{side} ASIS": leaving(level + 0.14 * width * out, FORWARD),
+            f"{side} PSIS": leaving(level - 0.18 * width * out, -FORWARD),
+            f"{side} acromion": leaving(shoulder, UP),
+            f"{side} lateral elbow": leaving(elbow, hinge),
+            f"{side} medial elbow": leaving(elbow, -hinge),
+            f"{side} lateral knee": leaving(knee, out),
+            f"{side} medial knee": leaving(knee, -out),
+            f"{side} lateral ankle": leaving(ankle, out),
+            f"{side} medial ankle": leaving(ankle, -out),
+            f"{side} heel": int(foot[int(np.argmin(forward))]),
+            f"{side} toe tip": int(foot[int(np.argmax(forward))]),
+        }
+    return found
+
+
+def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) -> Array:
+    """Where a ray from inside first leaves a surface; its start where it meets nothing."""
+    import igl
+
+    hits = igl.ray_mesh_intersect(np.array(start), np.array(direction), vertices, faces.astype(np.int64))
+    if not hits:
+        return start
+    result: Array = start + hits[0][1] * direction
+    return result

@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
-from myomorph.model.surface_parts import area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
+from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
 
 TALLEST = 3.0
 """No body is longer than this in any direction [m]; what is longer is in other units."""
@@ -83,7 +82,7 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
         raise BadData("the skin encloses no volume: expected a closed surface of a body")
     watertight = not len(border_of(faces))
     if not watertight:
-        notes.append("the skin is still open: what is inside is told by winding numbers above one half")
+        notes.append("the skin is still open: points with winding numbers above one half count as inside")
     up = _up(vertices)
     if up and up != "y":
         notes.append(f"the body stands along {up}, not y: give landmarks, or turn the skin as the model's ground is")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, FrozenArrays
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
 
@@ -43,7 +43,7 @@ _TO_GROUND = 0.1 * np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
 
 
 @dataclass(frozen=True, eq=False)
-class StatisticalBody:
+class StatisticalBody(FrozenArrays):
     """Vertices as a sum of shapes whose shares are products of the traits' shares.
 
     Attributes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,7 @@ from scipy import sparse
 
 from myomorph.identify.body.points import Links
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
@@ -77,35 +77,6 @@ def bone_weights(
         )
     kept = wanted[links.bone_links]
     return _inverse_distance(points, links, links.bones[kept], links.bone_links[kept], _positive(exponent), smallest)
-
-
-def given_weights(table: sparse.spmatrix | ArrayLike, names: Sequence[str] | None = None) -> WeightMap:
-    """The map of a table of shares that is known already, as the skinning weights of a body shape are.
-
-    Parameters
-    ----------
-    table : (points, columns) shares >= 0; rows are scaled to sum to 1
-    names : link of each column, several columns may name the same; None: the columns are the links
-    """
-    shares = sparse.csr_array(table, dtype=np.float64)
-
-    def weights(points: Array, links: Links) -> sparse.csr_array:
-        columns = links.names if names is None else tuple(names)
-        if shares.shape != (len(points), len(columns)):
-            raise BadData(f"expected a table of weights ({len(points)}, {len(columns)}), but got {shares.shape}")
-        number = {name: i for i, name in enumerate(links.names)}
-        for name in columns:
-            if name not in number:
-                raise UnknownName("link", name, links.names)
-        places = (np.arange(len(columns)), [number[name] for name in columns])
-        merge = sparse.csr_array((np.ones(len(columns)), places), shape=(len(columns), len(links.names)))
-        by_link = sparse.csr_array(shares @ merge)
-        total = by_link.sum(axis=1)
-        if not (total > 0.0).all():
-            raise BadData(f"{int((~(total > 0.0)).sum())} of {len(points)} points have no weight in any link")
-        return checked_weights(sparse.diags_array(1.0 / total) @ by_link, points, links)
-
-    return weights
 
 
 def checked_weights(weights: sparse.spmatrix | ArrayLike, points: Array, links: Links) -> sparse.csr_array:

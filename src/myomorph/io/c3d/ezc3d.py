@@ -1,31 +1,40 @@
 """C3D by the ezc3d library, in a child process: it hangs on some broken files and crashes on others.
 
-`python -m myomorph.io.c3d.ezc3d IN.c3d OUT.npz` is the child's side.
+In one process with OpenSim's Python module, whose wrapper shares names with its own, ezc3d cannot write either.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
-import sys
+import os
+import shutil
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.c3d.raw import RawC3d, Value
-from myomorph.io.parsing.guard import limit_memory, run_guarded
+from myomorph.io.c3d.plain import RawC3d, Value
+from myomorph.io.parsing.guard import GIGABYTE, run_guarded, seconds_for
 from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.series import Markers, PlateRecording
 
-SECONDS = 10.0
-BYTES_PER_SECOND = 20e6
+WRITING = 120.0
+"""Time that writing may take [s]."""
+
+
+def has_ezc3d() -> bool:
+    """Whether the library is installed: there is none for Windows and Linux on ARM."""
+    return importlib.util.find_spec("ezc3d") is not None
 
 
 def read_c3d_ezc3d(path: Path) -> RawC3d | str:
     """Read a C3D file with ezc3d in a child process; a text says why it could not."""
-    seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
+    gigabytes = 4.0 + 40.0 * path.stat().st_size / GIGABYTE
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
         target = Path(folder) / "c3d.npz"
-        outcome = run_guarded("myomorph.io.c3d.ezc3d", [str(path.resolve()), str(target)], seconds)
+        outcome = run_guarded(f"{__name__}:_save_arrays", [path.resolve(), target], seconds_for(path), gigabytes)
         if outcome.status != "done" or not target.exists():
             return outcome.message or "gave no result"
         with np.load(target) as arrays:
@@ -62,9 +71,8 @@ def _stored(value: object) -> dict[str, object]:
     return {"numbers": numbers.ravel().tolist(), "shape": list(numbers.shape)}
 
 
-def _convert(source: str, target: str) -> None:
-    """The child's work: read with ezc3d, save plain arrays."""
-    limit_memory(4.0 + 40.0 * Path(source).stat().st_size / (1 << 30))
+def _save_arrays(source: str, target: str) -> None:
+    """The child's side of reading: a C3D file as plain arrays."""
     import ezc3d
 
     file = ezc3d.c3d(source, extract_forceplat_data=False)
@@ -95,17 +103,70 @@ def _convert(source: str, target: str) -> None:
     np.savez(target, about=np.array(json.dumps(about)), points=points, residuals=residuals, analog=analog)
 
 
-def _main() -> int:
-    try:
-        _convert(*sys.argv[1:3])
-    except MemoryError:
-        sys.stderr.write("asked for more memory than such a file can need\n")
-        return 1
-    except Exception as error:
-        sys.stderr.write(" ".join(str(error).split())[:300] + "\n")
-        return 1
-    return 0
+def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecording | None = None) -> None:
+    """Write markers [mm] and a plate of type 2, forces [N] and moments [N mm], a whole number of samples a frame.
+
+    Raises
+    ------
+    BadData
+        The plate is of another type, or has fewer samples than frames.
+    BadFile
+        The file cannot be written.
+    """
+    if not has_ezc3d():
+        raise BadFile(path, "cannot be written without ezc3d", "install it, where it exists for the system")
+    arrays = {
+        "names": np.array(markers.names),
+        "rate": np.array(round(1.0 / float(np.median(np.diff(markers.time))), 3)),
+        "points": 1000.0 * markers.values,
+    }
+    if plate is not None:
+        every = len(plate.channels) // len(markers)
+        if plate.kind != 2 or every < 1:
+            raise BadData(
+                f"plate '{plate.name}' of type {plate.kind} has {len(plate.channels)} samples for {len(markers)} "
+                "frames: plates of type 2 with a sample a frame or more can be written"
+            )
+        arrays["channels"] = plate.channels[: every * len(markers)] * ([1.0] * 3 + [1000.0] * 3)
+        arrays |= {"every": np.array(every), "corners": 1000.0 * plate.corners, "origin": 1000.0 * plate.origin}
+    with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
+        source, made = Path(folder) / "recording.npz", Path(folder) / "recording.c3d"
+        np.savez(source, **arrays)  # type: ignore[arg-type]
+        outcome = run_guarded(f"{__name__}:_save_c3d", [source, made], WRITING)
+        if outcome.status != "done":
+            raise BadFile(path, f"cannot be written ({outcome.message})")
+        try:
+            shutil.move(made, path)
+        except OSError as error:
+            raise BadFile(path, f"cannot be written ({error.strerror or error})") from None
 
 
-if __name__ == "__main__":
-    sys.exit(_main())
+def _save_c3d(source: str, target: str) -> None:
+    """The child's side of writing: plain arrays as a C3D file."""
+    import ezc3d
+
+    file = ezc3d.c3d()
+    parameters = file["parameters"]
+    with np.load(source) as given:
+        frames, names = len(given["points"]), given["names"].tolist()
+        points = np.ones((4, len(names), frames))
+        points[:3] = given["points"].transpose(2, 1, 0)
+        for name, value in (("UNITS", ["mm"]), ("RATE", [float(given["rate"])]), ("LABELS", names)):
+            parameters["POINT"][name]["value"] = value
+        file["data"]["points"] = points
+        if "channels" in given:
+            labels, units = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"], ["N"] * 3 + ["Nmm"] * 3
+            rate = float(given["every"] * given["rate"])
+            for name, value in (("UNITS", units), ("RATE", [rate]), ("LABELS", labels)):
+                parameters["ANALOG"][name]["value"] = value
+            file["data"]["analogs"] = given["channels"].T[None]
+            for name, value in (
+                ("USED", [1]),
+                ("TYPE", [2]),
+                ("ZERO", [1, 0]),
+                ("CORNERS", given["corners"].T[:, :, None]),
+                ("ORIGIN", given["origin"][:, None]),
+                ("CHANNEL", np.arange(1.0, 7.0)[:, None]),
+            ):
+                file.add_parameter("FORCE_PLATFORM", name, value)
+    file.write(target)

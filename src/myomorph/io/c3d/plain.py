@@ -16,14 +16,71 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.c3d.raw import RawC3d, Value
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 
-BLOCK = 512
+Value = tuple[str, ...] | Array
+
+BLOCK, KEY = 512, 0x50
+"""Bytes of a block; the second byte of every C3D file."""
+
 PC, DEC, SGI = 84, 85, 86
 EVENT_KEY = 12345
 MOST_DIMENSIONS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class RawC3d:
+    """Parameters and samples of a C3D file, scaled, in the file's units.
+
+    Attributes
+    ----------
+    groups : group to parameter to value: texts, or numbers of the file's shape (first index fastest)
+    first_frame : number of the first frame, counted from 1
+    point_rate, analog_rate : samples per second [Hz]
+    points : (frames, points, 3), NaN where the file calls them invalid
+    residuals : (frames, points), negative where invalid
+    analog : (samples, channels), offset and scale applied
+    events : (label, time [s]) of the header's own list
+    reader : which reader it was
+    remarks : what that reader had to mend or leave out
+    """
+
+    groups: Mapping[str, Mapping[str, Value]]
+    first_frame: int
+    point_rate: float
+    analog_rate: float
+    points: Array
+    residuals: Array
+    analog: Array
+    events: tuple[tuple[str, float], ...] = ()
+    reader: str = ""
+    remarks: tuple[str, ...] = ()
+
+    def texts(self, group: str, name: str) -> tuple[str, ...]:
+        """Texts of a parameter and of its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
+        found: list[str] = []
+        for number in ("", *range(2, 40)):
+            value = self.groups.get(group, {}).get(f"{name}{number}")
+            if value is None:
+                break
+            found += value if isinstance(value, tuple) else ()
+        return tuple(text.partition("\0")[0].strip() for text in found)
+
+    def numbers(self, group: str, name: str) -> Array:
+        """Numbers of a parameter, flat in the file's order, and of its continuations; empty if absent."""
+        found: list[Array] = []
+        for number in ("", *range(2, 40)):
+            value = self.groups.get(group, {}).get(f"{name}{number}")
+            if value is None or isinstance(value, tuple):
+                break
+            found.append(np.asarray(value, dtype=np.float64).ravel(order="F"))
+        return np.concatenate(found) if found else np.zeros(0)
+
+    def shape(self, group: str, name: str) -> tuple[int, ...]:
+        """Shape of a parameter's value, () if absent or text."""
+        value = self.groups.get(group, {}).get(name)
+        return () if value is None or isinstance(value, tuple) else np.shape(value)
 
 
 def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
@@ -40,7 +97,7 @@ def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
         raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
     if len(data) < BLOCK:
         raise BadFile(path, "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)")
-    if data[1] != 0x50:
+    if data[1] != KEY:
         raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
     remarks: list[str] = []
     # A damaged file holds numbers of any size; what is not finite is dealt with where it is used.

@@ -11,10 +11,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.io.c3d.ezc3d import read_c3d_ezc3d
-from myomorph.io.c3d.plain import read_c3d_plain
+from myomorph.io.c3d.ezc3d import has_ezc3d, read_c3d_ezc3d
+from myomorph.io.c3d.plain import BLOCK, KEY, RawC3d, read_c3d_plain
 from myomorph.io.c3d.plates import plate_recordings
-from myomorph.io.c3d.raw import RawC3d
 from myomorph.io.parsing.text import unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
@@ -75,11 +74,11 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
 def _read_raw(path: Path) -> RawC3d:
     try:
         with path.open("rb") as stream:
-            head = stream.read(512)
+            head = stream.read(BLOCK)
     except OSError as error:
         raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-    if len(head) < 512 or head[1] != 0x50:
-        return read_c3d_plain(path)  # which says what is wrong with it
+    if len(head) < BLOCK or head[1] != KEY or not has_ezc3d():
+        return read_c3d_plain(path)  # which says what is wrong with a file that is no C3D file
     raw = read_c3d_ezc3d(path)
     if isinstance(raw, RawC3d) and _whole(raw, head):
         return raw

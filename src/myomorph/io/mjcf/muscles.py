@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from myomorph.io.mjcf.names import MjcfNames, pose_of
+from myomorph.io.mjcf.bodies import MjcfNames, pose_of
 from myomorph.model.model import Actuator, Kept
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
 

@@ -1,27 +1,40 @@
-"""OpenSim's ideal actuators: of a coordinate, a torque, a point, or between two points."""
+"""OpenSim's ideal actuators (coordinate, torque, point, point to point), their files, and files of controls."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import replace
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from lxml import etree
 
-from myomorph.io.osim.document import Node
-from myomorph.io.osim.frames import Frames
+from myomorph.io.osim.document import Node, child, legal, number, numbers, read_document
 from myomorph.io.osim.joints import plain_name
-from myomorph.model.errors import UnknownName
-from myomorph.model.model import GROUND, Actuator
+from myomorph.io.parsing.text import written
+from myomorph.model.errors import BadFile, UnknownName
+from myomorph.model.model import GROUND, Actuator, Model
+from myomorph.model.series import Table
+from myomorph.model.spatial import Transform
 
 KINDS = ("CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointActuator")
 ZEROS = (0.0, 0.0, 0.0)
 OLD = 10905
+
+BEFORE = (
+    "<is_model_control>true</is_model_control>", "<extrapolate>true</extrapolate>", "<default_min>0.02</default_min>",
+    "<default_max>1</default_max>", "<filter_on>false</filter_on>", "<use_steps>false</use_steps>",
+)  # fmt: skip
+AFTER = ("<min_nodes />", "<max_nodes />", "<kp>100</kp>", "<kv>20</kv>")
+"""What OpenSim writes of every control, whatever its bounds."""
 
 
 def read_actuator(node: Node) -> Actuator:
     """An ideal actuator with the names the file gives, not yet looked up in a model."""
     low = node.number("min_control", -np.inf, infinite=True)
     high = node.number("max_control", np.inf, infinite=True)
-    enabled = node.flag("appliesForce", not node.flag("isDisabled", False))
+    enabled = node.is_applied
     name, force = node.name, node.number("optimal_force", 1.0)
     if node.kind == "CoordinateActuator":
         coordinate = plain_name(node.text("", "coordinate"))
@@ -78,24 +91,130 @@ def _body(node: Node, tag: str) -> str:
     return "" if text == "Unassigned" else text
 
 
-def placed_actuator(node: Node, actuator: Actuator, frames: Frames, coordinates: tuple[str, ...]) -> Actuator:
+def placed_actuator(
+    actuator: Actuator, coordinates: tuple[str, ...], pose_of: Callable[[str], tuple[str, Transform]], where: str
+) -> Actuator:
     """The actuator with its names looked up, its points and directions in bodies.
+
+    Parameters
+    ----------
+    pose_of : body and pose of the frame of a name
+    where : begins the message about an unknown name
 
     Raises
     ------
     UnknownName
         It names a body or coordinate that the model does not have.
     """
-    where = f"{node.document.path}: actuator '{actuator.name}': the model"
     if actuator.kind == "coordinate":
         if actuator.coordinate not in coordinates:
             raise UnknownName("coordinate", actuator.coordinate, coordinates, where)
         return actuator
-    body, pose = frames.place(actuator.body or GROUND, node)
-    other, other_pose = frames.place(actuator.other_body, node) if actuator.other_body else ("", pose)
+    body, pose = pose_of(actuator.body)
+    other, other_pose = pose_of(actuator.other_body) if actuator.other_body else ("", pose)
     placed = replace(actuator, body=body, other_body=other)
     if not actuator.point_is_global:
         placed = replace(placed, point=pose.apply(actuator.point), other_point=other_pose.apply(actuator.other_point))
     if not actuator.direction_is_global:
         placed = replace(placed, direction=pose.rotation @ actuator.direction)
     return placed
+
+
+def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
+    """An ideal actuator."""
+    kinds = {
+        "coordinate": "CoordinateActuator",
+        "torque": "TorqueActuator",
+        "point": "PointActuator",
+        "point_to_point": "PointToPointActuator",
+    }
+    element = child(parent, kinds[actuator.kind], name=actuator.name)
+    child(element, "appliesForce", str(actuator.enabled).lower())
+    child(element, "min_control", number(actuator.min_control))
+    child(element, "max_control", number(actuator.max_control))
+    child(element, "optimal_force", number(actuator.optimal_force))
+    is_global = str(actuator.point_is_global).lower(), str(actuator.direction_is_global).lower()
+    if actuator.kind == "coordinate":
+        child(element, "coordinate", legal(actuator.coordinate))
+    elif actuator.kind == "point":
+        child(element, "body", legal(actuator.body))
+        child(element, "point", numbers(actuator.point))
+        child(element, "point_is_global", is_global[0])
+        child(element, "direction", numbers(actuator.direction))
+        child(element, "force_is_global", is_global[1])
+    else:
+        child(element, "bodyA", legal(actuator.body))
+        if actuator.other_body:
+            child(element, "bodyB", legal(actuator.other_body))
+        if actuator.kind == "torque":
+            child(element, "torque_is_global", is_global[1])
+            child(element, "axis", numbers(actuator.direction))
+        else:
+            child(element, "points_are_global", is_global[0])
+            child(element, "pointA", numbers(actuator.point))
+            child(element, "pointB", numbers(actuator.other_point))
+
+
+def read_actuators(path: str | os.PathLike[str], model: Model | None = None) -> tuple[Actuator, ...]:
+    """The actuators of a ForceSet file, those it switches off left out.
+
+    Parameters
+    ----------
+    model : where given, names are looked up in it, and points on its offset frames placed in bodies
+
+    Raises
+    ------
+    BadFile
+        The file holds no set of forces, or a force that is not an ideal actuator.
+    UnknownName
+        An actuator names a coordinate or body that the model lacks.
+    """
+    node = read_document(path, ("ForceSet", "ActuatorSet"), "a set of actuators (ForceSet)")
+    found = []
+    for one in node.items("objects"):
+        if one.kind not in KINDS:
+            raise one.bad("is not an ideal actuator", f"expected {', '.join(KINDS)}")
+        actuator = read_actuator(one)
+        if actuator.enabled:
+            found.append(actuator if model is None else _looked_up(actuator, model))
+    if not found:
+        raise BadFile(path, "holds no actuator that is switched on")
+    return tuple(found)
+
+
+def _looked_up(actuator: Actuator, model: Model) -> Actuator:
+    where = f"the model (for actuator '{actuator.name}')"
+    return placed_actuator(actuator, model.coordinate_names, lambda name: _place(name, model, where), where)
+
+
+def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
+    name = plain_name(text)
+    if not name or name == GROUND or name in model.body_names:
+        return name, Transform.identity()
+    frame = next((one for one in model.frames if one.name == name), None)
+    if frame is None:
+        raise UnknownName("body", name, (GROUND, *model.body_names, *(one.name for one in model.frames)), where)
+    return frame.body, frame.pose
+
+
+def write_controls(table: Table, path: str | os.PathLike[str], name: str = "Control Set") -> None:
+    """Write the columns of a table as controls, whole or not at all."""
+    with written(path) as stream:
+        stream.write('<?xml version="1.0" encoding="UTF-8" ?>\n<OpenSimDocument Version="40600">\n')
+        stream.write(f"\t<ControlSet name={quoteattr(name)}>\n\t\t<objects>\n")
+        for column, values in zip(table.names, table.values.T, strict=True):
+            stream.write(f"\t\t\t<ControlLinear name={quoteattr(column)}>\n")
+            stream.writelines(f"\t\t\t\t{line}\n" for line in BEFORE)
+            stream.write("\t\t\t\t<x_nodes>\n")
+            for time, value in zip(table.time.tolist(), values.tolist(), strict=True):
+                node = f"<t>{time:.12g}</t><value>{_number(value)}</value>"
+                stream.write(f"\t\t\t\t\t<ControlLinearNode>{node}</ControlLinearNode>\n")
+            stream.write("\t\t\t\t</x_nodes>\n")
+            stream.writelines(f"\t\t\t\t{line}\n" for line in AFTER)
+            stream.write("\t\t\t</ControlLinear>\n")
+        stream.write("\t\t</objects>\n\t\t<groups />\n\t</ControlSet>\n</OpenSimDocument>\n")
+
+
+def _number(value: float) -> str:
+    """As OpenSim's XML has it."""
+    return "NaN" if value != value else f"{value:.12g}"

@@ -1,14 +1,18 @@
-"""OpenSim's bodies with their meshes, wrap objects and markers."""
+"""OpenSim's bodies with their meshes and wrap objects, read and written."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable
 
-from myomorph.io.osim.document import Node
-from myomorph.io.osim.frames import OFFSET_KINDS, Frames
+import numpy as np
+from lxml import etree
+
+from myomorph.io.osim.document import Node, child, number, numbers
+from myomorph.io.osim.frames import OFFSET_KINDS, Frames, body_path, euler, is_still, write_offset_frame
+from myomorph.io.osim.kept import put_back
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
-from myomorph.model.model import GROUND, Body, Marker, Mesh
+from myomorph.model.model import GROUND, Body, Frame, Kept, Mesh, Model
 from myomorph.model.paths import WrapObject
 from myomorph.model.spatial import Transform
 
@@ -130,12 +134,94 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
     return WrapObject(node.name, body, kind, pose, size, QUADRANTS[quadrant], active)  # type: ignore[arg-type]
 
 
-def read_markers(node: Node, frames: Frames) -> list[Marker]:
-    """The model's markers, on bodies."""
-    markers = []
-    for one in node.items("MarkerSet"):
-        if one.kind != "Marker":
+def write_body(parent: etree._Element, body: Body, model: Model, kept: list[Kept]) -> None:
+    """A body with its frames, meshes, wrap objects and mass properties."""
+    element = child(parent, "Body", name=body.name)
+    write_body_parts(element, body.name, body.meshes, model, kept)
+    inertia = body.inertia
+    child(element, "mass", number(body.mass))
+    child(element, "mass_center", numbers(body.mass_center))
+    six = (inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2])
+    child(element, "inertia", numbers(six))
+
+
+def write_body_parts(
+    element: etree._Element, name: str, meshes: Iterable[Mesh], model: Model, kept: list[Kept]
+) -> None:
+    """Frames, meshes and wrap objects of a body or of the ground."""
+    components = etree.Element("components")
+    frames = [frame for frame in model.frames if frame.body == name]
+    holders = {}
+    for frame in frames:
+        holders[frame.name] = write_offset_frame(components, frame.name, body_path(name), frame.pose)
+    own = []
+    for mesh in meshes:
+        if is_still(mesh.pose):
+            own.append(mesh)
             continue
-        body, pose = frames.place(one.socket("parent_frame", "body"), one)
-        markers.append(Marker(one.name, body, pose.apply(one.vector("location", ZEROS)), one.flag("fixed", False)))
-    return markers
+        at = next((one.name for one in frames if _close(one.pose, mesh.pose)), "")
+        if not at:
+            at = _free_name(f"{name}_geom_frame", holders)
+            holders[at] = write_offset_frame(components, at, body_path(name), mesh.pose)
+            frames.append(Frame(at, name, mesh.pose))
+        _write_meshes(holders[at], [mesh], at)
+    put_back(components, kept, f"/bodyset/{name}")
+    if len(components):
+        element.insert(0, components)
+    _write_meshes(element, own, name)
+    objects = child(child(element, "WrapObjectSet", name="wrapobjectset"), "objects")
+    for wrap in model.wrap_objects:
+        if wrap.body == name:
+            _write_wrap(objects, wrap)
+
+
+def _free_name(stem: str, taken: Iterable[str]) -> str:
+    used = set(taken)
+    return next(name for i in range(1, len(used) + 2) if (name := f"{stem}_{i}") not in used)
+
+
+def _close(first: Transform, second: Transform) -> bool:
+    return bool(
+        np.allclose(first.rotation, second.rotation, rtol=0, atol=1e-14)
+        and np.allclose(first.translation, second.translation, rtol=0, atol=1e-14)
+    )
+
+
+def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> None:
+    if not meshes:
+        return
+    holder = element.find("attached_geometry")
+    if holder is None:
+        holder = child(element, "attached_geometry")
+    for mesh in meshes:
+        kind = "Mesh" if mesh.file else next((name for name, shape in PRIMITIVES.items() if shape == mesh.shape), None)
+        if kind is None:
+            continue
+        one = child(holder, kind, name=f"{name}_geom_{len(holder) + 1}")
+        child(one, "socket_frame", "..")
+        if mesh.file:
+            child(one, "scale_factors", numbers(mesh.scale))
+            child(one, "mesh_file", mesh.file)
+        elif kind == "Sphere":
+            child(one, "radius", number(mesh.scale[0]))
+        elif kind == "Cylinder":
+            child(one, "radius", number(mesh.scale[0]))
+            child(one, "half_height", number(mesh.scale[1]))
+        else:
+            child(one, "radii" if kind == "Ellipsoid" else "half_lengths", numbers(mesh.scale))
+
+
+def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
+    kinds = {"cylinder": "WrapCylinder", "sphere": "WrapSphere", "ellipsoid": "WrapEllipsoid", "torus": "WrapTorus"}
+    element = child(parent, kinds[wrap.kind], name=wrap.name)
+    child(element, "active", str(wrap.active).lower())
+    child(element, "xyz_body_rotation", numbers(euler(wrap.pose.rotation)))
+    child(element, "translation", numbers(wrap.pose.translation))
+    child(element, "quadrant", wrap.quadrant or "all")
+    size = [one if np.isfinite(one) else 100.0 for one in wrap.size]
+    if wrap.kind == "ellipsoid":
+        child(element, "dimensions", numbers(size))
+    else:
+        tags = {"cylinder": ("radius", "length"), "sphere": ("radius",), "torus": ("inner_radius", "outer_radius")}
+        for tag, value in zip(tags[wrap.kind], size, strict=True):
+            child(element, tag, number(value))

@@ -1,14 +1,26 @@
-"""OpenSim's ConstraintSet: couplers, loops, and the constraints that are kept but not modelled."""
+"""OpenSim's couplers, loops, bushings, and springs and limits of coordinates, read and written."""
 
 from __future__ import annotations
 
-from myomorph.io.osim.document import Node
-from myomorph.io.osim.frames import Frames
-from myomorph.io.osim.functions import read_function
+from collections.abc import Sequence
+
+import numpy as np
+from lxml import etree
+from numpy.polynomial import polynomial as poly
+
+from myomorph.io.osim.document import Node, child, legal, number, numbers
+from myomorph.io.osim.frames import Frames, body_path, write_offset_frame
+from myomorph.io.osim.functions import read_function, write_function
+from myomorph.io.osim.joints import plain_name
 from myomorph.io.osim.kept import keep
 from myomorph.model.errors import UnknownName
-from myomorph.model.model import Coupler, Kept, Loop
+from myomorph.model.functions import PiecewisePolynomial, constant, linear
+from myomorph.model.model import Coordinate, Coupler, Kept, Loop
+from myomorph.model.paths import Bushing, PassiveTorque
 from myomorph.model.spatial import Transform
+
+BUSHING = "BushingForce"
+KINDS = ("CoordinateLimitForce", "SpringGeneralizedForce")
 
 
 def read_constraints(
@@ -62,3 +74,160 @@ def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
     place = node.vector(f"location_body_{i}", (0.0, 0.0, 0.0))
     turn = node.vector(f"orientation_body_{i}", (0.0, 0.0, 0.0))
     return body, pose @ Transform.from_euler_xyz(turn, place)
+
+
+def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tuple[PassiveTorque, ...]:
+    """The passive torques of a model's forces, those switched off left out.
+
+    Raises
+    ------
+    UnknownName
+        One names a coordinate that the model does not have.
+    """
+    by_name = {one.name: one for one in coordinates}
+    found: list[PassiveTorque] = []
+    for node in model.items("ForceSet"):
+        if node.kind not in KINDS or not node.is_applied:
+            continue
+        name = plain_name(node.text("", "coordinate"))
+        if name not in by_name:
+            raise UnknownName("coordinate", name, tuple(by_name), f"{node.document.path}: {node.kind} '{node.name}'")
+        if node.kind == "SpringGeneralizedForce":
+            stiffness, rest = node.number("stiffness", 0.0), node.number("rest_length", 0.0)
+            spring = linear(-stiffness, stiffness * rest)
+            found.append(PassiveTorque(node.name, name, spring, constant(node.number("viscosity", 0.0))))
+        else:
+            found += _limits(node, by_name[name])
+    return tuple(found)
+
+
+def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
+    """The bushings of a model's forces, those switched off left out.
+
+    Raises
+    ------
+    UnknownName
+        One names a frame that the model does not have.
+    """
+    found = []
+    for node in model.items("ForceSet"):
+        if node.kind != BUSHING or not node.is_applied:
+            continue
+        (body_1, pose_1), (body_2, pose_2) = (tied_frame(node, frames, i) for i in "12")
+        parts = {
+            f"{what}_{part}": node.vector(f"{what}_{part}", (0.0, 0.0, 0.0))
+            for what in ("rotational", "translational")
+            for part in ("stiffness", "damping")
+        }
+        found.append(Bushing(node.name, body_1, body_2, pose_1, pose_2, **parts))
+    return tuple(found)
+
+
+def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
+    """The torques of both limits: nothing inside, then a stiffness that rises over the transition.
+
+    Rotational limits are in degrees, their stiffness and damping per degree.
+    """
+    unit = np.pi / 180.0 if coordinate.motion == "rotational" else 1.0
+    width = node.number("transition", 0.1) * unit
+    damping = node.number("damping", 0.001) / unit
+    found = []
+    for side, sign in (("upper", 1.0), ("lower", -1.0)):
+        limit = sign * node.number(f"{side}_limit", 0.0) * unit
+        stiffness = node.number(f"{side}_stiffness", 1.0) / unit
+        # The smooth step 10 t^3 - 15 t^4 + 6 t^5 of t = h / width, h the way past the limit.
+        step = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / width ** np.arange(6)
+        resisting = -stiffness * poly.polymul(step, [0.0, 1.0])
+        torque = _pieces(limit, width, resisting, [-stiffness * width, -stiffness])
+        damped = _pieces(limit, width, damping * step, [damping])
+        if sign < 0.0:
+            torque, damped = _mirrored(torque).scaled(-1.0), _mirrored(damped)
+        found.append(PassiveTorque(f"{node.name}_{side}", coordinate.name, torque, damped))
+    return found
+
+
+def _pieces(limit: float, width: float, within: np.ndarray, beyond: list[float]) -> PiecewisePolynomial:
+    """0 up to the limit, `within` over the transition, `beyond` after it."""
+    rows = np.zeros((3, 7))
+    rows[1, : len(within)] = within
+    rows[2, : len(beyond)] = beyond
+    return PiecewisePolynomial(np.array([limit, limit, limit + width]), rows)
+
+
+def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
+    """g(x) = f(-x) of a function of three pieces whose first break is given twice."""
+    _, low, high = function.breaks
+    width = high - low
+    left, middle, right = function.coefficients
+    signs = (-1.0) ** np.arange(len(left))
+    # On a piece of f, f(-x) with x = -high + k reads f at low + (width - k).
+    turned = np.zeros_like(middle)
+    power = np.array([1.0])
+    for coefficient in middle:
+        turned[: len(power)] += coefficient * power
+        power = poly.polymul(power, [width, -1.0])
+    return PiecewisePolynomial(np.array([-high, -high, -low]), np.stack([right * signs, turned, left * signs]))
+
+
+def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list[str]) -> None:
+    """A spring of a coordinate, where the torque is a line and the damping constant; else a warning."""
+    torque, damping = passive.torque, passive.damping
+    straight = isinstance(torque, PiecewisePolynomial) and torque.coefficients.shape in ((1, 1), (1, 2))
+    if not straight or not isinstance(damping, PiecewisePolynomial) or damping.coefficients.shape != (1, 1):
+        warnings.append(f"passive torque '{passive.name}' is left out: it is not a linear spring with constant damping")
+        return
+    at_zero, slope = float(torque(0.0)), float(torque(0.0, order=1))  # type: ignore[call-arg]
+    if slope == 0.0 and at_zero != 0.0:
+        warnings.append(f"passive torque '{passive.name}' is left out: it is constant")
+        return
+    element = child(parent, "SpringGeneralizedForce", name=passive.name)
+    child(element, "coordinate", legal(passive.coordinate))
+    child(element, "stiffness", number(-slope))
+    child(element, "rest_length", number(-at_zero / slope if slope else 0.0))
+    child(element, "viscosity", number(float(damping(0.0))))
+
+
+def write_bushing(parent: etree._Element, bushing: Bushing) -> None:
+    """Springs and dampers between two frames."""
+    element = child(parent, "BushingForce", name=bushing.name)
+    _write_ends(element, bushing)
+    for what in ("rotational", "translational"):
+        for part in ("stiffness", "damping"):
+            child(element, f"{what}_{part}", numbers(getattr(bushing, f"{what}_{part}")))
+
+
+def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str]) -> None:
+    """A coordinate coupler."""
+    element = child(parent, "CoordinateCouplerConstraint", name=coupler.name)
+    child(element, "isEnforced", "true")
+    holder = child(element, "coupled_coordinates_function")
+    names = coupler.independents
+    write_function(holder, coupler.function, f"coupler '{coupler.name}'", warnings)
+    if not names:
+        warnings.append(f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it is")
+    child(element, "independent_coordinate_names", " ".join(legal(name) for name in names))
+    child(element, "dependent_coordinate_name", legal(coupler.dependent))
+    child(element, "scale_factor", "1")
+
+
+def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
+    """A point or weld constraint."""
+    if loop.kind in ("PointConstraint", "connect"):
+        element = child(parent, "PointConstraint", name=loop.name)
+        for i, body, pose in (("1", loop.body_1, loop.pose_1), ("2", loop.body_2, loop.pose_2)):
+            child(element, f"socket_body_{i}", body_path(body))
+            child(element, f"location_body_{i}", numbers(pose.translation))
+    elif loop.kind in ("WeldConstraint", "weld"):
+        element = child(parent, "WeldConstraint", name=loop.name)
+        _write_ends(element, loop)
+    else:
+        warnings.append(f"constraint '{loop.name}' of kind '{loop.kind}' cannot be written")
+
+
+def _write_ends(element: etree._Element, tie: Loop | Bushing) -> None:
+    """The two frames of what links bodies, as offset frames of its own."""
+    frames = etree.Element("frames")
+    for i, body, pose in (("1", tie.body_1, tie.pose_1), ("2", tie.body_2, tie.pose_2)):
+        child(element, f"socket_frame{i}", legal(f"{body}_frame{i}"))
+        write_offset_frame(frames, f"{body}_frame{i}", body_path(body), pose)
+    element.append(frames)

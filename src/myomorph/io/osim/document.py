@@ -1,4 +1,4 @@
-"""An OpenSim document as typed properties: versions, defaults sections and component paths."""
+"""An OpenSim document as typed properties: versions, defaults sections and component paths; and elements to write."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from lxml import etree
+from numpy.typing import ArrayLike
 
+from myomorph.io.parsing.text import written
 from myomorph.io.parsing.xml import read_xml
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
@@ -138,6 +140,11 @@ class Node:
             raise self.bad(f"'{tag}' is '{text}'", "expected true or false")
         return default
 
+    @property
+    def is_applied(self) -> bool:
+        """Whether a force is switched on, in any version's spelling."""
+        return self.flag("appliesForce", not self.flag("isDisabled", False))
+
     def number(self, tag: str, default: float, infinite: bool = False) -> float:
         """A property that is one number."""
         values = self.numbers(tag, None, infinite)
@@ -238,3 +245,36 @@ def unique(names: list[str], kind: str, document: Document) -> Iterator[str]:
             document.warn(f"two {kind}s are named '{name}': the later one is called '{free}'")
         taken.add(free)
         yield free
+
+
+def number(value: float) -> str:
+    """Shortest text that reads back as the same number."""
+    if np.isinf(value):
+        return "Inf" if value > 0 else "-Inf"
+    return repr(float(value))
+
+
+def numbers(values: ArrayLike) -> str:
+    """Numbers with blanks between."""
+    return " ".join(number(one) for one in np.ravel(np.asarray(values, dtype=np.float64)))
+
+
+def legal(name: str) -> str:
+    """A name without the characters that OpenSim 4 refuses in one."""
+    return re.sub(r"[\\*+\s/]", "_", name)
+
+
+def child(parent: etree._Element, tag: str, text: str = "", name: str = "") -> etree._Element:
+    """A new element inside `parent`."""
+    element = etree.SubElement(parent, tag, {"name": legal(name)} if name else {})
+    if text:
+        element.text = text
+    return element
+
+
+def write_document(root: etree._Element, path: str | os.PathLike[str]) -> None:
+    """Write a document with tabs, whole or not at all."""
+    etree.indent(root, space="\t")
+    text = etree.tostring(root, encoding="unicode")
+    with written(path) as stream:
+        stream.write(f'<?xml version="1.0" encoding="UTF-8" ?>\n{text}\n')

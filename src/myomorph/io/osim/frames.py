@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from lxml import etree
 
-from myomorph.io.osim.document import Node, joined
+from myomorph.io.osim.document import Node, child, joined, legal, numbers
 from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import GROUND, Frame
-from myomorph.model.spatial import Transform
+from myomorph.model.spatial import Transform, euler_xyz_from_rotation
 
 OFFSET_KINDS = ("PhysicalOffsetFrame", "OffsetFrame_PhysicalFrame_", "StationDefinedFrame")
 STATION_KINDS = ("Station", "Marker")
@@ -145,3 +146,28 @@ class Frames:
                 body, pose = self._at(path)
                 frames[node.name] = Frame(node.name, body, pose)
         return tuple(frames.values())
+
+
+def body_path(body: str) -> str:
+    """Component path of a body."""
+    return "/ground" if body == GROUND else f"/bodyset/{legal(body)}"
+
+
+def is_still(pose: Transform) -> bool:
+    """Whether a pose is exactly the identity."""
+    return bool(np.array_equal(pose.rotation, np.eye(3)) and not pose.translation.any())
+
+
+def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Transform) -> etree._Element:
+    """A PhysicalOffsetFrame on the frame at component path `base`."""
+    frame = child(parent, "PhysicalOffsetFrame", name=name)
+    child(frame, "socket_parent", base)
+    child(frame, "translation", numbers(pose.translation))
+    child(frame, "orientation", numbers(euler(pose.rotation)))
+    return frame
+
+
+def euler(rotation: Array) -> Array:
+    """Body-fixed X, Y, Z angles, zeros kept clean."""
+    angles: Array = euler_xyz_from_rotation(rotation) + 0.0
+    return angles

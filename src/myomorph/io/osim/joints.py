@@ -41,6 +41,9 @@ QUARTER_TURN = frozen_array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 """About z: how a scapulothoracic joint's ellipsoid lies in its frame."""
 SPATIAL = ("rotation1", "rotation2", "rotation3", "translation1", "translation2", "translation3")
 
+Motion = Literal["rotational", "translational", "coupled"]
+End = tuple[str, Transform, str]
+
 
 @dataclass(frozen=True, eq=False)
 class ReadJoint:
@@ -95,10 +98,6 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
 def _motion(axes: tuple[Axis, ...], coordinate: str) -> Motion:
     turns = any(axis.kind == "rotation" and coordinate in axis.coordinates for axis in axes)
     return "rotational" if turns else "translational"
-
-
-Motion = Literal["rotational", "translational", "coupled"]
-End = tuple[str, Transform, str]
 
 
 def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
@@ -242,7 +241,7 @@ def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: lis
             )
     if function.arity > len(names):
         raise joint.bad(f"its axis {name} has a {inner.kind if inner else 'function'} but no coordinate")
-    pure = inner is not None and inner.kind == "LinearFunction" and abs(_slope(function)) == 1.0
+    pure = inner is not None and inner.kind == "LinearFunction" and is_unit_line(function)
     return Axis(_kind(name), vector / length, function, tuple(names[: function.arity])), pure
 
 
@@ -278,10 +277,11 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
-def _slope(function: Function) -> float:
+def is_unit_line(function: Function) -> bool:
+    """Whether a function is a line of slope 1 or -1."""
     if isinstance(function, SineProduct) or function.coefficients.shape != (1, 2):
-        return float("nan")
-    return float(function.coefficients[0, 1])
+        return False
+    return abs(float(function.coefficients[0, 1])) == 1.0
 
 
 def reversed_joint(joint: Joint) -> Joint:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
-from myomorph.io.osim.document import Node
+from lxml import etree
+
+from myomorph.io.osim.document import NEWEST, Node
 from myomorph.io.osim.frames import OFFSET_KINDS
-from myomorph.model.model import Kept
+from myomorph.io.osim.paths import put_ligament
+from myomorph.model.model import Kept, Model
 
 HARMLESS = "nothing that is computed changes"
 EFFECTS = {
@@ -37,6 +41,8 @@ ROOMS = {
     "components": "the component has no effect",
 }
 
+SAME_SINCE_2 = frozenset({"CoordinateLimitForce", "SpringGeneralizedForce", "ExpressionBasedCoordinateForce"})
+
 
 def keep(node: Node, room: str, effect: str) -> Kept:
     """A part as the file has it."""
@@ -45,7 +51,7 @@ def keep(node: Node, room: str, effect: str) -> Kept:
 
 def kept_force(node: Node) -> Kept:
     """A force or actuator that is not modelled."""
-    if not node.flag("appliesForce", not node.flag("isDisabled", False)):
+    if not node.is_applied:
         return keep(node, "ForceSet", "switched off in the file")
     return keep(node, "ForceSet", EFFECTS.get(node.kind, "its force is left out"))
 
@@ -76,3 +82,53 @@ def warnings_of(kept: Iterable[Kept]) -> list[str]:
         shown = ", ".join(f"'{name}'" for name in some[:3]) + (f" and {len(some) - 3} more" if len(some) > 3 else "")
         lines.append(f"{kind} {shown}: kept but not modelled, {effect}")
     return lines
+
+
+def usable_parts(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
+    """The kept parts that an OpenSim 4.6 document can hold, in its layout."""
+    usable = []
+    for part in kept:
+        if part.kind == "BushingForce" and part.effect == HARMLESS:
+            continue  # the model's own bushing is written
+        new = part.version >= 40000 and not (part.room == "ControllerSet" and part.version < NEWEST)
+        if new or part.room == "Model" or part.kind in SAME_SINCE_2:
+            usable.append(part)
+        elif part.version:
+            warnings.append(f"{part.kind} '{part.name}' is left out: its layout is of document version {part.version}")
+        else:
+            warnings.append(f"{part.kind} '{part.name}' is left out: it is not OpenSim's")
+    return usable
+
+
+def is_kept(passive: str, kept: list[Kept]) -> bool:
+    """Whether a passive torque comes from a part that is put back; a limit has one for each of its sides."""
+    names = {passive, passive.removesuffix("_upper"), passive.removesuffix("_lower")}
+    return any(part.room == "ForceSet" and part.name in names for part in kept)
+
+
+def put_back(
+    parent: etree._Element,
+    kept: list[Kept],
+    room: str,
+    model: Model | None = None,
+    joints: dict[str, str] | None = None,
+) -> None:
+    """Put the kept parts of one room of the document back into it."""
+    for part in kept:
+        if part.room != room:
+            continue
+        element = etree.fromstring(part.text)
+        if part.version < 30509:
+            _renamed_switch(element, room)
+        if model is not None:
+            put_ligament(part, element, model.ligaments, joints or {})
+        for path in element.findall("GeometryPath"):
+            path.set("name", "path")
+        parent.append(element)
+
+
+def _renamed_switch(element: etree._Element, room: str) -> None:
+    """Before 4.0, parts were switched off by `isDisabled`."""
+    for switch in element.findall("isDisabled"):
+        switch.tag = "isEnforced" if room == "ConstraintSet" else "appliesForce"
+        switch.text = str(not re.fullmatch(r"\s*(true|1)\s*", switch.text or "")).lower()

@@ -1,4 +1,4 @@
-"""Marker sets and scale factors in OpenSim's own files."""
+"""OpenSim's markers, in models and in files of their own, and files of scale factors."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from collections.abc import Mapping
 
 from lxml import etree
 
-from myomorph.io.osim.document import NEWEST, Node, read_document
-from myomorph.io.osim.write_functions import child, numbers
-from myomorph.io.osim.write_joints import body_path
-from myomorph.io.parsing.text import written
+from myomorph.io.osim.document import NEWEST, Node, child, numbers, read_document, write_document
+from myomorph.io.osim.frames import Frames, body_path
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Marker, Model
@@ -56,7 +54,7 @@ def write_marker_set(model: Model, path: str | os.PathLike[str]) -> None:
     objects = child(child(root, "MarkerSet", name=model.name), "objects")
     for marker in model.markers:
         put_marker(objects, marker)
-    _write(root, path)
+    write_document(root, path)
 
 
 def put_marker(parent: etree._Element, marker: Marker) -> None:
@@ -76,12 +74,17 @@ def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) 
         child(element, "scales", numbers(factor))
         child(element, "segment", body)
         child(element, "apply", "true")
-    _write(root, path)
+    write_document(root, path)
 
 
-def _write(root: etree._Element, path: str | os.PathLike[str]) -> None:
-    etree.indent(root, space="\t")
-    with written(path) as stream:
-        stream.write('<?xml version="1.0" encoding="UTF-8" ?>\n')
-        stream.write(etree.tostring(root, encoding="unicode"))
-        stream.write("\n")
+def read_markers(node: Node, frames: Frames) -> list[Marker]:
+    """The model's markers, on bodies."""
+    markers = []
+    for one in node.items("MarkerSet"):
+        if one.kind != "Marker":
+            continue
+        body, pose = frames.place(one.socket("parent_frame", "body"), one)
+        markers.append(
+            Marker(one.name, body, pose.apply(one.vector("location", (0.0, 0.0, 0.0))), one.flag("fixed", False))
+        )
+    return markers

@@ -1,20 +1,32 @@
-"""OpenSim's muscles: paths, wraps and the parameters of their classes."""
+"""OpenSim's muscles: the parameters of their classes, and dampers along their paths, read and written."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from dataclasses import fields, is_dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+from lxml import etree
 
-from myomorph.io.osim.document import Node
-from myomorph.io.osim.frames import Frames
-from myomorph.io.osim.functions import read_function
-from myomorph.io.osim.joints import plain_name
-from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.functions import Function, SineProduct, constant
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap
-from myomorph.model.spatial import Transform
+from myomorph.io.osim.document import Node, child, number
+from myomorph.io.osim.functions import read_function, write_function
+from myomorph.io.osim.paths import PathReader, write_path
+from myomorph.model.errors import BadModel
+from myomorph.model.functions import Function
+from myomorph.model.paths import Muscle
+
+DAMPER = "_viscosity"
+"""Ends the name of the force that damps a muscle.
+
+OpenSim's muscle classes have no damper along the path. Millard2012EquilibriumMuscle alone damps, along the
+fiber and in proportion to its strength, and static optimization leaves that out with the passive force; a
+PathSpring's dissipation multiplies its stretch. An ExpressionBasedPathForce `viscosity*ldot` on the same path is
+exact for every class and pose.
+"""
+
+FORM = re.compile(r"\(?\+?(\d+\.?\d*(?:[eE][-+]?\d+)?)\)?\*ldot")
 
 DEFAULTS = {
     "Thelen2003Muscle": {"min_control": 0.01},
@@ -59,85 +71,50 @@ FREE_CURVES = (
     "passive_force_length_curve",
     "force_velocity_curve",
 )
+FLAGS = frozenset({"ignore_tendon_compliance", "ignore_activation_dynamics", "ignore_passive_fiber_force"})
+FOREIGN = "Millard2012EquilibriumMuscle"
 
 
-class PathReader:
-    """Reads paths of points and wraps, once what they may refer to is known."""
-
-    def __init__(self, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]):
-        self._frames = frames
-        self._coordinates = coordinates
-        self._wraps = wraps
-
-    def read(self, node: Node) -> Path:
-        """The path of a muscle, of a path actuator or of another object that has one."""
-        path = node.child("GeometryPath")
-        if path is None:
-            other = next((str(one.tag) for one in node.element if str(one.tag).endswith("Path")), "")
-            if other:
-                raise BadModel(f"{node.document.path}: {node.kind} '{node.name}' has a {other}, which is not built")
-            path = node
-        points = [self._point(one) for one in path.items("PathPointSet") or path.items("MusclePointSet")]
-        if len(points) < 2:
-            raise node.bad(f"its path has {len(points)} points", "expected two or more")
-        wraps = [self._wrap(one, len(points)) for one in path.items("PathWrapSet") or path.items("MuscleWrapSet")]
-        return Path(tuple(points), tuple(wraps))
-
-    def _point(self, node: Node) -> PathPoint | MovingPathPoint:
-        body, pose = self._frames.place(node.socket("parent_frame", "body"), node)
-        if node.kind == "MovingPathPoint":
-            return self._moving(node, body, pose)
-        place = pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
-        if node.kind == "PathPoint":
-            return PathPoint(node.name, body, place)
-        if node.kind != "ConditionalPathPoint":
-            raise BadModel(f"{node.document.path}: path point '{node.name}' is a {node.kind}, which is not built")
-        low, high = node.vector("range", (0.0, 0.0), infinite=True)
-        coordinate = self._coordinate(node.socket("coordinate", "coordinate", "coordinates"), node)
-        return PathPoint(node.name, body, place, coordinate, (float(low), float(high)))
-
-    def _moving(self, node: Node, body: str, pose: Transform) -> MovingPathPoint:
-        if not np.array_equal(pose.rotation, np.eye(3)):
-            raise BadModel(f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not built")
-        functions: list[Function] = []
-        coordinates: list[str] = []
-        for axis, offset in zip("xyz", pose.translation, strict=True):
-            inner = node.inner(f"{axis}_location")
-            function = constant(0.0) if inner is None else read_function(inner, node)
-            name = node.socket(f"{axis}_coordinate")
-            if function.arity and not name:
-                raise node.bad(f"its {axis}_location depends on a coordinate, but names none")
-            functions.append(_raised(function, float(offset)))
-            coordinates.append(self._coordinate(name, node) if function.arity else "")
-        return MovingPathPoint(node.name, body, tuple(functions), tuple(coordinates))  # type: ignore[arg-type]
-
-    def _coordinate(self, text: str, node: Node) -> str:
-        name = plain_name(text)
-        if name not in self._coordinates:
-            raise UnknownName(
-                "coordinate", name, self._coordinates, f"{node.document.path}: {node.kind} '{node.name}': the model"
-            )
-        return name
-
-    def _wrap(self, node: Node, points: int) -> PathWrap:
-        name = node.text("", "wrap_object")
-        if name not in self._wraps:
-            raise UnknownName("wrap object", name, tuple(self._wraps), f"{node.document.path}: the model")
-        first, last = (int(one) for one in node.vector("range", (-1.0, -1.0)))
-        method = node.text("hybrid", "method").lower()
-        if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
-            raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")
-        return PathWrap(self._wraps[name], "hybrid" if method in ("unassigned", "") else method, first, last)
+def damper_expression(viscosity: float) -> str:
+    """The force of a damper as OpenSim's expression of the lengthening speed `ldot`."""
+    return f"{float(viscosity)!r}*ldot"
 
 
-def _raised(function: Function, by: float) -> Function:
-    if by == 0.0:
-        return function
-    if isinstance(function, SineProduct):
-        return replace(function, offset=function.offset + by)
-    coefficients = function.coefficients.copy()
-    coefficients[:, 0] += by
-    return replace(function, coefficients=coefficients)
+def with_dampers(muscles: list[Muscle], forces: list[Node], paths: PathReader) -> tuple[list[Muscle], list[Node]]:
+    """Muscles with the viscosity of the dampers that lie along their paths, and the forces left over.
+
+    A damper is an ExpressionBasedPathForce named "<muscle>_viscosity" whose path is the muscle's.
+    """
+    places = {muscle.name: i for i, muscle in enumerate(muscles)}
+    found, rest = list(muscles), []
+    for force in forces:
+        value = _viscosity(force)
+        i = places.get(force.name.removesuffix(DAMPER), -1) if force.name.endswith(DAMPER) else -1
+        if value is None or i < 0 or not _same(paths.read(force), muscles[i].path):
+            rest.append(force)
+        else:
+            found[i] = replace(found[i], viscosity=found[i].viscosity + value)
+    return found, rest
+
+
+def _viscosity(force: Node) -> float | None:
+    """N s/m of a path force that is a damper and is switched on, else None."""
+    if force.kind != "ExpressionBasedPathForce" or not force.flag("appliesForce", True):
+        return None
+    form = FORM.fullmatch("".join(force.text("0.0", "expression").split()))
+    return float(form.group(1)) if form else None
+
+
+def _same(first: Any, second: Any) -> bool:
+    """Whether two values are alike, whatever their parts are named."""
+    if isinstance(first, float | np.ndarray):
+        return np.shape(first) == np.shape(second) and np.allclose(first, second, rtol=1e-9, atol=1e-9)
+    if is_dataclass(first):
+        parts = [one.name for one in fields(first) if one.name != "name"]
+        return type(first) is type(second) and all(_same(getattr(first, one), getattr(second, one)) for one in parts)
+    if isinstance(first, tuple):
+        return isinstance(second, tuple) and len(first) == len(second) and all(map(_same, first, second))
+    return bool(first == second)
 
 
 def is_muscle(node: Node) -> bool:
@@ -172,7 +149,7 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
         high,
         MappingProxyType(_parameters(node)),
         groups,
-        node.flag("appliesForce", not node.flag("isDisabled", False)),
+        node.is_applied,
         MappingProxyType(_free_curves(node)),
     )
 
@@ -219,3 +196,55 @@ def _value(node: Node, tag: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str], warnings: list[str]) -> None:
+    """A muscle object; one of a class that OpenSim lacks becomes a Millard muscle, with a warning."""
+    kind = muscle.kind
+    if kind not in DEFAULTS:
+        warnings.append(f"muscles of kind '{kind}' are written as {FOREIGN}: their force will differ")
+        kind = FOREIGN
+    element = child(parent, kind, name=muscle.name)
+    child(element, "appliesForce", str(muscle.enabled).lower())
+    child(element, "min_control", number(muscle.min_activation))
+    child(element, "max_control", number(muscle.max_activation))
+    write_path(element, muscle.name, muscle.path, joints, warnings)
+    for tag, value in (
+        ("max_isometric_force", muscle.max_isometric_force),
+        ("optimal_fiber_length", muscle.optimal_fiber_length),
+        ("tendon_slack_length", muscle.tendon_slack_length),
+        ("pennation_angle_at_optimal", muscle.pennation_at_optimal),
+        ("max_contraction_velocity", muscle.max_contraction_velocity),
+    ):
+        child(element, tag, number(value))
+    if kind == "Thelen2003Muscle_Deprecated":
+        child(element, "Vmax", number(muscle.max_contraction_velocity))
+    if kind != muscle.kind:
+        child(element, "ignore_tendon_compliance", "true")
+        child(element, "minimum_activation", number(muscle.min_activation))
+    else:
+        _write_parameters(element, muscle)
+        for tag, curve in muscle.curves.items():
+            write_function(child(element, tag), curve, f"muscle '{muscle.name}' {tag}", warnings)
+
+
+def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, str]) -> None:
+    """The damper along a muscle's path: a force of its own, which every class of muscle can have beside it."""
+    element = child(parent, "ExpressionBasedPathForce", name=f"{muscle.name}{DAMPER}")
+    child(element, "appliesForce", str(muscle.enabled).lower())
+    write_path(element, muscle.name, muscle.path, joints, [])
+    child(element, "expression", damper_expression(muscle.viscosity))
+    child(element, "clamp_stretch", "false")
+
+
+def _write_parameters(element: etree._Element, muscle: Muscle) -> None:
+    curves: dict[str, etree._Element] = {}
+    for key, value in muscle.parameters.items():
+        owner, _, tag = key.rpartition("/")
+        holder = element
+        if owner:
+            if owner not in curves:
+                curves[owner] = child(element, owner, name=f"{muscle.name}_{owner}")
+            holder = curves[owner]
+        flag = tag in FLAGS or tag.startswith(("use_", "clamp_"))
+        child(holder, tag, str(bool(value)).lower() if flag else number(value))

@@ -8,18 +8,70 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim.bodies import read_body, read_markers, read_meshes, read_wrap_objects
-from myomorph.io.osim.constraints import read_constraints
+from myomorph.io.osim.actuators import KINDS, placed_actuator, read_actuator
+from myomorph.io.osim.bodies import read_body, read_meshes, read_wrap_objects
+from myomorph.io.osim.constraints import read_bushings, read_constraints, read_passive_torques
 from myomorph.io.osim.document import NEWEST, OLDEST, Node, read_document, unique
-from myomorph.io.osim.forces import read_forces
 from myomorph.io.osim.frames import OFFSET_KINDS, Frames
 from myomorph.io.osim.joints import ReadJoint, free_joint, read_joint, reversed_joint
-from myomorph.io.osim.kept import kept_elsewhere, warnings_of
-from myomorph.io.osim.springs import read_bushings, read_passive_torques
+from myomorph.io.osim.kept import kept_elsewhere, kept_force, warnings_of
+from myomorph.io.osim.marker_set import read_markers
+from myomorph.io.osim.muscles import is_muscle, read_muscle, with_dampers
+from myomorph.io.osim.paths import PathReader, read_ligaments
 from myomorph.model.errors import BadFile, BadModel
-from myomorph.model.model import GROUND, Body, Coordinate, Joint, Loop, Marker, Mesh, Model
-from myomorph.model.paths import WrapObject
+from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Mesh, Model
+from myomorph.model.paths import Ligament, Muscle, WrapObject
 from myomorph.model.spatial import Transform
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What a ForceSet holds."""
+
+    muscles: tuple[Muscle, ...]
+    actuators: tuple[Actuator, ...]
+    kept: tuple[Kept, ...]
+    ligaments: tuple[Ligament, ...]
+
+
+def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]) -> Forces:
+    """Muscles, actuators and the rest of a model's forces."""
+    paths = PathReader(frames, coordinates, wraps)
+    groups = _groups(model)
+    muscles, actuators, others = [], [], []
+    for one in (*model.items("ForceSet"), *model.items("ActuatorSet")):
+        if is_muscle(one):
+            muscles.append(read_muscle(one, paths, groups.get(one.name, ())))
+        elif one.kind in KINDS:
+            actuators.append(_actuator(one, frames, coordinates))
+        else:
+            others.append(one)
+    names = unique([one.name for one in muscles], "muscle", model.document)
+    muscles = [replace(one, name=name) for one, name in zip(muscles, names, strict=True)]
+    muscles, others = with_dampers(muscles, others, paths)
+    names = unique([one.name for one in actuators], "actuator", model.document)
+    actuators = [replace(one, name=name) for one, name in zip(actuators, names, strict=True)]
+    kept = tuple(kept_force(one) for one in others)
+    return Forces(tuple(muscles), tuple(actuators), kept, read_ligaments(others, paths))
+
+
+def _actuator(node: Node, frames: Frames, coordinates: tuple[str, ...]) -> Actuator:
+    actuator = read_actuator(node)
+    where = f"{node.document.path}: actuator '{actuator.name}': the model"
+    return placed_actuator(actuator, coordinates, lambda name: frames.place(name or GROUND, node), where)
+
+
+def _groups(model: Node) -> dict[str, tuple[str, ...]]:
+    """Groups of each member, in the file's order."""
+    found: dict[str, tuple[str, ...]] = {}
+    forces = model.child("ForceSet", "ActuatorSet")
+    if forces is None:
+        return found
+    for element in forces.element.findall("groups/ObjectGroup"):
+        group = forces.node(element)
+        for member in group.words("members"):
+            found[member] = (*found.get(member, ()), group.name)
+    return found
 
 
 def read_osim(path: str | os.PathLike[str]) -> Model:

@@ -10,10 +10,9 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.io.osim.document import Node
-from myomorph.io.osim.setup_paths import output_of, path_of, unknown_parts
-from myomorph.io.osim.tasks import IkTasks, tasks_of
+from myomorph.io.osim.setup_parts import IkTasks, output_of, path_of, tasks_of, unknown_parts
 from myomorph.model.arrays import Array
-from myomorph.model.measurement import Measurement
+from myomorph.model.landmarks import Measurement
 
 SCALE_TOOL = "ScaleTool"
 ORDERS = ("measurements", "manualScale")

@@ -12,10 +12,17 @@ import numpy as np
 from lxml import etree
 
 from myomorph.io.osim.document import Node, read_document
-from myomorph.io.osim.included import with_included
 from myomorph.io.osim.scale_setup import SCALE_TOOL, ScaleSetup, scale_setup
-from myomorph.io.osim.setup_paths import UNASSIGNED, output_of, path_of, resolved, unknown_parts
-from myomorph.io.osim.tasks import IkTasks, tasks_of
+from myomorph.io.osim.setup_parts import (
+    UNASSIGNED,
+    IkTasks,
+    output_of,
+    path_of,
+    resolved,
+    tasks_of,
+    unknown_parts,
+    with_included,
+)
 from myomorph.model.errors import BadFile, listing
 
 IK_TOOLS = ("InverseKinematicsTool", "IKTool")

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.joints import CURVED, QUARTER_TURN, SIMPLE, SPATIAL, reversed_joint
-from myomorph.io.osim.write_functions import child, legal, number, numbers, write_function
-from myomorph.model.arrays import Array
+from myomorph.io.osim.document import child, legal, number, numbers
+from myomorph.io.osim.frames import body_path, is_still, write_offset_frame
+from myomorph.io.osim.functions import write_function
+from myomorph.io.osim.joints import CURVED, QUARTER_TURN, SIMPLE, SPATIAL, is_unit_line, reversed_joint
 from myomorph.model.functions import PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.spatial import Transform, euler_xyz_from_rotation
+from myomorph.model.spatial import Transform
 
 
 @dataclass
@@ -193,31 +194,6 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
             child(element, tag, text)
 
 
-def body_path(body: str) -> str:
-    """Component path of a body."""
-    return "/ground" if body == GROUND else f"/bodyset/{legal(body)}"
-
-
-def is_still(pose: Transform) -> bool:
-    """Whether a pose is exactly the identity."""
-    return bool(np.array_equal(pose.rotation, np.eye(3)) and not pose.translation.any())
-
-
-def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Transform) -> etree._Element:
-    """A PhysicalOffsetFrame on the frame at component path `base`."""
-    frame = child(parent, "PhysicalOffsetFrame", name=name)
-    child(frame, "socket_parent", base)
-    child(frame, "translation", numbers(pose.translation))
-    child(frame, "orientation", numbers(euler(pose.rotation)))
-    return frame
-
-
-def euler(rotation: Array) -> Array:
-    """Body-fixed X, Y, Z angles, zeros kept clean."""
-    angles: Array = euler_xyz_from_rotation(rotation) + 0.0
-    return angles
-
-
 def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: list[str]) -> None:
     element = child(parent, "Coordinate", name=coordinate.name)
     child(element, "default_value", number(coordinate.default))
@@ -251,16 +227,9 @@ def _write_spatial(
         child(element, "coordinates", " ".join(legal(one) for one in names))
         child(element, "axis", numbers(axis.vector))
         holder = child(element, "function")
-        if _is_pure(axis) and coordinates[names[0]].motion == "coupled":
+        if is_unit_line(axis.function) and coordinates[names[0]].motion == "coupled":
             # OpenSim takes a bare line of slope 1 for a pure rotation or translation, and this one is not.
             multiplier = child(holder, "MultiplierFunction")
             holder = child(multiplier, "function")
             child(multiplier, "scale", "1")
         write_function(holder, axis.function, f"joint '{joint.name}' {name}", warnings)
-
-
-def _is_pure(axis: Axis) -> bool:
-    function = axis.function
-    if isinstance(function, SineProduct) or function.coefficients.shape != (1, 2):
-        return False
-    return abs(float(function.coefficients[0, 1])) == 1.0

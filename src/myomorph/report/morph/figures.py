@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from html import escape
 
 import numpy as np
 
@@ -13,28 +12,28 @@ from myomorph.model.model import Mesh, Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.checks import distinct_bones, target_surface
-from myomorph.morph.moment_arm_table import MomentArms
+from myomorph.morph.checks.checks import distinct_bones, target_surface
+from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph
-from myomorph.morph.surface_points import Shape
-from myomorph.report.charts.chart import heading, number, path_data
-from myomorph.report.charts.residual_map import residual_map
-from myomorph.report.scene.image import data_uri
+from myomorph.morph.shapes.surface_points import Shape
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.marks import across, drawing, frame, line, text
+from myomorph.report.charts.pictures import picture_row, residual_map
 from myomorph.report.scene.pictures import pictures
 from myomorph.report.scene.scene import Scene, make_scene
 from myomorph.report.scene.shapes import outward, reduced
 
 VIEWS = {"side": "from the right", "front": "from the front", "left": "from the left"}
-MOST_FACES = 60_000
+MAX_FACES = 60_000
 """Triangles that pictures are drawn from."""
 
-WIDTH, HEIGHT, WIDEST, GAP = 1040, 560, 340, 10
-"""Of the drawing of both bodies, and of one picture in it at most [pixels]."""
+HEIGHT, WIDEST = 560, 340
+"""Of one picture in the drawing of both bodies at most [pixels]."""
 
 COLUMNS, CELL, ROW = 6, 170.0, 106.0
 MARGIN = 30.0
-MOST_PANELS = 30
+MAX_PANELS = 30
 """Muscles drawn about one coordinate."""
 
 
@@ -47,27 +46,11 @@ def body_figure(morph: Morph) -> str:
         ("target", morph.model.name, _scene(morph.model, _target_bones(morph), names)),
     )
     drawn = [pictures(scene, HEIGHT, WIDEST, views=tuple(VIEWS)) for _, _, scene in both]
-    order = [(view, i, next(one for one in drawn[i] if one.view == view)) for view in VIEWS for i in (0, 1)]
-    wide, tall = sum(one.width for *_, one in order), max(one.height for *_, one in order)
-    shrink = min(1.0, (WIDTH - GAP * (len(order) - 1)) / wide)
-    gap = (WIDTH - shrink * wide) / len(order)
-    height = 20.0 + shrink * tall + 18.0
-    told = " and ".join(f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both)
-    parts = [
-        f'<svg class="chart body" viewBox="0 0 {WIDTH} {height:.0f}" role="img" aria-label="Source and target">',
-        heading("Source and target", f"{told} high as drawn"),
-    ]
-    x = 0.5 * gap
-    for view, i, one in order:
-        w, h = shrink * one.width, shrink * one.height
-        y = 20.0 + 0.5 * (shrink * tall - h)
-        parts.append(
-            f'<image href="{data_uri(one.image)}" x="{x:.1f}" y="{y:.1f}" width="{w:.1f}" height="{h:.1f}"/>'
-            f'<text class="tick x" x="{x + w / 2:.1f}" y="{height - 4:.1f}">{both[i][0]}, {VIEWS[view]}</text>'
-        )
-        x += w + gap
-    parts.append("</svg>")
-    return "".join(parts)
+    order = [(both[i][0], next(one for one in drawn[i] if one.view == view)) for view in VIEWS for i in (0, 1)]
+    labels = [f"{whose}, {VIEWS[one.view]}" for whose, one in order]
+    sizes = " and ".join(f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both)
+    unit = f"{sizes} high as drawn"
+    return picture_row("Source and target", [one for _, one in order], labels, unit=unit, width=1040.0)
 
 
 def _target_bones(morph: Morph) -> dict[str, Surface]:
@@ -83,7 +66,7 @@ def _target_bones(morph: Morph) -> dict[str, Surface]:
 def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collection[str]) -> Scene:
     """The model in its default pose with these bones and muscles alone; bodies without a known bone are sticks."""
     known = {name: outward(one) for name, one in bones.items() if one is not None and name in model.body_names}
-    lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MOST_FACES), strict=True))
+    lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MAX_FACES), strict=True))
     still = Transform.identity()
     meshes = {name: (Mesh(name, still, np.ones(3)),) for name in lean}
     shown = replace(
@@ -166,23 +149,18 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
     turning = one.kind == "rotational"
     low, high = (float(f(one.target_values)) * (180.0 / np.pi if turning else 1e3) for f in (np.min, np.max))
     unit = "mm" if turning else "mm/mm"
-    told = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
+    words = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
     if len(shown) < len(one.muscles):
-        told += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
+        words += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
     name = one.pair.target if one.pair.source == one.pair.target else f"{one.pair.target} (source {one.pair.source})"
-    parts = [
-        f'<svg class="chart arms" viewBox="0 0 {width:g} {height:g}" role="img" '
-        f'aria-label="Moment arms about {escape(name, True)}">',
-        heading(f"About {name}", told),
-    ]
     factor = 1e3 if turning else 1.0
+    parts = []
     for place, k in enumerate(shown):
         muscle = one.muscles[k]
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
         lines = factor * sizes.get(muscle, 1.0) * one.source[:, k], factor * one.target[:, k]
-        parts += _panel(x, y, muscle, one.target_values, lines, muscle in flagged)
-    parts.append("</svg>")
-    return "".join(parts)
+        parts.append(_panel(x, y, muscle, one.target_values, lines, muscle in flagged))
+    return drawing("arms", f"Moment arms about {name}", (width, height), *parts, unit=words)
 
 
 def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:
@@ -191,32 +169,18 @@ def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]
     largest = np.maximum(np.abs(one.source).max(axis=0) * size, np.abs(one.target).max(axis=0))
     first = np.array([name in flagged for name in one.muscles])
     order = np.lexsort([-largest, ~first])
-    return sorted(int(k) for k in order[:MOST_PANELS])
+    return sorted(int(k) for k in order[:MAX_PANELS])
 
 
-def _panel(x: float, y: float, muscle: str, values: Array, lines: tuple[Array, Array], flagged: bool) -> list[str]:
-    left, right, top, bottom = x + 34, x + CELL - 8, y + 16, y + ROW - 14
+def _panel(x: float, y: float, muscle: str, values: Array, lines: tuple[Array, Array], flagged: bool) -> str:
     low = min(0.0, *(float(one.min()) for one in lines))
     high = max(0.0, *(float(one.max()) for one in lines))
     high = high if high > low else low + 1.0
-    span = float(values.max() - values.min()) or 1.0
-    across = left + (values - values.min()) / span * (right - left)
-
-    def down(value: Array | float) -> Array:
-        return np.asarray(bottom - (np.asarray(value) - low) / (high - low) * (bottom - top))
-
-    style = "limit start" if flagged else "tick"
-    anchor = ' style="text-anchor:start"' if flagged else ""
-    parts = [
-        f'<g><text class="{style}" x="{left:g}" y="{y + 9:g}"{anchor}>{escape(muscle)}</text>',
-        f'<path class="zero" d="M{left:g} {float(down(0.0)):.1f}H{right:g}"/>',
-    ]
-    for value in {low, high}:
-        at = float(down(value)) + 3
-        parts.append(f'<text class="tick y" x="{left - 4:g}" y="{at:.1f}">{number(value)}</text>')
-    for one, drawn, label in zip(lines, ("truth", "first"), ("source, grown", "target"), strict=True):
-        parts.append(
-            f'<path class="line {drawn}" data-label="{escape(muscle, True)}, {label}" '
-            f'd="{path_data(across, down(one))}"/>'
-        )
-    return [*parts, "</g>"]
+    first, last = float(values.min()), float(values.max())
+    area = frame(x + 34, y + 16, x + CELL - 8, y + ROW - 14, (first, last if last > first else first + 1), (low, high))
+    parts = [text(x + 34, y + 9, muscle, "limit start" if flagged else "tick end")]
+    parts.append(across(area, float(area.y.at(0.0)), "zero"))
+    parts += [text(x + 30, float(area.y.at(value)) + 3, number(value), "tick y") for value in (low, high)]
+    for one, style, label in zip(lines, ("truth", "first"), ("source, scaled", "target"), strict=True):
+        parts.append(line(area, values, one, style, f"{muscle}, {label}"))
+    return "".join(parts)

@@ -1,4 +1,4 @@
-"""The page on a morphed model: what looks wrong, source beside target, bones, moment arms, muscles, joints."""
+"""The page on a morphed model: warnings, source beside target, bones, moment arms, muscles, joints."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.model.provenance import Provenance
-from myomorph.morph.checks import MorphChecks
+from myomorph.morph.checks.checks import MorphChecks
 from myomorph.morph.morphed import Morph
-from myomorph.report.charts.chart import number
+from myomorph.report.charts.axis import number
 from myomorph.report.morph.sections import morphing_sections
-from myomorph.report.page.head import Note, PageHead, SourceFile, Step
 from myomorph.report.page.page import Tile, rendered
+from myomorph.report.page.parts import Note, PageHead, Section, SourceFile, Step
 from myomorph.report.page.references import MORPHING
-from myomorph.report.page.section import Section
 
 __all__ = ["morph_page"]
 
@@ -48,7 +47,7 @@ def morph_page(
         version=made.version,
         notes=(*notes, *_assumed(morph)),
         sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
-        steps=(Step("morph", MappingProxyType({name: _told(value) for name, value in made.options.items()})),),
+        steps=(Step("morph", MappingProxyType({name: _printed(value) for name, value in made.options.items()})),),
         warnings=tuple(dict.fromkeys([*warnings, *morph.notes, *checks.notes])),
     )
     sections = morphing_sections(morph, checks)
@@ -66,7 +65,7 @@ def _assumed(morph: Morph) -> list[Note]:
     found = []
     by = {
         "landmarks": "mapped by landmarks alone",
-        "neighbors": "without a bone of the target: scaled as their neighbors",
+        "neighbors": "without a bone in the target: scaled as their neighbors",
         "surrounding": "virtual links, mapped by the bones around",
     }
     touched = {point.body for point in morph.points}
@@ -85,16 +84,16 @@ def _assumed(morph: Morph) -> list[Note]:
 
 
 def _facts(morph: Morph) -> list[tuple[str, str]]:
-    def told(model: object) -> str:
+    def printed(model: object) -> str:
         one = morph.source if model is morph.source else morph.model
         return f"{one.name}: {len(one.bodies)} bodies, {len(one.muscles)} muscles, {number(one.mass)} kg"
 
     points = len(morph.points)
     owners = len({one.owner for one in morph.points})
     return [
-        ("Source", told(morph.source)),
-        ("Target", told(morph.model)),
-        ("Carried", f"{points} points of {owners} muscles and ligaments"),
+        ("Source", printed(morph.source)),
+        ("Target", printed(morph.model)),
+        ("Transferred", f"{points} points of {owners} muscles and ligaments"),
         ("Bones", ", ".join(f"{count} by {basis}" for basis, count in _bases(morph).items())),
     ]
 
@@ -113,18 +112,18 @@ def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
     worst = max((one.increase for one in through), default=0.0)
     deep = len(checks.of("bone"))
     tiles.append(
-        Tile(f"{number(1e3 * worst)} mm", f"deeper through bone than source, worst; {deep} warned of",
+        Tile(f"{number(1e3 * worst)} mm", f"deeper through bone than source, worst; {deep} warnings",
              "note" if deep else "ok")
     )  # fmt: skip
-    tiles.append(_count(len(checks.of("sign")), "moment arms of another sign"))
+    tiles.append(_count(len(checks.of("sign")), "moment arms of opposite sign"))
     tiles.append(_count(len(checks.of("jump")), "moment arms with new jumps"))
     residuals = [one.measures["residual [m]"] for one in morph.bones.values() if "residual [m]" in one.measures]
     if residuals:
         tiles.append(Tile(f"{number(1e3 * max(residuals))} mm", "residual of the worst bone", "ok"))
-    tiles.append(_count(len(checks.folded), "points where space folds"))
+    tiles.append(_count(len(checks.folded), "points where the map is inverted"))
     sizes = [one.whole.scale for one in morph.bones.values() if one.basis in ("bone", "landmarks")]
     if sizes:
-        tiles.append(Tile(f"{number(float(np.median(sizes)))}", "times the source's size, median of bones", "ok"))
+        tiles.append(Tile(f"{number(float(np.median(sizes)))}", "size relative to the source, median of bones", "ok"))
     return tiles
 
 
@@ -132,7 +131,7 @@ def _count(count: int, name: str) -> Tile:
     return Tile(str(count), name, "note" if count else "ok")
 
 
-def _told(value: object) -> str:
+def _printed(value: object) -> str:
     if value is None:
         return "none"
     if isinstance(value, bool):

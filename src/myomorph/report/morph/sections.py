@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.morph.bone_map import muscle_sizes
-from myomorph.morph.checks import MorphChecks
-from myomorph.morph.moment_arm_table import MomentArms
+from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.dots import dot_plot
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.rows import dot_plot
 from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures
 from myomorph.report.morph.tables import (
     Cell,
@@ -20,15 +20,15 @@ from myomorph.report.morph.tables import (
     penetration_rows,
     point_rows,
 )
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 
 KINDS = {
     "bone": "Path through bone",
-    "sign": "Moment arm of another sign",
+    "sign": "Moment arm of opposite sign",
     "jump": "Moment arm jumps",
-    "fold": "Space folds",
+    "fold": "Map inverted",
     "arm": "Moment arm too large or small",
-    "surface": "Off the surface",
+    "surface": "Attachment off the surface",
     "fiber": "Fiber length",
     "joint": "Joint",
     "order": "Order of moment arms",
@@ -38,8 +38,8 @@ FIRST_ARMS = 6
 FIRST_WARNINGS = 8
 """Of each kind, seen at first."""
 
-LONGEST = 30
-MOST_ROWS = 1000
+MAX_OPEN_ROWS = 30
+MAX_ROWS = 1000
 """Of a folded table."""
 
 
@@ -65,23 +65,25 @@ def warning_section(checks: MorphChecks) -> Section:
     first = tuple((KINDS[kind], one.text) for kind in KINDS for one in checks.of(kind)[:FIRST_WARNINGS])
     limits = checks.options
     lead = (
-        f"{len(rows)} things look worse than in the source, grown to the target's size. "
+        f"{len(rows)} warnings compared with the source scaled to the target. "
         if rows
-        else "Nothing looks worse than in the source, grown to the target's size. "
+        else "No warning compared with the source scaled to the target. "
     )
     lead += (
-        f"Looked for: paths that run deeper through a bone than the source's by {100 * limits.deeper:g} % of the "
-        "longest bone, anywhere in the range of a coordinate; moment arms of another sign, with a jump that the source "
-        f"does not have, or {limits.ratio:g} times what the size of the bones explains; points where the map turns "
-        f"space inside out; attachments {100 * limits.off_surface:g} % of the longest bone further from their surface; "
-        f"fibers that leave the source's range by {limits.fiber:g} of their optimal length; joint centers that parent "
-        f"and child put {100 * limits.gap:g} % of the longest bone apart. A source model has faults of its own: they "
-        "are not blamed on the morph."
+        f"Checked: paths that run deeper through a bone than the source's by {100 * limits.deeper:g} % of the "
+        "longest bone, anywhere in the range of a coordinate; moment arms of opposite sign, with a jump that the "
+        "source "
+        f"does not have, or {limits.ratio:g} times the size of the bones; points where the map is "
+        f"inverted; attachments {100 * limits.off_surface:g} % of the longest bone further from their surface; "
+        f"fiber lengths that leave the source's range by {limits.fiber:g} of their optimal length; joint centers "
+        "that parent "
+        f"and child place {100 * limits.gap:g} % of the longest bone apart. Faults that the source has too "
+        "give no warning."
     )
     grids = [Grid(("Kind", "Warning"), first)] if rows else []
     if len(rows) > len(first):
         grids.append(Grid(("Kind", "Warning"), rows, f"All {len(rows)} warnings", True))
-    return Section("warnings", "What looks wrong", lead, (), (), tuple(grids))
+    return Section("warnings", "Warnings", lead, (), (), tuple(grids))
 
 
 def body_section(morph: Morph) -> Section:
@@ -104,20 +106,20 @@ def bone_section(morph: Morph) -> Section:
         rows.append((name, bone.basis, number(bone.whole.scale), count, *known))
     head = ("Bone", "Basis", "Size", "Features", *(_metric(name) for name in measures))
     noted = tuple((bone.body, text) for bone in bones for text in bone.notes)
-    grids = [Grid(head, tuple(rows), "Maps of the bones", len(rows) > LONGEST)]
+    grids = [Grid(head, tuple(rows), "Maps of the bones", len(rows) > MAX_OPEN_ROWS)]
     if noted:
-        grids.append(Grid(("Bone", "Note"), noted, "What the maps had to say"))
+        grids.append(Grid(("Bone", "Note"), noted, "Notes of the maps"))
     lead = (
-        "The target's bones, colored by how far the source's bones lie from them once the maps have carried them: blue "
-        "where the target lies inside, red where outside. Size is how many times larger the target is as a whole."
+        "The target's bones, colored by the distance of the source's mapped bones: blue "
+        "where the target lies inside, red where outside. Size is the scale of the target relative to the source."
     )
     drawn = tuple(Figure(svg) for svg in figures)
     return Section("bones", "Bones and their maps", lead, (), drawn, tuple(grids))
 
 
 def _metric(name: str) -> str:
-    told = name.replace("[m]", "[mm]").replace("_", " ")
-    return told[:1].upper() + told[1:]
+    printed = name.replace("[m]", "[mm]").replace("_", " ")
+    return printed[:1].upper() + printed[1:]
 
 
 def _measured(name: str, value: float | None) -> str:
@@ -140,30 +142,32 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         (_named(one), str(len(one.muscles)), number(checks.order[one.pair.source], 0.001)) for one in checks.arms
     )
     header, rows = arm_summary_rows(morph, checks)
-    told = [
+    printed = [
         (str(row[0]), str(row[1]), *(number(1e3 * float(x)) for x in row[2:8]), number(float(row[8])),
          f"{100 * float(row[9]):.0f} %", *(number(1e3 * float(x)) for x in row[10:]))
         for row in rows
     ]  # fmt: skip
     head = (
-        "Coordinate", "Muscle", "Source mean [mm]", "least", "greatest", "Target mean [mm]", "least", "greatest",
-        "Ratio to grown source", "Same sign", "Jump, source [mm]", "target",
+        "Coordinate", "Muscle", "Source mean [mm]", "Minimum", "Maximum", "Target mean [mm]", "Minimum", "Maximum",
+        "Ratio to scaled source", "Same sign", "Jump, source [mm]", "Jump, target [mm]",
     )  # fmt: skip
     assert len(head) == len(header)
     title = f"All {len(rows)} pairs of muscle and coordinate"
-    if len(told) > MOST_ROWS:
-        told = [row for row in told if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)][:MOST_ROWS]
+    if len(printed) > MAX_ROWS:
+        printed = [row for row in printed if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)][
+            :MAX_ROWS
+        ]
         title = f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the table of the file"
     grids = (
         Grid(("Coordinate", "Muscles", "Rank correlation"), order, "Order of mean moment arms"),
-        Grid(head, tuple(told), title, True),
+        Grid(head, tuple(printed), title, True),
     )
     lead = (
         "Moment arms r = −dl/dq over each coordinate's range, the other coordinates at their defaults. The source's "
-        "are drawn grown by the size of the bones that each muscle is fixed to. Names of muscles with a warning are "
+        "are scaled by the size of the bones that each muscle attaches to. Names of muscles with a warning are "
         "red. About translations, moment arms have no unit."
     )
-    legend = (("first", "target"), ("truth", "source, grown to the target's size"))
+    legend = (("first", "target"), ("truth", "source, scaled to the target"))
     return Section("arms", "Moment arms", lead, legend, tuple(figures), grids)
 
 
@@ -178,7 +182,7 @@ def muscle_section(morph: Morph) -> Section | None:
         return None
     names = [one.name for one in morph.muscles]
     figures: tuple[Figure, ...] = ()
-    if len(names) <= 3 * LONGEST:
+    if len(names) <= 3 * MAX_OPEN_ROWS:
         values = [np.array([getattr(one, field) for one in morph.muscles]) for field in ("fiber", "tendon", "force")]
         plot = dot_plot("Target over source", "", names, values, ("first", "second", "third"),
                         ("optimal fiber length", "tendon slack length", "maximum isometric force"), 880)  # fmt: skip
@@ -204,53 +208,55 @@ def muscle_section(morph: Morph) -> Section | None:
     )
     words = ("optimal fiber length", "tendon slack length", "maximum isometric force")
     legend = tuple(zip(("first", "second", "third"), words, strict=True))
-    grids = (Grid(head, rows, f"Parameters of {len(rows)} muscles, target over source", len(rows) > LONGEST),)
+    grids = (Grid(head, rows, f"Parameters of {len(rows)} muscles, target over source", len(rows) > MAX_OPEN_ROWS),)
     return Section("muscles", "Fibers, tendons and forces", lead, legend, figures, grids)
 
 
 def path_section(morph: Morph, checks: MorphChecks) -> Section:
     """Attachments on the surface, and paths through bones."""
     lifted = np.array([one.lifted for one in morph.points if one.lifted > 0.0])
-    lead = f"{len(morph.points)} points were carried over"
+    lead = f"{len(morph.points)} points were transferred"
     if len(lifted):
         lead += (
-            f", {len(lifted)} of them put back onto their bone's surface: by {number(1e3 * float(np.median(lifted)))} "
+            f", {len(lifted)} of them projected onto their bone's surface: by {number(1e3 * float(np.median(lifted)))} "
             f"mm in the median, {number(1e3 * float(lifted.max()))} mm at most"
         )
     lead += (
-        f". {len(checks.penetrations)} pairs of a muscle and a bone have the path under the bone's surface somewhere "
+        f". {len(checks.penetrations)} pairs of a muscle and a bone have the path below the bone's surface somewhere "
         "in the joints' ranges, in source or target."
     )
     grids = [
-        _millimeters(penetration_rows(checks), "Paths under the surface of bones, the largest increase first", {6}),
+        _millimeters(penetration_rows(checks), "Paths below the surface of bones, largest increase first", {6}),
         _millimeters(point_rows(morph), f"All {len(morph.points)} points", set()),
     ]
     if morph.left_out:
-        grids.insert(0, Grid(("Left out", "Why"), tuple(morph.left_out.items()), "Left out"))
+        grids.insert(0, Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"))
     return Section("paths", "Muscle paths", lead, (), (), tuple(one for one in grids if one.rows))
 
 
 def joint_section(morph: Morph) -> Section | None:
-    """Where the joints went."""
+    """Joint centers."""
     if not morph.joints:
         return None
     grid = _millimeters(joint_rows(morph), "Centers in the target's bones", set(), folded=False)
     fitted = sum(1 for one in morph.joints if one.method in ("sphere", "cylinder"))
     lead = (
         f"{fitted} of {len(morph.joints)} joint centers come from spheres and cylinders fitted to the target's "
-        "articular surfaces, the others from the maps. The gap is between the centers that parent and child find, "
+        "articular surfaces, the others from the maps. The gap is between the centers from parent and child, "
         "known where the target's bones lie in one frame."
     )
     return Section("joints", "Joints", lead, (), (), (grid,))
 
 
 def mass_section(morph: Morph) -> Section:
-    """What each body weighs."""
-    grid = _millimeters(mass_rows(morph), "Masses, mass centers and principal moments of inertia", set(), folded=False)
+    """Masses of the bodies."""
+    grid = _millimeters(
+        mass_rows(morph), "Masses, centers of mass and principal moments of inertia", set(), folded=False
+    )
     lead = f"{number(morph.model.mass)} kg, the source {number(morph.source.mass)} kg."
-    told = [note for note in morph.notes if note.startswith("masses")]
+    printed = [note for note in morph.notes if note.startswith("masses")]
     return Section(
-        "masses", "Masses", " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in told)]), (), (), (grid,)
+        "masses", "Masses", " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in printed)]), (), (), (grid,)
     )
 
 
@@ -258,13 +264,13 @@ def _millimeters(table: Rows, title: str, plain: set[int], folded: bool = True) 
     """A table for print, metres in millimetres."""
     header, rows = table
 
-    def told(k: int, cell: Cell) -> str:
+    def printed(k: int, cell: Cell) -> str:
         if not isinstance(cell, float):
             return str(cell)
         return number(1e3 * cell) if "[m]" in header[k] and k not in plain else number(cell)
 
     head = tuple(name.replace("[m]", "[mm]").capitalize() for name in header)
-    return Grid(head, tuple(tuple(told(k, one) for k, one in enumerate(row)) for row in rows), title, folded)
+    return Grid(head, tuple(tuple(printed(k, one) for k, one in enumerate(row)) for row in rows), title, folded)
 
 
 def method_section(morph: Morph) -> Section:
@@ -275,12 +281,13 @@ def method_section(morph: Morph) -> Section:
         ("Maps", "One map a bone from its features alone; virtual links move with all the bones around them."),
         (
             "Points",
-            "Path points, wrap objects, markers and joint frames are carried by the map of their body; wraps and axes "
-            "turn with it and grow as space does there.",
+            "Path points, wrap objects, markers and joint frames are transferred by the map of their body; wraps and "
+            "axes "
+            "rotate and scale with it.",
         ),
         (
             "Surfaces",
-            f"Points within {100 * options.surface_within:g} % of bone length of the source's surface are put back at "
+            f"Points within {100 * options.surface_within:g} % of bone length of the source's surface are placed at "
             "the same height over the target's, in its size.",
         ),
         ("Joints", f"Centers “{options.joints}”."),

@@ -7,8 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from myomorph.morph.bone_map import muscle_sizes
-from myomorph.morph.checks import MorphChecks
+from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 
 Cell: TypeAlias = str | float | int

@@ -9,11 +9,9 @@ from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
 
-from myomorph.report.charts.chart import number
-from myomorph.report.page.head import PageHead
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import PageHead, Section, Verdict
 from myomorph.report.page.references import Reference
-from myomorph.report.page.section import Section
-from myomorph.report.page.verdict import Verdict
 
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 

@@ -54,7 +54,7 @@ REFERENCES: tuple[Reference, ...] = (
     ),
     Reference(
         "crowninshield1981",
-        "sharing of torques between muscles by least effort",
+        "muscle forces by static optimization",
         "Crowninshield RD, Brand RA (1981). A physiologically based criterion of muscle force prediction in "
         "locomotion. J Biomech 14:793–801.",
         "https://doi.org/10.1016/0021-9290(81)90035-X",
@@ -89,41 +89,41 @@ REFERENCES: tuple[Reference, ...] = (
     ),
     Reference(
         "experts",
-        "what the analysis of a motion shows: center of gravity, contacts and muscles of experts ([D])",
+        "analysis of a motion: center of gravity, contacts and muscles of experts ([D])",
         "Motion analysis with contact force estimation, and analysis of masters' skills from musculoskeletal "
         "estimation. Chapters 4 and 5 of a dissertation on subject-specific musculoskeletal modeling.",
         "",
     ),
     Reference(
         "bartlett1946",
-        "how sure a period is",
+        "confidence of a period",
         "Bartlett MS (1946). On the theoretical specification and sampling properties of autocorrelated time-series. "
         "Suppl J R Stat Soc 8:27–41.",
         "https://doi.org/10.2307/2983611",
     ),
     Reference(
         "mcleod2005",
-        "likeness of a signal with itself one period later",
+        "autocorrelation of a signal after one period",
         "McLeod P, Wyvill G (2005). A smarter way to find pitch. Proc Int Comput Music Conf, 138–141.",
         "",
     ),
     Reference(
         "bartlett1935",
-        "how many independent samples a correlation has",
+        "effective number of samples of a correlation",
         "Bartlett MS (1935). Some aspects of the time-correlation problem in regard to tests of significance. "
         "J R Stat Soc 98:536–543.",
         "https://doi.org/10.2307/2342284",
     ),
     Reference(
         "benjamini1995",
-        "which of many correlations stand out",
+        "which of many correlations are significant",
         "Benjamini Y, Hochberg Y (1995). Controlling the false discovery rate: a practical and powerful approach to "
         "multiple testing. J R Stat Soc B 57:289–300.",
         "https://doi.org/10.1111/j.2517-6161.1995.tb02031.x",
     ),
     Reference(
         "nichols2002",
-        "tests of curves by relabelling, corrected by the largest statistic",
+        "permutation tests of curves, corrected by the maximum statistic",
         "Nichols TE, Holmes AP (2002). Nonparametric permutation tests for functional neuroimaging: a primer with "
         "examples. Hum Brain Mapp 15:1–25.",
         "https://doi.org/10.1002/hbm.1058",
@@ -150,14 +150,14 @@ REFERENCES: tuple[Reference, ...] = (
     ),
     Reference(
         "zeni2008",
-        "strikes and lifts of feet from markers",
+        "foot strike and foot off from markers",
         "Zeni JA, Richards JG, Higginson JS (2008). Two simple methods for determining gait events during treadmill "
         "and overground walking using kinematic data. Gait Posture 27:710–714.",
         "https://doi.org/10.1016/j.gaitpost.2007.07.007",
     ),
     Reference(
         "zar1999",
-        "whether something keeps a rhythm",
+        "test of phase locking",
         "Zar JH (1999). Biostatistical Analysis, 4th edition. Prentice Hall, chapter 27.",
         "",
     ),
@@ -177,7 +177,7 @@ REFERENCES: tuple[Reference, ...] = (
     ),
     Reference(
         "wensing2018",
-        "when the inertial parameters of a link are those of a possible body",
+        "physical consistency of the inertial parameters of a link",
         "Wensing PM, Kim S, Slotine JE (2018). Linear matrix inequalities for physically consistent inertial parameter "
         "identification: a statistical perspective on the mass distribution. IEEE Robot Autom Lett 3:60–67.",
         "https://doi.org/10.1109/LRA.2017.2729659",
@@ -205,7 +205,7 @@ REFERENCES: tuple[Reference, ...] = (
     ),
     Reference(
         "iglewicz1993",
-        "values far from the others: modified z-score above 3.5",
+        "outliers: modified z-score above 3.5",
         "Iglewicz B, Hoaglin DC (1993). How to detect and handle outliers. ASQC Basic References in Quality Control, "
         "volume 16.",
         "",
@@ -266,7 +266,7 @@ MORPHING: tuple[Reference, ...] = (
     ),
     Reference(
         "barill2018",
-        "what is inside a bone, however open its surface",
+        "inside and outside of bones whose surfaces are not closed",
         "Barill G, Dickson NG, Schmidt R, Levin DIW, Jacobson A (2018). Fast winding numbers for soups and clouds. ACM "
         "Trans Graph 37:43.",
         "https://doi.org/10.1145/3197517.3201337",
@@ -299,22 +299,7 @@ def references(
     return tuple(one for one in REFERENCES if one.key in wanted)
 
 
-def viscosity_references() -> tuple[Reference, ...]:
-    """Those that a report on swinging limbs relies on."""
-    wanted = ("murai2016", "stroeve1999", "cameron2008")
-    return tuple(one for key in wanted for one in REFERENCES if one.key == key)
-
-
-def group_references() -> tuple[Reference, ...]:
-    """Those that a comparison of two groups relies on."""
-    wanted = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
-    return tuple(one for key in wanted for one in REFERENCES if one.key == key)
-
-
-def study_references() -> tuple[Reference, ...]:
-    """Those that the page on a whole study relies on."""
-    wanted = (
-        *("hicks2015", "opensim", "zeni2008", "nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981"),
-        "iglewicz1993",
-    )
-    return tuple(one for key in wanted for one in REFERENCES if one.key == key)
+def cited(*keys: str) -> tuple[Reference, ...]:
+    """Sources in the order of their keys."""
+    known = {one.key: one for one in (*REFERENCES, *MORPHING)}
+    return tuple(known[key] for key in keys)

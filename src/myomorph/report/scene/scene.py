@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.subjects import subjects
+from myomorph.analysis.selection import subjects
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches

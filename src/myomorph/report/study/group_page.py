@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from myomorph.analysis.groups import Comparison, CurveDifference
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.group_charts import STYLES, cycle_chart, effect_chart, effect_rows
-from myomorph.report.page.head import Note, PageHead
+from myomorph.model.provenance import Estimate
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import CycleCurve, cycle_chart
+from myomorph.report.charts.rows import interval_rows
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.references import group_references
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section
+from myomorph.report.page.references import cited
 
-MOST_OPEN = 24
+TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
+"""References of the statistics."""
+
+STYLES = ("left", "right")
+"""Of the first group and of the second."""
+
+MAX_EFFECT = 10.0
+"""Effect sizes along the cycle are drawn up to this."""
+
+MAX_OPEN = 24
 """Curves of a family that are shown at once; the rest is folded away."""
 
 
@@ -26,17 +37,9 @@ def group_page(found: Comparison, given: PageHead) -> str:
     given : title, notes, sources, date and version
     """
     notes = tuple(Note("warning", one) for one in found.notes)
-    page = PageHead(
-        title=given.title,
-        date=given.date,
-        version=given.version,
-        notes=(*given.notes, *notes),
-        sources=given.sources,
-        steps=given.steps,
-        warnings=given.warnings,
-    )
+    page = replace(given, notes=(*given.notes, *notes))
     parts = [*_scalar_sections(found), *(_family_section(found, one) for one in found.families)]
-    return rendered(page, [_who(found), *parts], group_references(), facts=_facts(found), tiles=_tiles(found))
+    return rendered(page, [_who(found), *parts], cited(*TESTS), facts=_facts(found), tiles=_tiles(found))
 
 
 def _facts(found: Comparison) -> list[tuple[str, str]]:
@@ -45,8 +48,8 @@ def _facts(found: Comparison) -> list[tuple[str, str]]:
         for name, animals in zip(found.names, found.animals, strict=True)
     ]
     if found.tested:
-        how = "all relabellings" if found.exact else f"{found.options.permutations} random relabellings"
-        rows.append(("Test", f"permutation of animals, {how}; least possible p {number(found.floor)}"))
+        how = "all permutations" if found.exact else f"{found.options.permutations} random permutations"
+        rows.append(("Test", f"permutation of animals, {how}; smallest possible p {number(found.floor)}"))
     else:
         rows.append(("Test", "none: too few animals"))
     rows.append(("Intervals", f"{100 * found.options.confidence:.0f} %"))
@@ -76,10 +79,10 @@ def _who(found: Comparison) -> Section:
         for group, animals in zip(found.names, found.animals, strict=True)
     ]
     lead = (
-        f"Differences are {found.names[0]} less {found.names[1]}. The animal is the unit: the mean of its strides "
-        "stands for it, so that more strides of one animal are not more animals."
+        f"Differences are {found.names[0]} minus {found.names[1]}. The animal is the unit: the mean of its strides "
+        "represents it, so that more strides do not count as more animals."
     )
-    return Section("animals", "Who was compared", lead, grids=(Grid(("Group", "Animals (strides)"), tuple(rows)),))
+    return Section("animals", "Groups", lead, grids=(Grid(("Group", "Animals (strides)"), tuple(rows)),))
 
 
 def _scalar_sections(found: Comparison) -> list[Section]:
@@ -88,11 +91,48 @@ def _scalar_sections(found: Comparison) -> list[Section]:
     lead = "Mean ± standard deviation of the animals."
     if found.tested:
         lead += (
-            " p by relabelling animals; Holm’s correction holds the chance of any false call among the parameters, q "
-            "the share of false ones among those called."
+            " p by permuting animals. Holm’s correction controls the chance of any false positive among the "
+            "parameters, q "
+            "the false discovery rate."
         )
-    figure = Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
+    figure = effect_figure(found)
     return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(found),))]
+
+
+def effect_figure(found: Comparison) -> Figure:
+    """Effect size of every parameter with its interval, filled where the corrected p is small."""
+    drawn = interval_rows(
+        "Effect size",
+        "Hedges’ g",
+        [one.name for one in found.scalars],
+        [Estimate(one.g, one.g_low, one.g_high) for one in found.scalars],
+        solid=[one.holm < found.options.alpha for one in found.scalars],
+        signed=True,
+    )
+    return Figure(drawn, "wide", "Filled where Holm’s p is small.")
+
+
+def difference_chart(one: CurveDifference, unit: str, labels: tuple[str, str], styles: tuple[str, str] = STYLES) -> str:
+    """Both groups' means with their intervals, every animal's own curve, and bars below where they differ."""
+    curves = [
+        CycleCurve(group.mean, style, label, (group.low, group.high), each=each)
+        for group, style, label, each in zip((one.first, one.second), styles, labels, one.each, strict=True)
+    ]
+    shown = [*one.each[0], *one.each[1], *(end for group in (one.first, one.second) for end in (group.low, group.high))]
+    return cycle_chart(one.name, unit, curves, shown, _regions(one))
+
+
+def effect_chart(one: CurveDifference) -> str:
+    """Hedges' g along the cycle with its interval."""
+    curve = CycleCurve(one.g, "middle", "g", (one.g_low, one.g_high))
+    shown = [np.clip(one.g_low, -MAX_EFFECT, MAX_EFFECT), np.clip(one.g_high, -MAX_EFFECT, MAX_EFFECT), np.zeros(1)]
+    return cycle_chart(one.name, "Hedges’ g", [curve], shown, _regions(one), 190)
+
+
+def _regions(one: CurveDifference) -> list[tuple[float, float, str]]:
+    """Where the groups differ, with what is shown under the pointer."""
+    p = f"smallest p {number(one.least_p)}"
+    return [(start, stop, f"differs from {start:.0f} to {stop:.0f} %, {p}") for start, stop in one.regions]
 
 
 def scalar_grid(found: Comparison, title: str = "") -> Grid:
@@ -120,24 +160,26 @@ def _family_section(found: Comparison, family: str) -> Section:
     unit = unit.removesuffix("]")
     order = sorted(curves, key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0))
     shown = order if found.tested else list(curves)
-    figures = [Figure(cycle_chart(one, unit, found.names)) for one in shown[:MOST_OPEN]]
-    figures += [Figure(cycle_chart(one, unit, found.names), folded=one.name) for one in shown[MOST_OPEN:]]
-    figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MOST_OPEN]]
+    figures = [Figure(difference_chart(one, unit, found.names)) for one in shown[:MAX_OPEN]]
+    figures += [Figure(difference_chart(one, unit, found.names), folded=one.name) for one in shown[MAX_OPEN:]]
+    figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MAX_OPEN]]
     lead = (
-        f"Mean of the animals’ means over the cycle from strike to strike, with {100 * found.options.confidence:.0f} % "
+        "Mean of the animals’ means over the stride from foot strike to foot strike, with "
+        f"{100 * found.options.confidence:.0f} % "
         "intervals sample by sample; thin lines are animals."
     )
     if found.tested:
         lead += (
-            f" Bars below mark where groups differ (p < {found.options.alpha:g}, corrected for the whole cycle and all "
-            f"{len(curves)} curves here by the largest statistic); curves that differ stand first."
+            f" Bars below mark where groups differ (p < {found.options.alpha:g}, corrected for the whole stride and "
+            "all "
+            f"{len(curves)} curves here by the maximum statistic); curves that differ come first."
         )
     key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())
     legend = tuple(zip(STYLES, found.names, strict=True))
     return Section(f"curves-{key}", f"{name[:1].upper()}{name[1:]}", lead, legend, tuple(figures), (curve_grid(shown),))
 
 
-def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves in numbers") -> Grid:
+def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: statistics") -> Grid:
     """Where along the cycle the effect is largest, and where the groups differ."""
     rows = []
     for one in curves:
@@ -151,11 +193,11 @@ def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves in nu
         )
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in one.regions) or "–"
         rows.append((one.name, largest, _probability(one.least_p), where))
-    return Grid(("Curve", "Largest effect size", "Least p", "Differs"), tuple(rows), title, True)
+    return Grid(("Curve", "Maximum effect size", "Minimum p", "Differs"), tuple(rows), title, True)
 
 
-def _mean(told: tuple[float, float, int]) -> str:
-    mean, spread, count = told
+def _mean(words: tuple[float, float, int]) -> str:
+    mean, spread, count = words
     return (
         f"{number(mean)} ± {number(spread)} (n = {count})" if np.isfinite(spread) else f"{number(mean)} (n = {count})"
     )

@@ -6,37 +6,39 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.analysis.conditions import Condition
+from myomorph.analysis.conditions import FAR, Condition
 from myomorph.analysis.groups import Comparison
-from myomorph.analysis.outliers import FAR
 from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.model.sides import split_side
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.condition_charts import condition_chart, styled
-from myomorph.report.charts.dots import rank_plot
-from myomorph.report.charts.group_charts import cycle_chart, effect_rows
-from myomorph.report.page.head import Note, PageHead
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import CycleCurve, cycle_chart
+from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.references import study_references
-from myomorph.report.page.section import Figure, Grid, Link, Section
-from myomorph.report.study.group_page import curve_grid, scalar_grid
+from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Section
+from myomorph.report.page.quantity import Quantity
+from myomorph.report.page.references import cited
+from myomorph.report.study.group_page import TESTS, curve_grid, difference_chart, effect_figure, scalar_grid
 from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
 
-MOST_OPEN, MOST_FOLDED = 12, 36
+MAX_OPEN, MAX_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
-MOST_DIFFERENT = 12
+STYLES = ("right", "left", "third", "second", "fourth", "middle")
+"""Of the conditions in their order; more of them take these again."""
+
+MAX_DIFFERENT = 12
 """Curves of a comparison that are drawn."""
 LONG = 60
 """Rows from which on a table is folded away at first."""
-MOST_OF_A_KIND = 3
+MAX_LISTED = 3
 """Trials or values that a line names one by one."""
 SHOWN_LIMITS = (
-    ("Marker error, RMS of the worst frame", "Markers"),
-    ("Residual force, peak", "Residual force"),
-    ("Residual moment, peak", "Residual moment"),
-    ("Reserve actuators, largest", "Reserves"),
+    (Quantity.MARKER_RMS, "Markers"),
+    (Quantity.RESIDUAL_FORCE_PEAK, "Residual force"),
+    (Quantity.RESIDUAL_MOMENT_PEAK, "Residual moment"),
+    (Quantity.RESERVES, "Reserves"),
 )
-UNSOLVED = ("Frames whose inverse kinematics did not converge", "Frames without an optimal muscle solution")
+REFERENCES = ("hicks2015", "opensim", *TESTS, "iglewicz1993")
+UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 
 
 def study_page(given: StudyInput) -> str:
@@ -55,7 +57,7 @@ def study_page(given: StudyInput) -> str:
         *_files(given),
     ]
     return rendered(
-        page, parts, study_references() if given.conditions else (), facts=_facts(given), tiles=_tiles(given)
+        page, parts, cited(*REFERENCES) if given.conditions else (), facts=_facts(given), tiles=_tiles(given)
     )
 
 
@@ -89,9 +91,7 @@ def _tiles(given: StudyInput) -> list[Tile]:
     state = "over" if given.in_state("failed") else "ok"
     tiles = [Tile(f"{len(done)} / {len(done) + len(failed)}", "trials done", state)]
     if any(one.judged for one in done):
-        tiles.append(
-            Tile(f"{over} of {len(done)}", "trials with a quantity beyond its limit", "note" if over else "ok")
-        )
+        tiles.append(Tile(f"{over} of {len(done)}", "trials with a quantity over its limit", "note" if over else "ok"))
     if given.outliers:
         named = len({(one.subject, one.trial) for one in given.outliers})
         tiles.append(Tile(str(named), "trials with outliers", "note"))
@@ -107,24 +107,24 @@ def _tiles(given: StudyInput) -> list[Tile]:
 def _gone(given: StudyInput) -> list[Section]:
     failed, left = given.in_state("failed"), given.in_state("left out")
     grids = []
-    for lines, title, head in ((failed, "Failed", "Why"), (left, "Left out by the study file", "Reason")):
+    for lines, title, head in ((failed, "Failed", "Why"), (left, "Excluded by the study file", "Reason")):
         if lines:
             rows = tuple((one.subject, one.trial or "all", one.condition, one.reason) for one in lines)
             grids.append(Grid(("Subject", "Trial", "Condition", head), rows, title, len(rows) > LONG))
-    return [Section("gone", "Failed and left out", grids=tuple(grids))] if grids else []
+    return [Section("gone", "Failed and excluded", grids=tuple(grids))] if grids else []
 
 
 def _changes(given: StudyInput) -> list[Section]:
     if not given.changes:
         return []
     rows = tuple((text, _named(trials)) for text, trials in given.changes)
-    lead = "What made steps be computed again that an earlier run had done."
+    lead = "Why steps of an earlier run were computed again."
     return [Section("changes", "Changes since the last run", lead, grids=(Grid(("Change", "Trials"), rows),))]
 
 
 def _named(names: Sequence[str]) -> str:
-    told = "; ".join(names[:MOST_OF_A_KIND])
-    return told + (f"; and {len(names) - MOST_OF_A_KIND} more" if len(names) > MOST_OF_A_KIND else "")
+    words = "; ".join(names[:MAX_LISTED])
+    return words + (f"; and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else "")
 
 
 def _quality(given: StudyInput) -> list[Section]:
@@ -139,7 +139,7 @@ def _quality(given: StudyInput) -> list[Section]:
         if len(own) > 1:
             names = [f"{one.subject}, {one.trial}" for one, _ in own]
             values = np.array([judged.value / (judged.limit or 1.0) for _, judged in own])
-            chart = rank_plot(title, "times its limit", "trials, the smallest first", names, values, [(1.0, "limit")])
+            chart = rank_plot(title, "times its limit", "trials in ascending order", names, values, [(1.0, "limit")])
             figures.append(Figure(chart, "medium"))
     quantities = dict.fromkeys(name for one in done for name in one.judged)
     rows = []
@@ -150,11 +150,9 @@ def _quality(given: StudyInput) -> list[Section]:
             worst, most = max(over, key=lambda pair: pair[1].value)
             # Of counts the unit says of how many.
             size = f"{most.value:.0f}" if most.unit.startswith("of ") else number(most.value)
-            told = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
-            rows.append((name, f"{len(over)} of {len(own)}", told))
-    grids = (
-        (Grid(("Quantity", "Trials beyond the limit", "Worst"), tuple(rows), "Beyond their limits"),) if rows else ()
-    )
+            words = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
+            rows.append((name, f"{len(over)} of {len(own)}", words))
+    grids = (Grid(("Quantity", "Trials over the limit", "Worst"), tuple(rows), "Over the limit"),) if rows else ()
     lead = "Marker errors, residuals and reserves beside the community’s limits; one dot a trial."
     return [Section("quality", "Quality", lead, figures=tuple(figures), grids=grids)]
 
@@ -199,19 +197,21 @@ def _family(given: StudyInput, family: str) -> Section:
     what = family.partition(" [")[0]
     names = _ordered(given.conditions, family)
     figures = []
-    for k, name in enumerate(names[: MOST_OPEN + MOST_FOLDED]):
-        figures.append(Figure(condition_chart(given.conditions, family, name), folded=name if k >= MOST_OPEN else ""))
+    for k, name in enumerate(names[: MAX_OPEN + MAX_FOLDED]):
+        figures.append(Figure(condition_chart(given.conditions, family, name), folded=name if k >= MAX_OPEN else ""))
     own = [one for one in given.conditions if family in one.curves]
     cycles = list(
-        dict.fromkeys("strides, from strike to strike" if one.cycle == "stride" else "whole trials" for one in own)
+        dict.fromkeys(
+            "strides, from foot strike to foot strike" if one.cycle == "stride" else "whole trials" for one in own
+        )
     )
     units = " and ".join(dict.fromkeys(one.unit for one in own))
     lead = (
-        f"Over {' or '.join(cycles)}. Lines are means of {units}, ribbons their 95 % intervals sample by sample, faint "
-        "ribbons one standard deviation to both sides."
+        f"Over {' or '.join(cycles)}. Lines are means of {units}, bands their 95 % intervals sample by sample, faint "
+        "bands ± one standard deviation."
     )
-    if len(names) > MOST_OPEN + MOST_FOLDED:
-        lead += f" {len(names) - MOST_OPEN - MOST_FOLDED} more are in condition_curves.csv."
+    if len(names) > MAX_OPEN + MAX_FOLDED:
+        lead += f" {len(names) - MAX_OPEN - MAX_FOLDED} more are in condition_curves.csv."
     # A percent of a stride is not a percent of a trial: curves that share a chart say which they are over.
     mixed = len(cycles) > 1
     legend = tuple(
@@ -225,6 +225,25 @@ def _family(given: StudyInput, family: str) -> Section:
     )
     key = "".join(letter if letter.isalnum() else "-" for letter in what.lower())
     return Section(f"curves-{key}", f"{what[:1].upper()}{what[1:]}", lead, legend, tuple(figures))
+
+
+def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
+    """One curve in all conditions: its mean, the interval of it, and fainter one standard deviation."""
+    drawn = []
+    for style, one in styled(conditions):
+        curves = one.curves.get(family)
+        if curves is not None and name in curves.names:
+            k = curves.names.index(name)
+            mean, deviation = curves.mean[:, k], curves.deviation[:, k]
+            spread = mean - deviation, mean + deviation
+            drawn.append(CycleCurve(mean, style, one.name, (curves.low[:, k], curves.high[:, k]), spread))
+    shown = [part for one in drawn for part in (one.mean, *(one.spread or ()))]
+    return cycle_chart(name, family.partition(" [")[2].removesuffix("]"), drawn, shown)
+
+
+def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
+    """Conditions with the style of their lines."""
+    return [(STYLES[k % len(STYLES)], one) for k, one in enumerate(conditions)]
 
 
 def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
@@ -256,7 +275,7 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
     colors = {one.name: style for style, one in styled(given.conditions)}
     styles = colors[first], colors[second]
     pairs = len(given.comparisons)
-    lead = f"Differences are {first} less {second}. "
+    lead = f"Differences are {first} minus {second}. "
     if found.paired:
         lead += (
             f"{len(found.animals[0])} subjects have both and are compared within themselves; the effect size is the "
@@ -267,11 +286,11 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         lead += f"No subject has both: groups of {counts} subjects; the effect size is Hedges’ g. "
     if found.tested:
         how = "all" if found.exact else f"{found.options.permutations} random"
-        turned = "ways to turn differences round" if found.paired else "relabellings of subjects"
-        lead += f"Tested by {how} {turned}; least possible p {number(found.floor)}. "
+        turned = "sign changes of the differences" if found.paired else "permutations of subjects"
+        lead += f"Tested by {how} {turned}; smallest possible p {number(found.floor)}. "
         lead += f"Bars below mark where curves differ (p < {number(found.options.alpha)}"
         lead += f", which is 0.05 over {pairs} pairs of conditions" if pairs > 1 else ""
-        lead += "; corrected for the whole cycle and all curves of a kind by the largest statistic)."
+        lead += "; corrected for the whole cycle and all curves of a kind by the maximum statistic)."
     else:
         lead += "Too few subjects for a test: described only."
     lead = " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in found.notes)])
@@ -280,9 +299,7 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         least = found.floor * sum(np.isfinite(one.p) for one in found.scalars)
         if found.tested and least > found.options.alpha:
             lead += f" So few subjects cannot bring Holm’s p of that many parameters below {number(min(least, 1.0))}."
-        figures.append(
-            Figure(effect_rows(found.scalars, found.options.alpha), "wide", "Filled where Holm’s p is small.")
-        )
+        figures.append(effect_figure(found))
     grids = [scalar_grid(found)] if found.scalars else []
     for family in found.families:
         curves = sorted(
@@ -290,7 +307,7 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         )
         unit = family.partition(" [")[2].removesuffix("]")
         different = [one for one in curves if one.regions]
-        figures += [Figure(cycle_chart(one, unit, found.names, styles)) for one in different[:MOST_DIFFERENT]]
+        figures += [Figure(difference_chart(one, unit, found.names, styles)) for one in different[:MAX_DIFFERENT]]
         grids.append(curve_grid(curves, f"{family.partition(' [')[0]}: {len(different)} of {len(curves)} differ"))
     legend = tuple(zip(styles, found.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
@@ -305,29 +322,29 @@ def _outliers(given: StudyInput) -> list[Section]:
     rows = []
     for lines in sorted(own.values(), key=lambda each: -max(abs(one.score) for one in each)):
         lines.sort(key=lambda one: -abs(one.score))
-        told = "; ".join(
+        words = "; ".join(
             f"{one.quantity} {number(one.value)}{'' if one.unit == '1' else f' {one.unit}'} "
             f"(median {number(one.middle)}, score {number(one.score)})"
-            for one in lines[:MOST_OF_A_KIND]
+            for one in lines[:MAX_LISTED]
         )
-        rows.append((lines[0].subject, lines[0].trial, lines[0].condition, str(len(lines)), told))
+        rows.append((lines[0].subject, lines[0].trial, lines[0].condition, str(len(lines)), words))
     lead = (
         "Values whose modified z-score, 0.6745 (x − median) / median absolute deviation, in the trials of a condition "
-        f"is beyond {FAR:g}; curves by their distance to the mean of the condition. An outlier is to be looked at, not "
-        "to be thrown away: nothing is left out because of it. All are in outliers.csv."
+        f"is beyond {FAR:g}; curves by their distance to the mean of the condition. Outliers are to be inspected: "
+        "nothing is excluded because of them. All are in outliers.csv."
     )
-    grid = Grid(("Subject", "Trial", "Condition", "Values", "Farthest"), tuple(rows), "", len(rows) > LONG)
+    grid = Grid(("Subject", "Trial", "Condition", "Values", "Most extreme"), tuple(rows), "", len(rows) > LONG)
     return [Section("outliers", "Outliers", lead, grids=(grid,))]
 
 
 def _trials(given: StudyInput) -> list[Section]:
     limits = tuple(title for _, title in SHOWN_LIMITS)
-    head = ("Subject", "Trial", "Condition", "Steps", "Frames", *limits, "Unsolved", "Beyond limits", "Warnings")
+    head = ("Subject", "Trial", "Condition", "Steps", "Frames", *limits, "Unsolved", "Over limits", "Warnings")
     done = given.in_state("done")
     if not done:
         return []
     rows = tuple(_trial_row(one) for one in done)
-    lead = "Names of trials lead to their reports. Markers: RMS of the worst frame; residuals and reserves: peaks."
+    lead = "Names of trials link to their reports. Markers: RMS of the worst frame; residuals and reserves: peaks."
     return [
         Section("trials", "All trials", lead, grids=(Grid(head, rows, f"{len(rows)} trials", len(rows) > 4 * LONG),))
     ]
@@ -355,5 +372,5 @@ def _trial_row(one: TrialLine) -> tuple[str | Link, ...]:
 def _files(given: StudyInput) -> list[Section]:
     if not given.files:
         return []
-    rows = tuple((Link(place, place), told) for place, told in given.files)
-    return [Section("files", "Tables", "Beside this page.", grids=(Grid(("File", "What it holds"), rows),))]
+    rows = tuple((Link(place, place), words) for place, words in given.files)
+    return [Section("files", "Tables", "Beside this page.", grids=(Grid(("File", "Content"), rows),))]

@@ -59,7 +59,7 @@
     /** Points of the drawn lines, read back once. */
     prepare() {
       if (this.lines) return;
-      this.lines = [...this.svg.querySelectorAll("path.line")].map((path) => {
+      this.lines = [...this.svg.querySelectorAll("path.line[data-label]")].map((path) => {
         const flat = (path.getAttribute("d").match(/-?[\d.]+/g) || []).map(Number);
         const dot = document.createElementNS(SVG, "circle");
         dot.setAttribute("class", `dot ${path.getAttribute("class").replace("line", "")}`);

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.analysis.periodicity import Periodicity
+from myomorph.analysis.cycles import Periodicity
 from myomorph.model.arrays import Array
-from myomorph.report.charts.chart import Line, number
-from myomorph.report.charts.maps import floor_plot
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, leveled, person_legend, person_styles
 from myomorph.report.trial.prepared import Prepared
 
 THIN = 8.0
 ORDINAL = ("first", "second", "third", "fourth")
-SECOND_CAPTION = "Straight lines of both are taken off, and each axis has a scale of its own."
+SECOND_CAPTION = "Both are detrended; each axis has its own scale."
 
 
 def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> Section | None:
@@ -36,7 +37,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
     return Section(
         "center-of-gravity",
         "Center of gravity",
-        " ".join(_told(analysis, person) for person in analysis.persons),
+        " ".join(_printed(analysis, person) for person in analysis.persons),
         tuple(person_legend(analysis)) if len(analysis.persons) > 1 else (),
         tuple(figures),
         (_center_grid(analysis),),
@@ -65,7 +66,7 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     )
     shown = [(label, style, factor * one) for label, style, one in paths]
     title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
-    return floor_plot(title, across, shown, width=505, height=300, unit=unit, level=level)
+    return floor_plot(title, across, shown, width=505, height=300, unit=unit, one_scale=level)
 
 
 def _thin(paths: list[Array]) -> bool:
@@ -90,7 +91,7 @@ def _upright_path(analysis: MotionAnalysis) -> str:
         found.append(1000.0 * np.stack([level[:, k], level[:, 0]], axis=1))
     across = (analysis.axes[k], analysis.axes[0])
     title = f"Height over {analysis.axes[k]}"
-    return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", level=False)
+    return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", one_scale=False)
 
 
 def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, str, Array]]:
@@ -119,35 +120,37 @@ def _reaching(inside: np.ndarray) -> np.ndarray:
 
 def _path_caption(analysis: MotionAnalysis) -> str:
     stages = analysis.cutting.stages
-    told = "Its origin is where the first phase starts."
+    printed = "The origin is the start of the first phase."
     if _thin([one.center.values[:, 1:] for one in analysis.persons]):
-        told += " The way is long and thin: each axis has a scale of its own."
+        printed += " Each axis has its own scale."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
         words = ("blue", "violet", "green", "ochre")
-        told += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."
-    return told
+        printed += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."
+    return printed
 
 
-def _told(analysis: MotionAnalysis, person: Person) -> str:
+def _printed(analysis: MotionAnalysis, person: Person) -> str:
     """How low a center of gravity is, and which of its axes repeat, as one sentence."""
     rest, mean = person.standing
-    told = []
+    printed = []
     if np.isfinite(mean) and rest > 0.1 * mean:
         less = 100 * (mean - rest)
-        told.append(
-            f"on average {number(100 * mean, 0.1)} cm over the lowest joint, {number(abs(less), 0.1)} cm "
+        printed.append(
+            f"on average {number(100 * mean, 0.1)} cm above the lowest joint, {number(abs(less), 0.1)} cm "
             f"{'lower' if less < 0 else 'higher'} than in the model's default posture"
         )
     if np.isfinite(person.still):
         less = 1000 * (float(np.nanmean(person.center.values[:, 0])) - person.still)
-        told.append(f"{number(abs(less), 1.0)} mm {'below' if less < 0 else 'above'} the rest at the start")
+        printed.append(
+            f"{number(abs(less), 1.0)} mm {'below' if less < 0 else 'above'} its height at rest at the start"
+        )
     repeats = [
-        f"{axis} every {number(one.period)} s ({number(one.cycles)} periods, {_sure(one)} sure)"
+        f"{axis} every {number(one.period)} s ({number(one.cycles)} periods, confidence {_sure(one)})"
         for axis, one in zip(analysis.axes, person.periods, strict=True)
         if one.periodic
     ]
-    told.append(f"repeating along {' and '.join(repeats)}" if repeats else "without a period along any axis")
-    sentence = (f"{person.who.name}: " if person.who.name else "") + "; ".join(told) + "."
+    printed.append(f"periodic along {' and '.join(repeats)}" if repeats else "not periodic along any axis")
+    sentence = (f"{person.who.name}: " if person.who.name else "") + "; ".join(printed) + "."
     return sentence[:1].upper() + sentence[1:]
 
 
@@ -176,5 +179,5 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
                     _sure(one) if np.isfinite(one.period) else "–",
                 )
             )
-    head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Likeness one period later", "Confidence")
-    return Grid(head, tuple(rows), "Center of gravity in numbers")
+    head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Autocorrelation after one period", "Confidence")
+    return Grid(head, tuple(rows), "Center of gravity: statistics")

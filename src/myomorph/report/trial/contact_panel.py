@@ -6,13 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.analysis.subjects import Subject
+from myomorph.analysis.selection import Subject
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
-from myomorph.report.charts.chart import Limit, Line, number
-from myomorph.report.charts.maps import floor_plot
-from myomorph.report.charts.tracks import Backdrop, Band, Track, draw_track, named_lines, time_axis
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import Line
+from myomorph.report.charts.marks import Level, drawing, mark, text
+from myomorph.report.charts.points import floor_plot
+from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, Track, draw_track, named_lines, time_axis
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
 from myomorph.report.trial.figures import axis_names
 from myomorph.report.trial.given import ReportInput
@@ -24,10 +26,10 @@ SELDOM, NEAR_FLOOR = 2.5, 0.2
 def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
     """Three components of every group's force, the center of pressure and what was measured."""
     given = prepared.given
-    forces = given.contact_forces
+    forces = given.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
         return None
-    groups = groups_of(forces, given.wrenches, given.model, who)
+    groups = groups_of(forces, given.dynamics.wrenches, given.model, who)
     blocks = tuple(dict.fromkeys(one.block for one in groups))
     figures = [
         Figure(_components(prepared, block, [one for one in groups if one.block == block], behind, who), "full")
@@ -51,7 +53,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
 
 def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
     """Size of the forces that pass between bodies, a row for all of them; none where none does."""
-    forces = prepared.given.contact_forces
+    forces = prepared.given.contacts.forces
     if forces is None or all(one.against == GROUND for one in forces.sites):
         return []
     lines = [
@@ -65,14 +67,14 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
 def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
     """Centers of pressure from above, those measured in grey beneath those estimated."""
     given = prepared.given
-    forces = given.contact_forces
+    forces = given.contacts.forces
     assert forces is not None
     k = int(np.argmax(np.abs(prepared.up)))
     flip = -1.0 if k == 1 else 1.0
     first, second = [i for i in range(3) if i != k]
     paths: list[tuple[str, str, Array]] = []
     pressed = group_forces(forces)
-    for label, style, wrenches in (("measured", "measured", given.wrenches), ("", "", pressed)):
+    for label, style, wrenches in (("measured", "measured", given.dynamics.wrenches), ("", "", pressed)):
         if wrenches is None:
             continue
         for i, name in enumerate(wrenches.names):
@@ -88,7 +90,9 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
             paths.append(
                 (told, style or (group.style if group else "middle"), np.where(shown[:, None], points, np.nan))
             )
-    outlines = [(plate.name, plate.corners[:, [first, second]] * np.array([1.0, flip])) for plate in given.plates]
+    outlines = [
+        (plate.name, plate.corners[:, [first, second]] * np.array([1.0, flip])) for plate in given.recorded.plates
+    ]
     across = ("xyz"[first], ("−" if flip < 0 else "") + "xyz"[second])
     return floor_plot("Centers of pressure, from above", across, paths, outlines, width=1040, height=250)
 
@@ -98,16 +102,17 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
     pairs = [one for one in groups if one.against != GROUND]
     if pairs:
-        told.append("Between two bodies, the force on the first is shown; that on the second is its opposite.")
+        told.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
     if any(one.measured is not None for one in groups):
-        told.append("What plates measured is grey, shown and compared while a plate carries it.")
-    if given.intervals is not None:
+        told.append("Plate measurements are grey, shown and compared while the plate is loaded.")
+    if given.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
         told.append(
-            f"{shape} are what the data leave open: equations of motion, cones and muscles allow every force in them."
+            f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
+            "every force within."
         )
-    if given.uncarried:
-        told.append(f"Red marks: {len(given.uncarried)} frames whose motion the contacts could not carry.")
+    if given.contacts.uncarried:
+        told.append(f"Red marks: {len(given.contacts.uncarried)} infeasible contact frames.")
     return " ".join(told)
 
 
@@ -115,7 +120,7 @@ def _components(
     prepared: Prepared, block: str, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]
 ) -> str:
     """Rows for the three components of some groups' forces, under the names of their lines where there are more."""
-    forces = prepared.given.contact_forces
+    forces = prepared.given.contacts.forces
     assert forces is not None
     vectors, names = axis_names(prepared.up)
     heights = (118, 92, 92) if not block else (92, 74, 74)
@@ -128,35 +133,35 @@ def _components(
         ]
         lines += [Line(forces.time, one.forces @ vector, one.style, one.label) for one in groups]
         levels = _weight(prepared, block, who) if i == 0 else []
-        known = prepared.given.intervals
+        known = prepared.given.contacts.intervals
         open_ = [_interval(prepared, one, vector) for one in groups if known is not None and one.name in known.names]
         wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
         rows.append(draw_track(Track(name.capitalize(), "N", lines, heights[i], wide, upright, levels), behind))
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
 
 
-def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Limit]:
+def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Level]:
     """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
     model = prepared.given.model
     if not block:
-        return [Limit(prepared.weight, "body weight")] if prepared.weight and len(who) < 2 else []
+        return [Level(prepared.weight, "body weight", "middle")] if prepared.weight and len(who) < 2 else []
     own = next((one for one in who if one.name == block), None)
     if own is None or model is None:
         return []
     mass = sum(model.body(name).mass for name in own.bodies)
-    return [Limit(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}")]
+    return [Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}", "middle")]
 
 
 def _at_instants(prepared: Prepared) -> bool:
     """Whether intervals are known so seldom that nothing can be drawn between them."""
-    intervals, forces = prepared.given.intervals, prepared.given.contact_forces
+    intervals, forces = prepared.given.contacts.intervals, prepared.given.contacts.forces
     if intervals is None or forces is None or len(intervals.time) < 2 or len(forces) < 2:
         return True
     return float(np.median(np.diff(intervals.time))) > SELDOM * float(np.median(np.diff(forces.time)))
 
 
 def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
-    intervals = prepared.given.intervals
+    intervals = prepared.given.contacts.intervals
     assert intervals is not None
     k = intervals.names.index(group.name)
     ends = np.stack([intervals.lower[:, k] * vector, intervals.upper[:, k] * vector])
@@ -165,18 +170,16 @@ def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
 
 def _marks(prepared: Prepared, behind: Backdrop) -> str:
     """A row of marks at frames that contacts could not carry; "" where there are none."""
-    if not prepared.given.uncarried:
+    if not prepared.given.contacts.uncarried:
         return ""
-    frame = behind.frame(0.0, 12.0)
-    ticks = "".join(
-        f'<path class="uncarried" d="M{float(frame.x(one.time)):.1f} 1v10"><title>{number(one.time, 0.001)} s'
-        "</title></path>"
-        for one in prepared.given.uncarried
+    along = behind.frame(0.0, 12.0).x
+    marks = [
+        mark("path", "uncarried", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
+        for one in prepared.given.contacts.uncarried
         if behind.span[0] <= one.time <= behind.span[1]
-    )
-    return (
-        f'<svg class="chart" viewBox="0 0 1040 12" role="img" aria-label="Frames that could not be carried">'
-        f'<text class="tick end" x="2" y="10">not carried</text>{ticks}</svg>'
+    ]
+    return drawing(
+        "", "Infeasible contact frames", (WIDTH, 12), text(2, 10, "infeasible", "tick end"), *marks, unit=None
     )
 
 
@@ -216,5 +219,5 @@ def _difference(group: Group, vector: Array) -> str:
 
 
 def _uncarried_grid(given: ReportInput) -> Grid:
-    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.uncarried)
-    return Grid(("Time", "Smallest relaxation that carries it"), rows, f"{len(rows)} frames not carried", True)
+    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.uncarried)
+    return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

@@ -8,14 +8,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.analysis.subjects import Subject
+from myomorph.analysis.contact_states import limb_of, row_label
+from myomorph.analysis.selection import Subject
 from myomorph.contact.shared import group_bodies
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
-from myomorph.report.charts.contact_graph import limb_of, row_label
-from myomorph.report.page.verdict import Verdict
+from myomorph.report.page.parts import Verdict
+from myomorph.report.page.quantity import Quantity
 from myomorph.report.trial.given import ReportInput, Situation
 from myomorph.report.trial.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT
 
@@ -36,22 +37,22 @@ ORDINAL = ("first", "second", "third", "fourth")
 
 def situation_of(given: ReportInput) -> Situation:
     """How the contact forces of a recording are known, "" where there are none."""
-    if given.situation:
-        return given.situation
-    if given.contact_forces is None:
-        return "measured" if given.wrenches is not None and len(given.wrenches.names) else ""
-    if given.contacts is not None and any(one.source == "sound" for one in given.contacts.touches):
+    if given.contacts.situation:
+        return given.contacts.situation
+    if given.contacts.forces is None:
+        return "measured" if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names) else ""
+    if given.contacts.touches is not None and any(one.source == "sound" for one in given.contacts.touches.touches):
         return "sound"
     return "unknown"
 
 
 def acting_forces(given: ReportInput) -> Wrenches | None:
     """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated in their place."""
-    forces = given.contact_forces
+    forces = given.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
-        return given.wrenches
+        return given.dynamics.wrenches
     estimated = group_forces(forces)
-    measured = given.wrenches
+    measured = given.dynamics.wrenches
     if measured is None or not len(measured.names):
         return estimated
     instead = _instead(forces, measured, given.model)
@@ -159,29 +160,32 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
     ----------
     height : mean height of the center of mass over the ground [m]
     """
-    if given.contact_forces is None or not len(given.contact_forces):
+    if given.contacts.forces is None or not len(given.contacts.forces):
         return []
     rows = []
     acting = acting_forces(given)
     total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
     peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
-    if given.residuals is not None and peak > 0.0:
+    if given.contacts.residuals is not None and peak > 0.0:
         for what, letter, scale, limit, unit, size in (
             ("force", "F", peak, RESIDUAL_FORCE, "% of peak external force", "N"),
             ("moment", "M", peak * height, RESIDUAL_MOMENT, "% of COM height × peak external force", "N·m"),
         ):
-            names = given.residuals.names
+            names = given.contacts.residuals.names
             own = [k for k, name in enumerate(names) if name.removeprefix("residual_").startswith(letter)]
-            values = np.linalg.norm(given.residuals.values[:, own], axis=1)
+            values = np.linalg.norm(given.contacts.residuals.values[:, own], axis=1)
             if not (np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any() and own):
                 continue
             at = int(np.nanargmax(values))
             rms = float(np.sqrt(np.nanmean(values**2)))
-            for name, value, time in (("peak", values[at], float(given.residuals.time[at])), ("RMS", rms, None)):
+            for name, value, time in (
+                ("peak", values[at], float(given.contacts.residuals.time[at])),
+                ("RMS", rms, None),
+            ):
                 share = float(value) / scale
                 rows.append(
                     Verdict(
-                        f"Residual {what} beside contacts, {name}",
+                        Quantity.residual(what, name, contacts=True),
                         100 * share,
                         unit,
                         100 * limit,
@@ -192,18 +196,18 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
                         f"{float(value):.3g} {size} left over once contacts carry; F = {peak:.4g} N",
                     )
                 )
-    count = len(given.uncarried)
+    count = len(given.contacts.uncarried)
     rows.append(
         Verdict(
-            "Frames whose contacts could not carry the motion",
+            Quantity.UNCARRIED,
             float(count),
-            f"of {len(given.contact_forces)}",
+            f"of {len(given.contacts.forces)}",
             0.0,
             "over" if count else "ok",
             "",
-            given.uncarried[0].time if count else None,
+            given.contacts.uncarried[0].time if count else None,
             "",
-            given.uncarried[0].relaxation if count else "",
+            given.contacts.uncarried[0].relaxation if count else "",
         )
     )
     return rows

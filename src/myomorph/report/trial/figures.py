@@ -12,15 +12,18 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.charts.bars import bar_plot
-from myomorph.report.charts.chart import Limit, Line, Panel, scaled_unit, time_plot
-from myomorph.report.charts.maps import floor_plot, heat_map
+from myomorph.report.charts.axis import scaled_unit
+from myomorph.report.charts.cells import heat_map
+from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.marks import Level
+from myomorph.report.charts.points import floor_plot
+from myomorph.report.charts.rows import bar_plot
 from myomorph.report.trial.tables import MARKER_LARGEST, MARKER_RMS, RESIDUAL_FORCE, RESIDUAL_MOMENT
 
 STYLE = {"right": "right", "left": "left", "": "middle"}
 ORDINAL = ("first", "second", "third", "fourth")
-MOST_BARS = 60
-MOST_IN_COLUMN = 14
+MAX_BARS = 60
+MAX_COLUMN_ROWS = 14
 Span = tuple[float, float]
 
 
@@ -36,8 +39,8 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
         span,
         events,
         [
-            Limit(100 * MARKER_LARGEST * scale, f"largest: {100 * MARKER_LARGEST * scale:.3g} cm"),
-            Limit(100 * MARKER_RMS * scale, f"RMS: {100 * MARKER_RMS * scale:.3g} cm"),
+            Level(100 * MARKER_LARGEST * scale, f"largest: {100 * MARKER_LARGEST * scale:.3g} cm"),
+            Level(100 * MARKER_RMS * scale, f"RMS: {100 * MARKER_RMS * scale:.3g} cm"),
         ],
         low=0.0,
         high=105 * MARKER_LARGEST * scale,
@@ -51,16 +54,16 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
         rms = 100 * np.sqrt(squares.sum(axis=0) / seen.sum(axis=0))
     largest = 100 * np.max(np.where(seen, fit.errors, -np.inf), axis=0, initial=-np.inf)
     largest = np.where(np.isfinite(largest), largest, np.nan)
-    order = np.argsort(-np.nan_to_num(rms, nan=-1.0))[:MOST_BARS]
-    title = "Marker errors, one by one"
-    if len(fit.marker_names) > MOST_BARS:
-        title = f"Marker errors: the {MOST_BARS} largest of {len(fit.marker_names)}"
+    order = np.argsort(-np.nan_to_num(rms, nan=-1.0))[:MAX_BARS]
+    title = "Marker errors by marker"
+    if len(fit.marker_names) > MAX_BARS:
+        title = f"Marker errors: the {MAX_BARS} largest of {len(fit.marker_names)}"
     limits = [
-        Limit(100 * MARKER_RMS * scale, "RMS limit"),
-        Limit(100 * MARKER_LARGEST * scale, "limit of the largest"),
+        Level(100 * MARKER_RMS * scale, "RMS limit"),
+        Level(100 * MARKER_LARGEST * scale, "limit of the maximum"),
     ]
     peak = float(np.nanmax(largest, initial=0.0))
-    columns = np.array_split(order, 2) if len(order) > MOST_IN_COLUMN else [order]
+    columns = np.array_split(order, 2) if len(order) > MAX_COLUMN_ROWS else [order]
     bars = [
         bar_plot(
             title if k == 0 else "",
@@ -112,7 +115,7 @@ def force_figures(
         if i == 0 and len(styles) > 1:
             total = Line(wrenches.time, np.nan_to_num(components).sum(axis=1), "middle", "sum")
             lines.insert(0, total)
-        limits = [Limit(factor * weight, "body weight")] if i == 0 and weight else []
+        limits = [Level(factor * weight, "body weight")] if i == 0 and weight else []
         second = (1.0 / (factor * weight), "BW") if weight else None
         if i == 0:
             panel = Panel(
@@ -187,7 +190,7 @@ def residual_figures(
                     [Line(time, factor * values, "first", what.lower())],
                     span,
                     events,
-                    [Limit(factor * limit, label)],
+                    [Level(factor * limit, label)],
                     low=0.0,
                     high=1.15 * factor * limit,
                 )

@@ -1,4 +1,4 @@
-"""What a report is made of: everything one trial produced, each part optional."""
+"""What a report is made of: the results of the steps of one trial, each a part of its own and optional."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.head import Note, PageHead, SourceFile, Step
+from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
@@ -90,97 +90,167 @@ class TensionResult(Protocol):
     def solved(self) -> np.ndarray:
         """(frames,) whether the frame is optimal."""
 
+    @property
+    def overstretched(self) -> tuple[str, ...]:
+        """Muscles whose passive force passes their maximum isometric force somewhere."""
+
 
 @dataclass(frozen=True, eq=False)
-class ReportInput:
-    """Everything one report may show; a section appears where its part is given.
+class ShownTension:
+    """A solved tension as reports read it; see `TensionResult`."""
+
+    time: Array
+    muscles: tuple[str, ...]
+    activations: Array
+    forces: Array
+    reserves: Array
+    reserve_coordinates: tuple[str, ...]
+    solved: np.ndarray
+    overstretched: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What was recorded, and of whom.
 
     Attributes
     ----------
-    title : of the report, e.g. "s01: walk2"
-    subject, date : who, and when the report was made, as the caller wants them printed
-    version : of the software
-    notes : what is real, assumed or simulated, shown first
+    subject : name, as printed
     facts : further lines of the heading, name to text
-    sources : input files with their hashes
-    steps : how it was made
-    model : of the subject
-    surfaces : meshes for the pictures, by `Mesh.file`
-    markers : as recorded
-    fit : of inverse kinematics
-    motion : coordinates; `fit.motion` where not given
-    wrenches : external forces, at any clock
-    plates : outlines of the force plates
-    torques : generalized forces of inverse dynamics (frames, coordinates) [N m or N]
-    root_note : what the forces at the root joint are where they are not residuals (a model of the legs
-        alone carries the trunk there); with it, no residual is judged
-    lengths, length_rates : (frames, muscles) muscle-tendon lengths [m] and their velocities [m/s]
-    driven : coordinates that at least one muscle moves; () if unknown
-    tension : solved muscle tensions
-    overstretched : muscles whose passive force passes their maximum isometric force somewhere
     emg : measured excitations
     emg_muscles : EMG channel to the muscles it was measured on; channels not named are shown apart
+    plates : outlines of the force plates
     events : known events; None lets the report find them in the forces
     truth : of a simulated capture
-    preset : name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
-    phases : parts of the motion, as the user cuts them; () for those that events or contacts tell
-    times : instants to picture, () for those of events [s]
-    contacts : which site touches what; None takes what the forces tell
-    contact_forces : as estimated, beside `wrenches` as measured
+    """
+
+    subject: str = ""
+    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    emg: Emg | None = None
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    plates: tuple[ForcePlate, ...] = ()
+    events: tuple[Event, ...] | None = None
+    truth: Truth | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """How the body moved.
+
+    Attributes
+    ----------
+    markers : as inverse kinematics used them
+    fit : of inverse kinematics
+    coordinates : where there is no fit
+    """
+
+    markers: Markers | None = None
+    fit: KinematicsFit | None = None
+    coordinates: Motion | None = None
+
+    @property
+    def motion(self) -> Motion | None:
+        """Coordinates, given or fitted."""
+        if self.coordinates is not None:
+            return self.coordinates
+        return None if self.fit is None else self.fit.motion
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """Forces of the whole body.
+
+    Attributes
+    ----------
+    torques : generalized forces of inverse dynamics (frames, coordinates) [N m or N]
+    wrenches : external forces, at any clock
+    root_note : what the forces at the root joint are where they are not residuals (a model of the legs
+        alone carries the trunk there); with it, no residual is judged
+    """
+
+    torques: Series | None = None
+    wrenches: Wrenches | None = None
+    root_note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class MusclePaths:
+    """Muscle-tendon paths.
+
+    Attributes
+    ----------
+    lengths, velocities : (frames, muscles) lengths [m] and their velocities [m/s]
+    driven : coordinates that at least one muscle moves; () if unknown
+    """
+
+    lengths: Series | None = None
+    velocities: Series | None = None
+    driven: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedContacts:
+    """Contacts, and their forces as far as nobody measured them.
+
+    Attributes
+    ----------
+    touches : which site touches what; None takes what the forces tell
+    forces : as estimated, beside the external forces as measured
     intervals : of the contact forces, as far as they are known
     residuals : (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what
         floats once contacts carry [N], [N m]
     uncarried : frames whose contacts could not carry the motion
     situation : how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
-        "sound", or "unknown" and solved for; "" tells it by what is given
-    identification : how the body's masses and lengths were found
-    warnings : what the readers and steps had to say, one line each
+        "sound", or "unknown" and solved for; "" where what is given tells it
     """
 
-    title: str
-    subject: str = ""
-    date: str = ""
-    version: str = ""
-    notes: tuple[Note, ...] = ()
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    sources: tuple[SourceFile, ...] = ()
-    steps: tuple[Step, ...] = ()
-    model: Model | None = None
-    surfaces: Mapping[str, Surface] = field(default_factory=lambda: MappingProxyType({}))
-    markers: Markers | None = None
-    fit: KinematicsFit | None = None
-    motion: Motion | None = None
-    wrenches: Wrenches | None = None
-    plates: tuple[ForcePlate, ...] = ()
-    torques: Series | None = None
-    root_note: str = ""
-    lengths: Series | None = None
-    length_rates: Series | None = None
-    driven: tuple[str, ...] = ()
-    tension: TensionResult | None = None
-    overstretched: tuple[str, ...] = ()
-    emg: Emg | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    events: tuple[Event, ...] | None = None
-    truth: Truth | None = None
-    preset: str = ""
-    phases: tuple[Phase, ...] = ()
-    times: tuple[float, ...] = ()
-    contacts: Contacts | None = None
-    contact_forces: ContactForces | None = None
+    touches: Contacts | None = None
+    forces: ContactForces | None = None
     intervals: ForceIntervals | None = None
     residuals: Series | None = None
     uncarried: tuple[Uncarried, ...] = ()
     situation: Situation = ""
+
+
+@dataclass(frozen=True)
+class AnalysisChoice:
+    """How to look at the motion.
+
+    Attributes
+    ----------
+    preset : name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
+    phases : parts of the motion, as the user cuts them; () for those that events or contacts tell
+    times : instants to picture, () for those of events [s]
+    """
+
+    preset: str = ""
+    phases: tuple[Phase, ...] = ()
+    times: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ReportInput:
+    """What one report may show: the results of the steps, each a part of its own; a section appears where it is given.
+
+    Attributes
+    ----------
+    head : title, notes, sources, steps and warnings
+    model : of the subject
+    surfaces : meshes for the pictures, by `Mesh.file`
+    analysis : how to look at the motion
+    identification : how the body's masses and lengths were found
+    more : sections of steps that this page does not know
+    """
+
+    head: PageHead
+    model: Model | None = None
+    surfaces: Mapping[str, Surface] = field(default_factory=lambda: MappingProxyType({}))
+    recorded: Recorded = field(default_factory=Recorded)
+    kinematics: Kinematics = field(default_factory=Kinematics)
+    dynamics: Dynamics = field(default_factory=Dynamics)
+    muscles: MusclePaths = field(default_factory=MusclePaths)
+    tension: TensionResult | None = None
+    contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
+    analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
     identification: IdentificationInput | None = None
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def head(self) -> PageHead:
-        """What the page says of itself."""
-        return PageHead(self.title, self.date, self.version, self.notes, self.sources, self.steps, self.warnings)
-
-    @property
-    def kinematics(self) -> Motion | None:
-        """Coordinates, given or fitted."""
-        return self.motion if self.motion is not None else self.fit.motion if self.fit is not None else None
+    more: tuple[Section, ...] = ()

@@ -6,18 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.analysis.segment_words import plain_words, segment_words
-from myomorph.model.model import Model
+from myomorph.analysis.presets import plain_words, segment_words
 from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import Motion
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.dots import dot_plot, rank_plot
-from myomorph.report.page.section import Figure, Grid, Section
-from myomorph.report.scene.image import LEVEL, data_uri, level_color, png
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.pictures import picture_row
+from myomorph.report.charts.points import rank_plot
+from myomorph.report.charts.rows import dot_plot
+from myomorph.report.page.parts import Figure, Grid, Section
+from myomorph.report.scene.image import LEVEL, level_color
 from myomorph.report.scene.pictures import pictures
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.calibration_section import calibration_section
-from myomorph.report.trial.cross_validation import STYLES, validation_section
 from myomorph.report.trial.identification_tables import (
     ATHLETES,
     Cell,
@@ -30,11 +29,12 @@ from myomorph.report.trial.identification_tables import (
     spine_sheet,
 )
 from myomorph.report.trial.identified import COMPONENTS, UNITS, IdentificationInput, IdentifiedBase
+from myomorph.report.trial.validation import STYLES, calibration_section, validation_section
 
 WELL_KNOWN = 0.1
 """Relative standard deviation under which a base parameter counts as well known."""
 
-LONGEST_TABLE = 30
+MAX_OPEN_ROWS = 30
 LIGHT = 0.002
 """Share of the body's mass under which a link of a model of many links is left out of a chart."""
 
@@ -59,24 +59,26 @@ def body_section(given: IdentificationInput) -> Section:
     if len(given.share):
         masses = np.array([body.mass for body in given.model.bodies])
         order = np.argsort(-np.nan_to_num(given.share, nan=-1.0), kind="stable")
-        order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > LONGEST_TABLE else order
+        order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > MAX_OPEN_ROWS else order
         names = [given.model.body_names[i] for i in order]
         share = [100.0 * given.share[order]]
-        figures.append(Figure(dot_plot("Share from the data", "%", names, share, ["first"], ["share"], 520), "medium"))
+        figures.append(
+            Figure(dot_plot("Information from the data", "%", names, share, ["first"], ["share"], 520), "medium")
+        )
     lead = f"{number(given.model.mass)} kg in {len(given.model.bodies)} links"
     lead += f", masses “{given.chosen}”" if given.chosen else ""
     lead += f"; mass points: {given.source}" if given.source else ""
     lead += "."
     if len(given.share):
         lead += (
-            " Colors tell how much of what is known of a link comes from the motion and forces (blue) rather than from "
+            " Colors: how much of the information on a link comes from motion and forces (blue) rather than from "
             "the shape of the body (red)."
         )
     wrong = [one for one in given.checks if not one.possible]
     if given.checks:
-        told = "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5])
+        words = "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5])
         count = len(given.checks)
-        lead += f" {len(wrong)} of {count} links are not physically possible: {told}." if wrong else ""
+        lead += f" {len(wrong)} of {count} links are not physically possible: {words}." if wrong else ""
         lead += "" if wrong else f" All {count} links are physically possible."
     grids = []
     if given.left_out:
@@ -85,42 +87,23 @@ def body_section(given: IdentificationInput) -> Section:
             (reason, number(count, 1.0), f"{number(100.0 * count / frames)} %")
             for reason, count in given.left_out.items()
         )
-        grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames left out"))
+        grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames excluded"))
     if given.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "What identification had to say"))
+        grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "Notes of the identification"))
     title = "The identified body" if given.parameters else "The body"
     return Section("body-identified", title, lead, (), tuple(figures), tuple(grids))
 
 
 def body_picture(given: IdentificationInput) -> str:
     """The model from its right side and from the front as one drawing with its scale of colors."""
-    model = _bare(given.model)
+    model = replace(given.model, muscles=())
     pose = given.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
     scene = make_scene(model, pose, [0], given.surfaces)
     share = given.share if len(given.share) else np.full(len(model.bodies), np.nan)
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])
-    side, front = pictures(scene, 560, 560, colors)
-    width, height = max(side.width + front.width + 20, 560), side.height + 46
-    first = (width - side.width - front.width) / 3
-    parts = [f'<svg class="chart body" viewBox="0 0 {width} {height}" role="img" aria-label="The identified body">']
-    for picture, x in ((side, first), (front, 2 * first + side.width)):
-        size = f'width="{picture.width}" height="{picture.height}"'
-        parts.append(f'<image href="{data_uri(picture.image)}" x="{x:g}" y="0" {size}/>')
-    if len(given.share):
-        bar = png(np.arange(256, dtype=np.uint8)[None], LEVEL)
-        left, y = width / 2 - 110, side.height + 14
-        parts.append(
-            f'<image href="{data_uri(bar)}" x="{left:g}" y="{y}" width="220" height="9" preserveAspectRatio="none"/>'
-        )
-        for at, text in ((0, "from the shape"), (110, "half"), (220, "from the data")):
-            parts.append(f'<text class="tick x" x="{left + at:g}" y="{y + 23}">{text}</text>')
-    parts.append("</svg>")
-    return "".join(parts)
-
-
-def _bare(model: Model) -> Model:
-    """The model without muscles: only its links are to be seen."""
-    return replace(model, muscles=())
+    drawn = pictures(scene, 560, 560, colors)
+    palette, ends = (LEVEL, ("from the shape", "half", "from the data")) if len(given.share) else (None, ())
+    return picture_row("The identified body", drawn, palette=palette, ends=ends)
 
 
 def mass_section(given: IdentificationInput) -> Section | None:
@@ -139,7 +122,7 @@ def mass_section(given: IdentificationInput) -> Section | None:
         list(masses),
         880,
     )
-    grids = [_grid(mass_sheet(given), "Mass of each link [kg]", len(given.model.bodies) > LONGEST_TABLE)]
+    grids = [_grid(mass_sheet(given), "Mass of each link [kg]", len(given.model.bodies) > MAX_OPEN_ROWS)]
     spine = spine_sheet(given)
     if spine.rows:
         grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
@@ -150,8 +133,8 @@ def mass_section(given: IdentificationInput) -> Section | None:
         cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
         grids.append(_grid(cut, f"Physical consistency of {len(given.checks)} links", True))
     left = len(given.model.bodies) - len(shown)
-    lead = "Every method's mass of every link, the heaviest first."
-    lead += f" {left} links of less than a gram are only in the table." if left else ""
+    lead = "Every method's mass of every link, heaviest first."
+    lead += f" {left} links below one gram are only in the table." if left else ""
     legend = tuple(zip(STYLES, masses, strict=False))
     return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), tuple(grids))
 
@@ -171,8 +154,8 @@ def segment_section(given: IdentificationInput) -> Section | None:
             (
                 name.replace(" ", "\u00a0"),
                 number(athletes),
-                *(_told(one) for one in right),
-                _told(left) if paired else "",
+                *(_words(one) for one in right),
+                _words(left) if paired else "",
             )
         )
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
@@ -190,8 +173,8 @@ def segment_section(given: IdentificationInput) -> Section | None:
     present = {segment.name for segment in segments.values()}
     absent = [plain_words(name) for name in SEGMENTS if name not in present]
     if absent:
-        lead += f" This model has no link of its own for {', '.join(absent)}: their mass counts to its other links."
-    grids = (Grid(head, tuple(rows), "Segments"), Grid(("Segment", "Links"), links, "Which link counts where", True))
+        lead += f" This model has no separate link for {', '.join(absent)}: their mass is part of other links."
+    grids = (Grid(head, tuple(rows), "Segments"), Grid(("Segment", "Links"), links, "Links of each segment", True))
     return Section("segments", "Segments of the body", lead, (), (), grids)
 
 
@@ -201,16 +184,16 @@ def base_section(given: IdentificationInput) -> Section | None:
     if base is None:
         return None
     well = int(np.sum(base.shown & (base.relative_sd < WELL_KNOWN)))
-    lead = f"{int(base.shown.sum())} of {len(base.names)} base parameters are shown by the motion"
+    lead = f"{int(base.shown.sum())} of {len(base.names)} base parameters are identifiable from this motion"
     lead += f", {well} of them within {100 * WELL_KNOWN:g} % (one standard deviation)"
     lead += f"; {number(base.frames, 1.0)} frames" if base.frames else ""
     lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
-    lead += ". What is not shown comes from the shape of the body." if not base.shown.all() else "."
+    lead += ". The others come from the shape of the body." if not base.shown.all() else "."
     limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
     plot = rank_plot(
         "Relative standard deviation",
         "of the value",
-        "base parameters, the best known first",
+        "base parameters, best known first",
         base.names,
         base.relative_sd,
         limits,
@@ -220,45 +203,47 @@ def base_section(given: IdentificationInput) -> Section | None:
     grids = [_base_grid(base)]
     if np.isfinite(base.residual).any():
         cells = tuple(f"{number(float(one))} {unit}" for unit, one in zip(UNITS, base.residual, strict=True))
-        grids.insert(0, Grid(COMPONENTS, (cells,), "Misfit of the base parameters, root mean square"))
+        grids.insert(0, Grid(COMPONENTS, (cells,), "Residual of the base parameters, root mean square"))
     misfit = misfit_sheet(given)
     if misfit.rows:
-        grids.insert(0, _grid(misfit, "Misfit of the base wrench in the frames used, root mean square of its vectors"))
+        grids.insert(0, _grid(misfit, "Residual of the base wrench in the frames used, root mean square of its norm"))
     if given.from_shape:
         rows = tuple((link, ", ".join(names)) for link, names in given.from_shape.items())
         grids.append(Grid(("Link", "Parameters"), rows, "Parameters that come from the shape of the body", True))
     for title, names in (
-        ("Not shown by this motion", given.not_shown),
-        ("Shown by no motion of this model", given.never_shown),
+        ("Not identifiable from this motion", given.not_shown),
+        ("Not identifiable from any motion", given.never_shown),
     ):
         if names:
             grids.append(Grid((title,), tuple((name,) for name in names), f"{title}: {len(names)}", True))
-    legend = (("first", "shown by the motion"), ("middle", "not shown"))
+    legend = (("first", "identifiable"), ("middle", "not identifiable"))
     return Section("base", "Base parameters", lead, legend, (Figure(plot, "full"),), tuple(grids))
 
 
 def _base_grid(base: IdentifiedBase) -> Grid:
     rows = []
     for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True):
-        rows.append((name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not shown"))
+        rows.append(
+            (name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not identifiable")
+        )
     head = ("Base parameter", "Estimate", "Relative standard deviation", "")
     return Grid(head, tuple(rows), f"All {len(rows)} base parameters", True)
 
 
-def _told(value: float | None) -> str:
+def _words(value: float | None) -> str:
     return "–" if value is None else number(value)
 
 
 def _grid(sheet: Sheet, title: str, folded: bool = False) -> Grid:
     """A table of numbers for print: about three digits."""
 
-    def told(cell: Cell) -> str:
+    def words(cell: Cell) -> str:
         if cell is None:
             return "–"
         return number(cell) if isinstance(cell, float) else str(cell)
 
     head = tuple(_short(one) for one in sheet.head)
-    return Grid(head, tuple(tuple(told(one) for one in row) for row in sheet.rows), title, folded)
+    return Grid(head, tuple(tuple(words(one) for one in row) for row in sheet.rows), title, folded)
 
 
 def _short(name: str) -> str:

@@ -6,23 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.lagged import Correlations, correlate
-from myomorph.analysis.limb_muscles import named_muscles
-from myomorph.analysis.locking import Locking, lock
+from myomorph.analysis.contact_states import Limb, limb_states, measured_contacts, solved_contacts
+from myomorph.analysis.cycles import NONE, Periodicity, find_period
+from myomorph.analysis.lagged import Correlations, Locking, correlate, lock
 from myomorph.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
-from myomorph.analysis.periodicity import NONE, Periodicity, find_period
-from myomorph.analysis.presets import Preset, fitting_preset, preset_of
-from myomorph.analysis.selection import Pair
-from myomorph.analysis.subjects import Subject, centroids, lowest_joint, standing_height, subjects
+from myomorph.analysis.presets import Preset, fitting_preset, named_muscles, preset_of
+from myomorph.analysis.selection import Pair, Subject, centroids, lowest_joint, standing_height, subjects
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts
 from myomorph.model.series import Motion, Series
-from myomorph.report.charts.contact_graph import Limb, limb_states, measured_contacts, solved_contacts
 from myomorph.report.trial.figures import axis_names, weighted
 from myomorph.report.trial.prepared import Prepared
 
-STILL_TIME, STILL_SPEED, STILL_SHARE = 0.5, 0.03, 0.05
-MOST_FRAMES = 20000
+REST_TIME, REST_SPEED, REST_SHARE = 0.5, 0.03, 0.05
+MAX_FRAMES = 20000
 STEP_TIME = 0.1
 PERSONS = ("third", "second", "fourth")
 NEARLY = 0.8
@@ -102,7 +99,11 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
     walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
-    preset = preset_of(given.preset) if given.preset else fitting_preset(walks, sources, people, len(who) > people > 0)
+    preset = (
+        preset_of(given.analysis.preset)
+        if given.analysis.preset
+        else fitting_preset(walks, sources, people, len(who) > people > 0)
+    )
     persons = _persons(prepared, who, preset)
     rhythm = _rhythm(persons)
     period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
@@ -110,7 +111,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     cutting = cut(
         Cuttable(prepared.span, clock, prepared.events, tuple(one.label for one in limbs), touching, nothing, period),
         preset.cuts,
-        given.phases,
+        given.analysis.phases,
     )
     activations = _activations(prepared, persons)
     center = persons[0].center if persons else None
@@ -127,7 +128,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
             )
     return MotionAnalysis(
         preset,
-        bool(given.preset),
+        bool(given.analysis.preset),
         prepared.span,
         tuple(axis_names(prepared.up)[1]),
         persons,
@@ -146,12 +147,12 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
 
 def _contacts(prepared: Prepared) -> Contacts | None:
     given = prepared.given
-    if given.contacts is not None:
-        return given.contacts
-    if given.contact_forces is not None and given.contact_forces.sites:
-        return solved_contacts(given.contact_forces)
-    if given.wrenches is not None and len(given.wrenches.names):
-        return measured_contacts(given.wrenches, prepared.up, prepared.weight)
+    if given.contacts.touches is not None:
+        return given.contacts.touches
+    if given.contacts.forces is not None and given.contacts.forces.sites:
+        return solved_contacts(given.contacts.forces)
+    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
+        return measured_contacts(given.dynamics.wrenches, prepared.up, prepared.weight)
     return None
 
 
@@ -168,14 +169,14 @@ def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) ->
 def _clock(prepared: Prepared) -> Array:
     if prepared.centroid is not None:
         return prepared.centroid.time
-    wrenches = prepared.given.wrenches
+    wrenches = prepared.given.dynamics.wrenches
     if wrenches is not None and len(wrenches) > 1:
-        return wrenches.time[:: max(1, len(wrenches) // MOST_FRAMES)]
+        return wrenches.time[:: max(1, len(wrenches) // MAX_FRAMES)]
     return np.linspace(*prepared.span, 1001)
 
 
 def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tuple[Person, ...]:
-    given, motion = prepared.given, prepared.given.kinematics
+    given, motion = prepared.given, prepared.given.kinematics.motion
     if given.model is None or motion is None or prepared.centroid is None or not who:
         return ()
     thinned = _thinned(motion)
@@ -197,18 +198,18 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
 
 
 def _thinned(motion: Motion) -> Motion:
-    step = -(-len(motion) // MOST_FRAMES)
+    step = -(-len(motion) // MAX_FRAMES)
     return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
 
 
 def _still(center: Series) -> float:
     """Mean height over the first half second, where the center of gravity hardly moves then."""
-    first = center.time <= center.time[0] + STILL_TIME
+    first = center.time <= center.time[0] + REST_TIME
     part = center.values[first]
     if first.all() or len(part) < 3 or not np.isfinite(part).all():
         return float("nan")
     moved = float(np.ptp(part, axis=0).max())
-    least = min(STILL_SPEED * STILL_TIME, STILL_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
+    least = min(REST_SPEED * REST_TIME, REST_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
     return float(part[:, 0].mean()) if moved < least else float("nan")
 
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.analysis.columns import extremes
+from myomorph.analysis.cycles import band
+from myomorph.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, length_analysis, range_row
 from myomorph.analysis.selection import Pair, major_muscles
+from myomorph.analysis.strides import walking_strides
 from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.columns import extremes
-from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import CycleCurve, cycle_chart
+from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.tables import few
@@ -18,11 +22,11 @@ from myomorph.report.trial.tables import few
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
     """Measured channels on the muscles of a pair: side, time and envelope."""
-    emg = prepared.given.emg
+    emg = prepared.given.recorded.emg
     if emg is None:
         return []
     found = []
-    for channel, muscles in prepared.given.emg_muscles.items():
+    for channel, muscles in prepared.given.recorded.emg_muscles.items():
         if channel not in emg.names:
             continue
         for side, members in pair.members.items():
@@ -33,8 +37,8 @@ def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
 
 def matched_emg(prepared: Prepared) -> bool:
     """Whether the muscles of some EMG channel are known."""
-    emg = prepared.given.emg
-    return emg is not None and any(name in emg.names for name in prepared.given.emg_muscles)
+    emg = prepared.given.recorded.emg
+    return emg is not None and any(name in emg.names for name in prepared.given.recorded.emg_muscles)
 
 
 def activation_section(prepared: Prepared) -> Section | None:
@@ -57,7 +61,7 @@ def activation_section(prepared: Prepared) -> Section | None:
                 prepared.detail,
                 prepared.events,
                 emg_of(prepared, pair),
-                given.truth.activations if given.truth else None,
+                given.recorded.truth.activations if given.recorded.truth else None,
             ),
             "quarter",
         )
@@ -70,7 +74,7 @@ def activation_section(prepared: Prepared) -> Section | None:
     if matched_emg(prepared):
         lead += ". EMG envelopes are scaled as they were given; their size is not comparable to activation"
         legend += (("emg", "EMG"),)
-    if given.truth and given.truth.activations is not None:
+    if given.recorded.truth and given.recorded.truth.activations is not None:
         legend += (("truth", "truth"),)
     return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, figures)
 
@@ -101,39 +105,44 @@ def tension_section(prepared: Prepared) -> Section | None:
                 number(float(np.nanmax(column))),
             )
         )
-    head = ("Muscle", "Largest tension", "at", "Mean", "of its maximum isometric force", "Largest activation")
+    head = ("Muscle", "Maximum tension", "Time", "Mean", "Share of maximum isometric force", "Maximum activation")
     return Section(
         "tensions",
         "Muscle tensions",
         "Force along the tendon of every muscle, from hip to ankle on each side. In long recordings every column "
-        "shows the largest of the frames it stands for.",
+        "shows the maximum of its frames.",
         (),
         (Figure(drawing, "full"),),
-        (Grid(head, tuple(rows), f"All {len(rows)} muscles, strongest pull first", True),),
+        (Grid(head, tuple(rows), f"All {len(rows)} muscles, largest tension first", True),),
     )
 
 
 def emg_section(prepared: Prepared) -> Section | None:
     """Channels whose muscle is not known, or not among those drawn above."""
-    emg = prepared.given.emg
+    emg = prepared.given.recorded.emg
     if emg is None:
         return None
     drawn: set[str] = set()
     if prepared.given.tension is not None:
         chosen = major_muscles(prepared.given.tension.muscles, None)
         shown = {name for pair in chosen for name in pair.names}
-        drawn = {one for one, muscles in prepared.given.emg_muscles.items() if shown & set(muscles)}
+        drawn = {one for one, muscles in prepared.given.recorded.emg_muscles.items() if shown & set(muscles)}
     left = [name for name in emg.names if name not in drawn]
     if not left:
         return None
-    unknown = [name for name in left if name not in prepared.given.emg_muscles]
+    unknown = [name for name in left if name not in prepared.given.recorded.emg_muscles]
     lead = "Envelopes as measured."
     if unknown:
-        lead += f" The recording does not say which muscle these are, and none is claimed: {few(unknown, 16)}."
+        lead += f" The recording does not specify their muscles: {few(unknown, 16)}."
     figures = tuple(
         Figure(
             emg_panel(
-                name + (f" ({few(prepared.given.emg_muscles[name])})" if name in prepared.given.emg_muscles else ""),
+                name
+                + (
+                    f" ({few(prepared.given.recorded.emg_muscles[name])})"
+                    if name in prepared.given.recorded.emg_muscles
+                    else ""
+                ),
                 emg.time,
                 emg[name],
                 prepared.detail,
@@ -149,12 +158,14 @@ def emg_section(prepared: Prepared) -> Section | None:
 def length_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths, where tensions were not solved."""
     given = prepared.given
-    if given.lengths is None or given.tension is not None or not len(given.lengths):
+    if given.muscles.lengths is None or given.tension is not None or not len(given.muscles.lengths):
         return None
-    chosen = major_muscles(given.lengths.names, None)
+    chosen = major_muscles(given.muscles.lengths.names, None)
     figures = tuple(
         Figure(
-            pair_panel(pair.label, "mm", _first_parts(pair), given.lengths, prepared.detail, prepared.events, 1000.0),
+            pair_panel(
+                pair.label, "mm", _first_parts(pair), given.muscles.lengths, prepared.detail, prepared.events, 1000.0
+            ),
             "small",
         )
         for pair in chosen
@@ -167,3 +178,60 @@ def _first_parts(pair: Pair) -> Pair:
     several = any(len(names) > 1 for names in pair.members.values())
     part = split_side(next(iter(members.values()))[0])[0]
     return Pair(f"{pair.label} ({part})" if several else pair.label, members)
+
+
+GAITS = ("", "gait")
+"""Presets in which strides are looked for."""
+
+
+def analysed_lengths(prepared: Prepared) -> LengthAnalysis | None:
+    """Lengths over the strides of a walk; None where lengths, feet or strides are not there."""
+    given = prepared.given
+    if (
+        given.muscles.lengths is None
+        or given.model is None
+        or given.kinematics.motion is None
+        or given.analysis.preset not in GAITS
+    ):
+        return None
+    strides = walking_strides(given.model, given.kinematics.motion, given.kinematics.fit)
+    if strides is None:
+        return None
+    return length_analysis(given.model, given.muscles.lengths, strides, given.muscles.velocities)
+
+
+def length_cycle_section(prepared: Prepared) -> Section | None:
+    """Muscle-tendon lengths over the stride, right and left together."""
+    analysis = analysed_lengths(prepared)
+    if analysis is None:
+        return None
+    ranges = analysis.ranges
+    if not ranges:
+        return None
+    shown = {one.muscle for one in ranges}
+    moving = {one.muscle: one.excursion for one in ranges}
+    most = np.array([moving.get(name, 0.0) for name in analysis.muscles])
+    chosen = [pair for pair in major_muscles(analysis.muscles, most) if shown & set(pair.names)]
+    figures = tuple(Figure(stride_chart(analysis, pair)) for pair in chosen)
+    counts = ", ".join(f"{len(own)} of {limb}" for limb, own in analysis.strides.items())
+    lead = (
+        f"From foot strike to foot strike of each muscle's own side ({counts}). A stride starts where the foot is "
+        "farthest ahead "
+        "of the trunk. Thin lines are strides; the band is the 95 % interval of their mean. Velocities in the table "
+        "are means of each stride's maximum, in optimal fiber lengths a second; 'standing' is the model's default pose."
+    )
+    rows = tuple(range_row(one) for one in ranges)
+    grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)
+    return Section("length_cycles", "Muscle lengths over the stride", lead, SIDES_LEGEND, figures, (grid,))
+
+
+def stride_chart(analysis: LengthAnalysis, pair: Pair) -> str:
+    """Every stride of a muscle on both sides, its mean and interval [mm]."""
+    drawn = []
+    for side, names in pair.members.items():
+        strides = 1e3 * analysis.curves(names[0])
+        mean = band(strides)
+        drawn.append(CycleCurve(mean.mean, side or "right", names[0], (mean.low, mean.high), each=strides))
+    several = any(len(names) > 1 for names in pair.members.values())
+    title = f"{pair.label} ({split_side(drawn[0].label)[0]})" if several else pair.label
+    return cycle_chart(title, "mm", drawn, [one for curve in drawn for one in curve.each])

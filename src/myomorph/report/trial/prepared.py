@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.centroid import centroid
+from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.phases import Movement, find_movement
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event, Motion, Series
-from myomorph.report.page.verdict import Verdict
+from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.estimated_forces import contact_verdicts
 from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.tables import (
@@ -100,7 +100,7 @@ def prepare(given: ReportInput) -> Prepared:
     """Span, events, center of mass and verdicts of what was given."""
     up = np.array([0.0, 1.0, 0.0]) if given.model is None else given.model.up
     span = _span(given)
-    motion = given.kinematics
+    motion = given.kinematics.motion
     com = None
     if given.model is not None and motion is not None and len(motion) and given.model.mass > 0.0:
         com = centroid(given.model, _thinned(motion))
@@ -108,23 +108,30 @@ def prepare(given: ReportInput) -> Prepared:
     if given.model is not None and given.model.mass > 0.0 and np.any(given.model.gravity):
         weight = given.model.weight
     # A model of part of a body does not weigh what stands on the plates.
-    whole = weight if not given.root_note else None
+    whole = weight if not given.dynamics.root_note else None
     movement = Movement()
-    pressing = given.wrenches
-    if pressing is None and given.contact_forces is not None:
-        pressing = given.contact_forces.wrenches()
+    pressing = given.dynamics.wrenches
+    if pressing is None and given.contacts.forces is not None:
+        pressing = given.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
         movement = find_movement(pressing, up, whole, com)
-    if given.events is not None:
-        kind = movement.kind if not given.events else movement.kind or "movement"
-        movement = Movement(kind, tuple(sorted(given.events, key=lambda one: one.time)), movement.measures)
+    if given.recorded.events is not None:
+        kind = movement.kind if not given.recorded.events else movement.kind or "movement"
+        movement = Movement(kind, tuple(sorted(given.recorded.events, key=lambda one: one.time)), movement.measures)
     floor = _floor(given, up)
-    partial = Prepared(given, up, span, movement, com, floor, whole, body_scale(given.markers), ())
+    partial = Prepared(given, up, span, movement, com, floor, whole, body_scale(given.kinematics.markers), ())
     return Prepared(given, up, span, movement, com, floor, whole, partial.scale, tuple(_verdicts(partial)))
 
 
 def _span(given: ReportInput) -> tuple[float, float]:
-    for one in (given.kinematics, given.torques, given.tension, given.markers, given.wrenches, given.emg):
+    for one in (
+        given.kinematics.motion,
+        given.dynamics.torques,
+        given.tension,
+        given.kinematics.markers,
+        given.dynamics.wrenches,
+        given.recorded.emg,
+    ):
         if one is not None and len(one.time):
             return float(one.time[0]), float(one.time[-1])
     return 0.0, 1.0
@@ -140,11 +147,11 @@ def _thinned(motion: Motion) -> Motion:
 
 def _floor(given: ReportInput, up: Array) -> float:
     """Height of the ground: the plates', else of loaded points of application, else zero."""
-    if given.plates:
-        return float(np.mean([plate.corners @ up for plate in given.plates]))
-    if given.wrenches is not None and len(given.wrenches.names):
-        loaded = np.nan_to_num(given.wrenches.forces @ up)
-        points = given.wrenches.points @ up
+    if given.recorded.plates:
+        return float(np.mean([plate.corners @ up for plate in given.recorded.plates]))
+    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
+        loaded = np.nan_to_num(given.dynamics.wrenches.forces @ up)
+        points = given.dynamics.wrenches.points @ up
         shown = points[(loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)) & np.isfinite(points)]
         if shown.size:
             return float(np.median(shown))
@@ -154,29 +161,39 @@ def _floor(given: ReportInput, up: Array) -> float:
 def _verdicts(prepared: Prepared) -> list[Verdict]:
     given = prepared.given
     rows: list[Verdict] = []
-    if given.fit is not None:
-        rows += marker_verdicts(given.fit, prepared.scale)
-    if given.markers is not None:
-        rows += gap_verdicts(given.markers)
-    if given.model is not None and given.kinematics is not None and len(given.kinematics):
-        rows += range_verdicts(given.model, given.kinematics)
-    judged = given.torques is not None and given.wrenches is not None and not given.root_note
+    if given.kinematics.fit is not None:
+        rows += marker_verdicts(given.kinematics.fit, prepared.scale)
+    if given.kinematics.markers is not None:
+        rows += gap_verdicts(given.kinematics.markers)
+    if given.model is not None and given.kinematics.motion is not None and len(given.kinematics.motion):
+        rows += range_verdicts(given.model, given.kinematics.motion)
+    judged = given.dynamics.torques is not None and given.dynamics.wrenches is not None and not given.dynamics.root_note
     # What contacts were solved for is still in the torques of inverse dynamics.
-    judged = judged and given.contact_forces is None
-    if judged and given.model is not None and given.torques is not None and given.wrenches is not None:
+    judged = judged and given.contacts.forces is None
+    if (
+        judged
+        and given.model is not None
+        and given.dynamics.torques is not None
+        and given.dynamics.wrenches is not None
+    ):
         height = prepared.center_height
         if np.isfinite(height) and height > 0:
-            rows += residual_verdicts(given.model, given.torques, given.wrenches, height)
+            rows += residual_verdicts(given.model, given.dynamics.torques, given.dynamics.wrenches, height)
     rows += contact_verdicts(given, prepared.center_height)
     if given.tension is not None:
         tension = given.tension
         rows.append(unsolved_verdict(tension.solved, tension.time))
-        if given.model is not None and given.torques is not None:
+        if given.model is not None and given.dynamics.torques is not None:
             rows += reserve_verdicts(
-                given.model, given.torques, tension.reserve_coordinates, tension.reserves, tension.time, given.driven
+                given.model,
+                given.dynamics.torques,
+                tension.reserve_coordinates,
+                tension.reserves,
+                tension.time,
+                given.muscles.driven,
             )
         bounds = {} if given.model is None else {one.name: one.max_activation for one in given.model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
-        rows.append(stretch_verdict(given.overstretched, len(tension.muscles)))
+        rows.append(stretch_verdict(tension.overstretched, len(tension.muscles)))
         rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

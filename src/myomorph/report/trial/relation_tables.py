@@ -6,20 +6,19 @@ from collections.abc import Set
 
 import numpy as np
 
-from myomorph.analysis.lagged import Correlations
-from myomorph.analysis.locking import Locking
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.sided_table import Cell, sided_table
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.analysis.lagged import Correlations, Locking
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.cells import Cell, sided_table
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person
 
-MOST_COLUMNS = 10
+MAX_COLUMNS = 10
 CUT_WORDS = {
-    "given": "Phases are those given.",
-    "events": "Phases lie between events.",
-    "contacts": "Phases are cut where the contacts change; what always touches is not named.",
+    "given": "Phases as specified.",
+    "events": "Phases are delimited by events.",
+    "contacts": "A phase ends when the contacts change; sites that are always in contact are not named.",
     "cycles": "Phases are the periods of the center of gravity.",
-    "parts": "Nothing cuts this motion, so phases are four equal parts.",
+    "parts": "No events, contacts or cycles delimit phases here: four equal parts.",
 }
 
 
@@ -38,9 +37,9 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
     who = analysis.persons[0].who.name if analysis.persons else ""
     lead = cut_words(analysis)
     if any(len(one.stage.phases) > 1 for one in analysis.measures):
-        lead += " Those with the same contacts are taken together; range and variance are those within one."
+        lead += " Phases with the same contacts are combined; range and variance are within a phase."
     if who:
-        lead += f" Center of gravity and muscles are those of {who}."
+        lead += f" Center of gravity and muscles of {who}."
     grids = (_center_grid(analysis), _doing_grid(analysis))
     return Section("phases", "Phases", lead, (), tuple(figures), tuple(one for one in grids if one.rows))
 
@@ -48,7 +47,7 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
 def _center_grid(analysis: MotionAnalysis) -> Grid:
     """When every phase is, and its center of gravity."""
     total = sum(one.stage.duration for one in analysis.measures)
-    head = ["Phase", "From – to", "Lasts"]
+    head = ["Phase", "Time", "Duration"]
     short = ", ".join(axis.rpartition("(")[2].rstrip(")") for axis in analysis.axes)
     if analysis.persons:
         head += ["Mean height", f"Range {short}", f"Variance {short}"]
@@ -74,8 +73,8 @@ def _doing_grid(analysis: MotionAnalysis) -> Grid:
     muscles = analysis.activations is not None and bool(analysis.persons) and bool(analysis.persons[0].muscles)
     touching = bool(analysis.limbs) and analysis.cutting.by != "contacts"
     head = ["Phase"]
-    head += ["Mean activation", "Largest", "Most active on average"] if muscles else []
-    head += ["Share of its time in contact"] if touching else []
+    head += ["Mean activation", "Maximum", "Most active muscle"] if muscles else []
+    head += ["Time in contact"] if touching else []
     names = [
         f"{pair.label}, {side}" if side else pair.label
         for person in analysis.persons[:1]
@@ -93,7 +92,7 @@ def _doing_grid(analysis: MotionAnalysis) -> Grid:
                 for limb, share in zip(analysis.limbs, one.contact, strict=True)
                 if np.isfinite(share) and share >= 0.005
             ]
-            cells.append(", ".join(shares) or "nothing touches")
+            cells.append(", ".join(shares) or "no contact")
         rows.append(tuple(cells))
     return Grid(tuple(head), tuple(rows), "Muscles and contacts by phase" if touching else "Muscles by phase")
 
@@ -102,7 +101,7 @@ def _activity(analysis: MotionAnalysis, person: Person) -> str:
     """Mean activation of every muscle in every phase."""
     series = analysis.activations
     assert series is not None
-    stages = [one.stage for one in analysis.measures][:MOST_COLUMNS]
+    stages = [one.stage for one in analysis.measures][:MAX_COLUMNS]
     inside = [stage.inside(series.time) for stage in stages]
     peak = 1e-9
     values: dict[tuple[int, int, str], float] = {}
@@ -122,12 +121,12 @@ def _activity(analysis: MotionAnalysis, person: Person) -> str:
             row = []
             for side in sides:
                 mean = values.get((i, j, side), float("nan"))
-                told = f"{pair.label} {side}, {stage.name}: {number(mean)}"
-                row.append(None if side not in pair.members else Cell(mean / peak, number(mean, 0.01), told))
+                printed = f"{pair.label} {side}, {stage.name}: {number(mean)}"
+                row.append(None if side not in pair.members else Cell(mean / peak, number(mean, 0.01), printed))
             cells.append(tuple(row))
         table.append((pair.label, tuple(cells)))
     title = "Mean activation by phase"
-    return sided_table(title, "the deeper the more active", [one.name for one in stages], table)
+    return sided_table(title, "darker: more active", [one.name for one in stages], table)
 
 
 def relation_section(analysis: MotionAnalysis) -> Section | None:
@@ -154,28 +153,28 @@ def relation_section(analysis: MotionAnalysis) -> Section | None:
             cells.append(tuple(_step(locking, found.rows[sides[side]]) if side in sides else None for side in order))
         table.append((label, tuple(cells)))
     drawing = sided_table("Correlation", "r · lag", columns, table)
-    return Section("relations", "What goes together", _relation_lead(analysis, found), (), (Figure(drawing, "full"),))
+    return Section("relations", "Correlations", _relation_lead(analysis, found), (), (Figure(drawing, "full"),))
 
 
 def _relation_lead(analysis: MotionAnalysis, found: Correlations) -> str:
     count, total = int(found.related.sum()), int(np.isfinite(found.values).sum())
-    told = [
-        "Correlation of contacts and activations with the center of gravity (its straight line taken off) at the lag "
-        "where it is strongest; a positive lag: contact or muscle follows the center of gravity.",
-        f"{count} of {total} pairs stand out from chance and are colored: neighbouring samples are not counted as "
-        "independent, and of all pairs called related one in twenty may be so by chance."
+    printed = [
+        "Correlation of contacts and activations with the detrended center of gravity at the lag "
+        "where it is strongest. Positive lag: the contact or muscle follows the center of gravity.",
+        f"{count} of {total} pairs are significant and colored: autocorrelated samples are not counted as "
+        "independent, and the false discovery rate is 5 %."
         if count
-        else f"None of {total} pairs stands out from chance: the recording is too short, or too slow, to tell.",
+        else f"None of {total} pairs is significant: the recording is too short or too slow.",
     ]
     if analysis.locking is not None:
         locking = analysis.locking
-        told.append(
-            f"Last column: how firmly each keeps the rhythm of the center of gravity over {locking.cycles} periods (1: "
-            "at the same point of every period), and how late in the period it comes; "
-            f"{int(locking.locked.sum())} of {len(locking.names)} keep it. "
-            "What keeps one rhythm need not be cause and effect."
+        printed.append(
+            f"Last column: phase locking to the rhythm of the center of gravity over {locking.cycles} periods (1: "
+            "at the same point of every period) and the delay within the period; "
+            f"{int(locking.locked.sum())} of {len(locking.names)} are locked. "
+            "A common rhythm does not imply cause and effect."
         )
-    return " ".join(told)
+    return " ".join(printed)
 
 
 def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
@@ -185,25 +184,25 @@ def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
         return (label, side) if comma and side in ("right", "left") else (name, "")
     words = name.split()
     side = next((word for word in words if word in ("right", "left")), "")
-    told = " ".join(word for word in words if word != side)
-    return f"{told[:1].upper() + told[1:]} touches", side
+    printed = " ".join(word for word in words if word != side)
+    return f"{printed[:1].upper() + printed[1:]} contact", side
 
 
 def _cell(found: Correlations, i: int, j: int) -> Cell:
     value, lag = float(found.values[i, j]), float(found.lags[i, j])
-    told = (
+    printed = (
         f"{found.rows[i]} and {found.columns[j]}: r = {number(value)} at {number(lag, 0.01)} s, "
         f"{number(float(found.freedom[i, j]))} independent samples, chance {number(float(found.chance[i, j]))}"
     )
     if not found.related[i, j]:
-        return Cell(float("nan"), number(value, 0.01), told)
-    return Cell(value, f"{number(value, 0.01)} · {number(lag, 0.01)} s", told)
+        return Cell(float("nan"), number(value, 0.01), printed)
+    return Cell(value, f"{number(value, 0.01)} · {number(lag, 0.01)} s", printed)
 
 
 def _step(locking: Locking, name: str) -> Cell:
     k = locking.names.index(name)
     strength, delay = float(locking.strength[k]), float(locking.delay[k])
-    told = f"{name}: {number(strength)} over {locking.cycles} periods, chance {number(float(locking.chance[k]))}"
+    printed = f"{name}: {number(strength)} over {locking.cycles} periods, chance {number(float(locking.chance[k]))}"
     if not locking.locked[k]:
-        return Cell(float("nan"), number(strength, 0.01), told)
-    return Cell(strength, f"{number(strength, 0.01)} · {100 * delay:.0f} %", told)
+        return Cell(float("nan"), number(strength, 0.01), printed)
+    return Cell(strength, f"{number(strength, 0.01)} · {100 * delay:.0f} %", printed)

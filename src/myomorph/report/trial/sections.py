@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.analysis.columns import extremes
 from myomorph.analysis.selection import coordinate_pairs
 from myomorph.model.series import Series
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.columns import extremes
-from myomorph.report.page.section import SIDES_LEGEND, Figure, Grid, Section
-from myomorph.report.trial.analysis_section import analysis_sections
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.figures import (
     centroid_figures,
     force_figures,
@@ -20,17 +20,17 @@ from myomorph.report.trial.figures import (
     residual_figures,
 )
 from myomorph.report.trial.identification import identification_sections
-from myomorph.report.trial.length_section import length_cycle_section
 from myomorph.report.trial.muscle_sections import (
     activation_section,
     emg_section,
+    length_cycle_section,
     length_section,
     matched_emg,
     tension_section,
 )
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.tables import few, residuals
-from myomorph.report.trial.truth import truth_section
+from myomorph.report.trial.validation import truth_section
 
 
 def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
@@ -38,7 +38,12 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     given = prepared.given
     found = [] if given.identification is None else identification_sections(given.identification)
     missing: list[str] = []
-    if found and given.kinematics is None and given.markers is None and given.wrenches is None:
+    if (
+        found
+        and given.kinematics.motion is None
+        and given.kinematics.markers is None
+        and given.dynamics.wrenches is None
+    ):
         return found, missing
     found += analysis_sections(prepared)
     for make, absent in (
@@ -57,16 +62,16 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
             found.append(section)
         elif absent and not (make is emg_section and matched_emg(prepared)):
             missing.append(absent)
-    if prepared.given.wrenches is None:
+    if prepared.given.dynamics.wrenches is None:
         missing.append("Ground forces: none were given. Give the plates of the C3D or an external-loads file.")
-    if prepared.given.kinematics is not None and prepared.given.torques is None:
+    if prepared.given.kinematics.motion is not None and prepared.given.dynamics.torques is None:
         missing.append("Joint moments and residuals: no inverse dynamics. Give external forces and the step “id”.")
-    return found, missing
+    return [*found, *given.more], missing
 
 
 def marker_section(prepared: Prepared) -> Section | None:
     """Marker errors over time and one by one."""
-    fit = prepared.given.fit
+    fit = prepared.given.kinematics.fit
     if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
         return None
     over_time, *bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
@@ -89,27 +94,29 @@ def force_section(prepared: Prepared) -> Section | None:
     given = prepared.given
     figures: list[Figure] = []
     lead = []
-    if given.wrenches is not None and len(given.wrenches.names):
-        first, *rest = force_figures(given.wrenches, prepared.up, prepared.detail, prepared.events, prepared.weight)
+    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
+        first, *rest = force_figures(
+            given.dynamics.wrenches, prepared.up, prepared.detail, prepared.events, prepared.weight
+        )
         figures.append(Figure(first, "medium"))
         figures += [Figure(one) for one in rest]
-        floor = pressure_figure(given.wrenches, given.plates, prepared.up)
+        floor = pressure_figure(given.dynamics.wrenches, given.recorded.plates, prepared.up)
         if floor:
             figures.append(Figure(floor))
     if prepared.centroid is not None:
         figures += [
             Figure(one) for one in centroid_figures(prepared.centroid, prepared.up, prepared.detail, prepared.events)
         ]
-    if given.wrenches is not None and given.torques is not None and given.model is not None:
-        found = residuals(given.model, given.torques)
-        if given.root_note:
-            lead.append(given.root_note)
+    if given.dynamics.wrenches is not None and given.dynamics.torques is not None and given.model is not None:
+        found = residuals(given.model, given.dynamics.torques)
+        if given.dynamics.root_note:
+            lead.append(given.dynamics.root_note)
         elif found is not None and np.isfinite(prepared.center_height):
-            net = np.linalg.norm(np.nan_to_num(given.wrenches.forces).sum(axis=1), axis=1)
+            net = np.linalg.norm(np.nan_to_num(given.dynamics.wrenches.forces).sum(axis=1), axis=1)
             figures += [
                 Figure(one)
                 for one in residual_figures(
-                    given.torques.time,
+                    given.dynamics.torques.time,
                     *found,
                     float(net.max(initial=0.0)),
                     prepared.center_height,
@@ -124,16 +131,16 @@ def force_section(prepared: Prepared) -> Section | None:
     if prepared.movement.measures:
         rows = tuple((one.name, f"{number(one.value)} {one.unit}", one.source) for one in prepared.movement.measures)
         grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
-    title = "Ground forces and center of mass" if given.wrenches is not None else "Center of mass"
+    title = "Ground forces and center of mass" if given.dynamics.wrenches is not None else "Center of mass"
     legend: tuple[tuple[str, str], ...] = ()
-    if given.wrenches is not None:
+    if given.dynamics.wrenches is not None:
         legend = (*SIDES_LEGEND, ("middle", "both or neither"), ("limit", "limit, body weight"))
     return Section("forces", title, " ".join(lead), legend, tuple(figures), grids)
 
 
 def joint_section(prepared: Prepared) -> Section | None:
     """Angles and moments of the joints that move, right and left together."""
-    given, motion = prepared.given, prepared.given.kinematics
+    given, motion = prepared.given, prepared.given.kinematics.motion
     if motion is None or not len(motion) or given.model is None:
         return None
     ranges = {
@@ -145,8 +152,8 @@ def joint_section(prepared: Prepared) -> Section | None:
     if not chosen:
         return None
     figures = []
-    scale = moment_scale(given.model) if not given.root_note else None
-    truth = given.truth
+    scale = moment_scale(given.model) if not given.dynamics.root_note else None
+    truth = given.recorded.truth
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
         drawing = pair_panel(
@@ -158,14 +165,14 @@ def joint_section(prepared: Prepared) -> Section | None:
             prepared.events,
             180 / np.pi,
             truth=truth.motion if truth else None,
-            margin=36 if scale and given.torques is not None else 8,
+            margin=36 if scale and given.dynamics.torques is not None else 8,
         )
-        if given.torques is not None and any(name in given.torques.names for name in pair.names):
+        if given.dynamics.torques is not None and any(name in given.dynamics.torques.names for name in pair.names):
             drawing += pair_panel(
                 f"{base} moment",
                 "N·m",
                 pair,
-                given.torques,
+                given.dynamics.torques,
                 prepared.detail,
                 prepared.events,
                 second=scale,
@@ -181,7 +188,7 @@ def joint_section(prepared: Prepared) -> Section | None:
         lead += " Vertical lines are events."
     lead += prepared.detail_note
     legend = SIDES_LEGEND + ((("truth", "truth"),) if truth else ())
-    title = "Joint angles and moments" if given.torques is not None else "Joint angles"
+    title = "Joint angles and moments" if given.dynamics.torques is not None else "Joint angles"
     return Section("joints", title, lead, legend, tuple(figures), tuple(_joint_grids(prepared, motion)))
 
 
@@ -206,9 +213,9 @@ def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
         )
     head = ("Coordinate", "Smallest", "at", "Largest", "at", "Range")
     grids = [Grid(head, tuple(rows), f"All {len(rows)} coordinates", True)]
-    if given.torques is not None:
+    if given.dynamics.torques is not None:
         rows = []
-        for row in extremes(given.torques):
+        for row in extremes(given.dynamics.torques):
             unit = "N·m" if row.name in turning else "N"
             peak = max(abs(row.low), abs(row.high))
             share = f"{number(peak / model.mass)} {unit}/kg" if model.mass > 0 else "–"

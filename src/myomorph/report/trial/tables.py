@@ -11,7 +11,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.verdict import State, Verdict
+from myomorph.report.page.parts import State, Verdict
+from myomorph.report.page.quantity import Quantity
 
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
@@ -55,7 +56,7 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     scaled = "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
     rows = [
         Verdict(
-            "Marker error, RMS of the worst frame",
+            Quantity.MARKER_RMS,
             100 * float(rms[frame]),
             "cm",
             100 * MARKER_RMS * scale,
@@ -66,7 +67,7 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
             f"{100 * overall:.2f} cm over all frames{scaled}",
         ),
         Verdict(
-            "Marker error, largest",
+            Quantity.MARKER_LARGEST,
             100 * float(fit.errors[when, who]),
             "cm",
             100 * MARKER_LARGEST * scale,
@@ -77,18 +78,18 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
         ),
     ]
     failed = fit.seen & ~np.asarray(fit.converged, dtype=bool)
-    rows.append(_counted("Frames whose inverse kinematics did not converge", failed, time))
+    rows.append(_counted(Quantity.NOT_CONVERGED, failed, time))
     if fit.closure is not None:
         frame = int(np.nanargmax(fit.closure))
         opened = float(fit.closure[frame])
         state = _judged(opened, LOOPS_CLOSED)
         rows.append(
-            Verdict("Closed loops stand open by", 1e3 * opened, "mm", 1e3 * LOOPS_CLOSED, state, "", float(time[frame]))
+            Verdict(Quantity.LOOP_CLOSURE, 1e3 * opened, "mm", 1e3 * LOOPS_CLOSED, state, "", float(time[frame]))
         )
     return rows
 
 
-def _counted(quantity: str, flags: np.ndarray, time: Array, detail: str = "") -> Verdict:
+def _counted(quantity: Quantity, flags: np.ndarray, time: Array, detail: str = "") -> Verdict:
     first = float(time[int(np.argmax(flags))]) if flags.any() else None
     count = int(flags.sum())
     return Verdict(
@@ -110,11 +111,11 @@ def gap_verdicts(markers: Markers) -> list[Verdict]:
     share = hidden.mean(axis=0) if len(markers) else np.zeros(len(markers.names))
     worst = int(np.argmax(share)) if len(share) else 0
     if not len(share) or share[worst] == 0.0:
-        return [Verdict("Gaps in the markers", 0.0, "%", None, "ok")]
+        return [Verdict(Quantity.MARKER_GAPS, 0.0, "%", None, "ok")]
     count = int((share > 0).sum())
     return [
         Verdict(
-            "Gaps in the markers",
+            Quantity.MARKER_GAPS,
             100 * float(share[worst]),
             "% of frames",
             None,
@@ -167,7 +168,7 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
         for name, value, time in (("peak", float(share[at]), float(torques.time[at])), ("RMS", rms, None)):
             rows.append(
                 Verdict(
-                    f"Residual {what}, {name}",
+                    Quantity.residual(what, name),
                     100 * value,
                     unit,
                     100 * limit,
@@ -228,7 +229,7 @@ def reserve_verdicts(
         at = int(np.nanargmax(np.abs(reserves[:, i])))
         rows.append(
             Verdict(
-                "Reserve actuators, largest",
+                Quantity.RESERVES,
                 100 * share,
                 "% of the coordinate's peak torque",
                 100 * RESERVE,
@@ -242,7 +243,7 @@ def reserve_verdicts(
     if undriven:
         rows.append(
             Verdict(
-                "Coordinates that no muscle moves",
+                Quantity.UNDRIVEN,
                 float(len(undriven)),
                 "",
                 None,
@@ -267,11 +268,11 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
     full: np.ndarray = np.asarray(activations >= SATURATED * most)
     ever = np.any(full, axis=0)
     if not ever.any():
-        return [Verdict("Saturated muscles", 0.0, f"of {len(names)}", 0.0, "ok")]
+        return [Verdict(Quantity.SATURATED, 0.0, f"of {len(names)}", 0.0, "ok")]
     worst = int(np.argmax(full.sum(axis=0)))
     return [
         Verdict(
-            "Saturated muscles",
+            Quantity.SATURATED,
             float(ever.sum()),
             f"of {len(names)}",
             0.0,
@@ -296,7 +297,7 @@ def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
     detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
     worst = names[0] if names else ""
     return Verdict(
-        "Overstretched muscles",
+        Quantity.OVERSTRETCHED,
         float(len(names)),
         f"of {count}",
         0.0,
@@ -310,7 +311,7 @@ def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
 
 def unsolved_verdict(solved: np.ndarray, time: Array) -> Verdict:
     """Frames whose muscle tensions are not optimal."""
-    return _counted("Frames without an optimal muscle solution", ~np.asarray(solved, dtype=bool), time)
+    return _counted(Quantity.NOT_OPTIMAL, ~np.asarray(solved, dtype=bool), time)
 
 
 def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
@@ -329,11 +330,11 @@ def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
         if past[at] > np.deg2rad(0.5):
             beyond.append((float(past[at]), name, float(motion.time[at])))
     if not beyond:
-        return [Verdict("Coordinates outside the model's range", 0.0, "", 0.0, "ok")]
+        return [Verdict(Quantity.OUT_OF_RANGE, 0.0, "", 0.0, "ok")]
     far, name, time = max(beyond)
     return [
         Verdict(
-            "Coordinates outside the model's range",
+            Quantity.OUT_OF_RANGE,
             float(len(beyond)),
             "",
             0.0,

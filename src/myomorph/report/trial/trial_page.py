@@ -8,14 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.series import Motion, Series
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.strip import nearest_frames
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
+from myomorph.report.page.parts import Note, Section, SourceFile, Step
+from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import Reference, references
-from myomorph.report.page.section import Section
-from myomorph.report.scene.pictures import pictures, proportion
-from myomorph.report.scene.player import frames_to_play, player
+from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
 from myomorph.report.trial.given import ReportInput, Truth
@@ -45,7 +44,7 @@ def report_page(given: ReportInput) -> str:
     prepared = prepare(given)
     parts, missing = sections(prepared)
     instants, motion = _body(prepared)
-    forces = "ground" if given.contact_forces is None else "estimated contact"
+    forces = "ground" if given.contacts.forces is None else "estimated contact"
     return rendered(
         given.head,
         parts,
@@ -64,8 +63,8 @@ def report_page(given: ReportInput) -> str:
 def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Reference]:
     given = prepared.given
     return references(
-        given.fit is not None,
-        given.torques is not None,
+        given.kinematics.fit is not None,
+        given.dynamics.torques is not None,
         given.tension is not None,
         prepared.movement.kind == "jump",
         given.identification is not None,
@@ -76,19 +75,19 @@ def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Referenc
 def _facts(prepared: Prepared) -> list[tuple[str, str]]:
     """Lines of the heading: name and text."""
     given = prepared.given
-    rows = [("Subject", given.subject)] if given.subject else []
-    rows += list(given.facts.items())
+    rows = [("Subject", given.recorded.subject)] if given.recorded.subject else []
+    rows += list(given.recorded.facts.items())
     if given.model is not None:
         model = given.model
         told = f"{model.name}: {len(model.bodies)} bodies, {len(model.coordinates)} coordinates"
         told += f", {len(model.muscles)} muscles" if model.muscles else ""
         rows.append(("Model", f"{told}, {number(model.mass)} kg"))
-    motion = given.kinematics
+    motion = given.kinematics.motion
     for name, series in (
         ("Motion", motion),
-        ("Markers", given.markers),
-        ("Forces", given.wrenches),
-        ("EMG", given.emg),
+        ("Markers", given.kinematics.markers),
+        ("Forces", given.dynamics.wrenches),
+        ("EMG", given.recorded.emg),
     ):
         if series is not None and len(series.time) > 1:
             # The rate of a long clock is its mean; times are often rounded to a millisecond.
@@ -111,36 +110,36 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     """The few numbers to see first."""
     given = prepared.given
     tiles = []
-    if given.fit is not None and np.isfinite(given.fit.errors).any():
-        rms = 100 * float(np.sqrt(np.nanmean(given.fit.errors**2)))
-        tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, "Marker error, RMS")))
-        done, shown = int(np.sum(given.fit.converged)), int(np.sum(given.fit.seen))
-        tiles.append(Tile(f"{done} / {shown}", "frames fitted", _state(prepared, "Frames whose")))
-    for start, name in (
-        ("Residual force, peak", "residual force, of peak external force"),
-        ("Residual moment, peak", "residual moment, of COM height × force"),
-        ("Reserve actuators", "largest reserve, of its peak torque"),
+    if given.kinematics.fit is not None and np.isfinite(given.kinematics.fit.errors).any():
+        rms = 100 * float(np.sqrt(np.nanmean(given.kinematics.fit.errors**2)))
+        tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, Quantity.MARKER_RMS)))
+        done, shown = int(np.sum(given.kinematics.fit.converged)), int(np.sum(given.kinematics.fit.seen))
+        tiles.append(Tile(f"{done} / {shown}", "frames fitted", _state(prepared, Quantity.NOT_CONVERGED)))
+    for quantity, name in (
+        (Quantity.RESIDUAL_FORCE_PEAK, "residual force, of peak external force"),
+        (Quantity.RESIDUAL_MOMENT_PEAK, "residual moment, of COM height × force"),
+        (Quantity.RESERVES, "largest reserve, of its peak torque"),
     ):
         for one in prepared.verdicts:
-            if one.quantity.startswith(start):
+            if one.quantity == quantity:
                 tiles.append(Tile(f"{number(one.value)} %", name, one.state))
     if given.tension is not None:
         solved = int(np.sum(given.tension.solved))
         tiles.append(
-            Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", _state(prepared, "Frames without"))
+            Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", _state(prepared, Quantity.NOT_OPTIMAL))
         )
-        full = next(one for one in prepared.verdicts if one.quantity == "Saturated muscles")
+        full = next(one for one in prepared.verdicts if one.quantity == Quantity.SATURATED)
         tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
     return tiles
 
 
-def _state(prepared: Prepared, start: str) -> str:
-    return next((one.state for one in prepared.verdicts if one.quantity.startswith(start)), "note")
+def _state(prepared: Prepared, quantity: Quantity) -> str:
+    return next((one.state for one in prepared.verdicts if one.quantity == quantity), "note")
 
 
 def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     """Pictures at key instants, and the moving skeleton; empty without a model and a motion."""
-    given, motion = prepared.given, prepared.given.kinematics
+    given, motion = prepared.given, prepared.given.kinematics.motion
     if given.model is None or motion is None or not given.model.bodies:
         return [], ""
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
@@ -182,8 +181,8 @@ def _address(image: bytes) -> str:
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:
     """Frames to show with their labels: at times asked for, at events where there are some, else evenly spread."""
-    if prepared.given.times:
-        return [(frame, "") for frame in nearest_frames(motion.time, good, prepared.given.times)]
+    if prepared.given.analysis.times:
+        return [(frame, "") for frame in nearest_frames(motion.time, good, prepared.given.analysis.times)]
     first, last = np.searchsorted(motion.time[good], prepared.detail)
     good = good[first : max(last, first) + 1]
     time = motion.time[good]

@@ -9,19 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.formats import model_format, read_model, trial_format
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.study.info.inspection import Inspection
 
-MODELS = (".osim", ".xml", ".mjcf")
 TABLES = (".mot", ".sto")
-RECORDINGS = {
-    ".trc": "TRC markers",
-    ".c3d": "C3D recording",
-    ".mat": "Qualisys recording",
-    ".h5": "keypoints",
-    ".hdf5": "keypoints",
-}
 EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
 
 
@@ -38,11 +31,12 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     if path.is_dir():
         raise BadFile(path, "is a folder", EXPECTED)
     ending = path.suffix.lower()
-    if ending in RECORDINGS:
+    recording = trial_format(path)
+    if recording is not None:
         from myomorph.study.info.inspect_recording import inspect_trial
         from myomorph.study.trial.inputs import open_trial
 
-        return inspect_trial(open_trial(path), RECORDINGS[ending])
+        return inspect_trial(open_trial(path), recording.name)
     if ending in TABLES:
         from myomorph.io.sto import read_sto
         from myomorph.study.info.inspect_recording import inspect_table
@@ -50,16 +44,13 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
         return inspect_table(read_sto(path))
     if ending == ".xml":
         return _inspect_xml(path)
-    if ending in MODELS:
-        from myomorph.io.models import read_model
-
+    if model_format(path) is not None:
         return inspect_model(read_model(path))
     raise BadFile(path, f"is of no kind that is known: its name ends in '{ending}'", EXPECTED)
 
 
 def _inspect_xml(path: Path) -> Inspection:
     """A MuJoCo model, or one of OpenSim's settings."""
-    from myomorph.io.models import read_model
     from myomorph.io.parsing.xml import read_xml
 
     file = read_xml(path)

@@ -10,7 +10,7 @@ from myomorph.model.errors import listing
 from myomorph.store.outcome import Conditions, Excluded
 from myomorph.study.plan.subject_names import as_list
 from myomorph.study.plan.subject_tables import ExcludeTable, Patterns
-from myomorph.study.trial.takes import FileTake
+from myomorph.study.trial.trial_files import TrialFiles
 
 
 class Exclusions:
@@ -50,11 +50,11 @@ class Exclusions:
             self.found.append(Excluded(subject, trial, "; ".join(dict.fromkeys(reasons))))
         return bool(reasons)
 
-    def unused(self, subjects: Sequence[str], takes: Sequence[FileTake], problems: list[str]) -> None:
+    def unused(self, subjects: Sequence[str], trials: Sequence[TrialFiles], problems: list[str]) -> None:
         """Add to the problems each table that leaves nothing out."""
-        trials: dict[str, list[str]] = {name: [] for name in subjects}
-        for one in takes:
-            trials[one.subject].append(one.name)
+        names_of: dict[str, list[str]] = {name: [] for name in subjects}
+        for one in trials:
+            names_of[one.subject].append(one.name)
         gone = {found.subject for found in self.found if not found.trial}
         for number, table in enumerate(self.tables):
             if number in self._used or not (table.subject or table.trial):
@@ -66,7 +66,7 @@ class Exclusions:
             elif set(meant) <= gone:
                 problems.append(f"{where}: subject '{table.subject}' is excluded as a whole already")
             else:
-                names = list(dict.fromkeys(trial for name in meant for trial in trials[name]))
+                names = list(dict.fromkeys(trial for name in meant for trial in names_of[name]))
                 whose = f"subject '{table.subject}'" if table.subject else "the study"
                 problems.append(
                     f"{where}: {whose} has no trial '{table.trial}': there are {listing(table.trial, names)}"
@@ -74,13 +74,13 @@ class Exclusions:
 
 
 def with_conditions(
-    takes: Sequence[FileTake],
+    trials: Sequence[TrialFiles],
     study: Mapping[str, Patterns],
     own: Mapping[str, Mapping[str, Patterns]],
     excluded: Sequence[Excluded],
     problems: list[str],
     remarks: list[str],
-) -> tuple[list[FileTake], Conditions]:
+) -> tuple[list[TrialFiles], Conditions]:
     """The trials with their conditions: what their own table says, else what a pattern of names says.
 
     Parameters
@@ -90,7 +90,7 @@ def with_conditions(
     excluded : trials whose names a pattern may stand for without being wrong
     problems, remarks : take up what is wrong, and which trials are in no condition
     """
-    told = [one.condition for one in takes if one.condition]
+    told = [one.condition for one in trials if one.condition]
     names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *told]))
     for subject, conditions in own.items():
         for name in conditions:
@@ -99,15 +99,15 @@ def with_conditions(
                     f"subject '{subject}': conditions: '{name}' is none of the study's: {listing(name, names)}"
                 )
     used: set[tuple[str, str, str]] = set()
-    placed = [_placed(one, study, own.get(one.subject, {}), names, used, problems) for one in takes]
-    trials = {}
+    placed = [_placed(one, study, own.get(one.subject, {}), names, used, problems) for one in trials]
+    found = {}
     for gone in excluded:
         for name in (own.get(gone.subject) or study) if gone.trial else ():
             if _matches(gone.subject, gone.trial, name, own.get(gone.subject) or {}, study, used):
-                trials[gone.subject, gone.trial] = name
+                found[gone.subject, gone.trial] = name
     for owner, conditions in (("", study), *own.items()):
         where = f"subject '{owner}'" if owner else "study"
-        exist = tuple(dict.fromkeys(one.name for one in takes if owner in ("", one.subject)))
+        exist = tuple(dict.fromkeys(one.name for one in trials if owner in ("", one.subject)))
         problems += [
             f"{where}: conditions: '{name}': no trial matches '{pattern}': there are {listing(pattern, exist)}"
             for name, patterns in conditions.items()
@@ -117,30 +117,30 @@ def with_conditions(
     without = [f"{one.subject}/{one.name}" for one in placed if not one.condition]
     if names and without:
         remarks.append(f"in no condition: {', '.join(without[:6])}" + (" and others" if len(without) > 6 else ""))
-    trials |= {(one.subject, one.name): one.condition for one in placed if one.condition}
-    return placed, Conditions(names, trials)
+    found |= {(one.subject, one.name): one.condition for one in placed if one.condition}
+    return placed, Conditions(names, found)
 
 
 def _placed(
-    take: FileTake,
+    trial: TrialFiles,
     study: Mapping[str, Patterns],
     own: Mapping[str, Patterns],
     names: Sequence[str],
     used: set[tuple[str, str, str]],
     problems: list[str],
-) -> FileTake:
+) -> TrialFiles:
     """A trial with its condition."""
-    where = f"subject '{take.subject}': trial '{take.name}'"
-    fits = [name for name in (own or study) if _matches(take.subject, take.name, name, own, study, used)]
-    if take.condition:
-        if take.condition not in names:
+    where = f"subject '{trial.subject}': trial '{trial.name}'"
+    fits = [name for name in (own or study) if _matches(trial.subject, trial.name, name, own, study, used)]
+    if trial.condition:
+        if trial.condition not in names:
             problems.append(
-                f"{where}: unknown condition '{take.condition}': there are {listing(take.condition, names)}"
+                f"{where}: unknown condition '{trial.condition}': there are {listing(trial.condition, names)}"
             )
-        return take
+        return trial
     if len(fits) > 1:
         problems.append(f"{where} is in more than one condition: {', '.join(fits)}")
-    return replace(take, condition=fits[0]) if fits else take
+    return replace(trial, condition=fits[0]) if fits else trial
 
 
 def _matches(

@@ -8,10 +8,10 @@ from pathlib import Path
 from myomorph.model.errors import MyomorphError, listing
 from myomorph.model.model import Model
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.takes import FileTake
+from myomorph.study.trial.trial_files import TrialFiles
 
 
-def check_model_names(takes: Sequence[FileTake], problems: list[str]) -> None:
+def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None:
     """Add to the problems the names that no part of a trial's model has.
 
     A name that stands in the model's file is taken for right without reading the model, so that a study of many
@@ -20,31 +20,31 @@ def check_model_names(takes: Sequence[FileTake], problems: list[str]) -> None:
     texts: dict[Path, str] = {}
     models: dict[Path, Model | None] = {}
     seen: set[tuple[str, Path, str, str]] = set()
-    for take in takes:
-        for kind, what, name in _told(take):
-            key = (take.subject, take.model, kind, name)
+    for trial in trials:
+        for kind, what, name in _told(trial):
+            key = (trial.subject, trial.model, kind, name)
             if key in seen:
                 continue
             seen.add(key)
-            if take.model not in texts:
-                texts[take.model] = _text(take.model)
-            if f'"{name}"' in texts[take.model] or f"'{name}'" in texts[take.model]:
+            if trial.model not in texts:
+                texts[trial.model] = _text(trial.model)
+            if f'"{name}"' in texts[trial.model] or f"'{name}'" in texts[trial.model]:
                 continue
-            if take.model not in models:
-                models[take.model] = _model(take.model)
-            model = models[take.model]
+            if trial.model not in models:
+                models[trial.model] = _model(trial.model)
+            model = models[trial.model]
             if model is None or name in (known := _names(kind, model)):
                 continue
-            where = f"subject '{take.subject}': {what}"
-            problems.append(f"{where}: unknown {kind} '{name}': {take.model.name} has {listing(name, known)}")
+            where = f"subject '{trial.subject}': {what}"
+            problems.append(f"{where}: unknown {kind} '{name}': {trial.model.name} has {listing(name, known)}")
 
 
-def _told(take: FileTake) -> Iterator[tuple[str, str, str]]:
+def _told(trial: TrialFiles) -> Iterator[tuple[str, str, str]]:
     """Kind, key of the study file and name of all that must be the model's."""
-    yield from (("body", "bodies", name) for name in take.bodies.values() if name != "ground")
-    yield from (("body", "plates", name) for name in take.plates if name)
-    yield from (("marker", "labels", name) for name in take.labels.values())
-    yield from (("muscle", "emg_muscles", name) for names in take.emg_muscles.values() for name in names)
+    yield from (("body", "bodies", name) for name in trial.bodies.values() if name != "ground")
+    yield from (("body", "plates", name) for name in trial.plates if name)
+    yield from (("marker", "labels", name) for name in trial.labels.values())
+    yield from (("muscle", "emg_muscles", name) for names in trial.emg_muscles.values() for name in names)
 
 
 def _names(kind: str, model: Model) -> tuple[str, ...]:

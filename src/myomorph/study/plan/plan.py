@@ -17,24 +17,24 @@ from myomorph.study.plan.group_plan import GroupPlan, groups_of
 from myomorph.study.plan.measures import Measures, read_measures
 from myomorph.study.plan.model_names import check_model_names
 from myomorph.study.plan.plan_checks import check_makers, check_masses, check_names, maker_of, makes_model
-from myomorph.study.plan.step_settings import STEPS, check_settings, merged
+from myomorph.study.plan.step_settings import check_settings, merged, study_steps
 from myomorph.study.plan.study_groups import group_members, measured_groups
 from myomorph.study.plan.subject_names import Named, named_subjects
 from myomorph.study.plan.subject_tables import given_options, lacking, study_tables
-from myomorph.study.plan.subject_takes import Notes, contacts_file, measured, subject_files, subject_takes
+from myomorph.study.plan.subject_trials import Notes, contacts_file, measured, subject_files, subject_trials
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
-from myomorph.study.trial.takes import FileTake, Settings
 from myomorph.study.trial.together import Together, together_of
+from myomorph.study.trial.trial_files import Settings, TrialFiles
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study does: one `FileTake` a trial, and what the steps are told.
+    """What a study does: one `TrialFiles` a trial, and what the steps are told.
 
     Attributes
     ----------
     settings : by step, what the study file says for all
-    steps : of each take, in the order in which they run
+    steps : of each trial, in the order in which they run
     subjects : by name, what the steps on subjects need
     together : trials of several subjects that are solved as one after their own steps
     remarks : what is not used, then which files were found by the rule of names
@@ -46,7 +46,7 @@ class Plan:
 
     name: str
     path: Path
-    takes: tuple[FileTake, ...]
+    trials: tuple[TrialFiles, ...]
     steps: tuple[tuple[str, ...], ...]
     settings: Settings = field(default_factory=lambda: MappingProxyType({}))
     remarks: tuple[str, ...] = ()
@@ -64,9 +64,9 @@ class Plan:
     @cached_property
     def _steps(self) -> dict[str, tuple[str, ...]]:
         own: dict[str, set[str]] = {}
-        for take, steps in zip(self.takes, self.steps, strict=True):
-            own.setdefault(take.subject, set()).update(steps)
-        return {subject: tuple(step for step in STEPS if step in told) for subject, told in own.items()}
+        for trial, steps in zip(self.trials, self.steps, strict=True):
+            own.setdefault(trial.subject, set()).update(steps)
+        return {subject: tuple(step for step in study_steps() if step in told) for subject, told in own.items()}
 
     def steps_of(self, subject: str) -> tuple[str, ...]:
         """All steps of a subject and its trials, in the order in which they run."""
@@ -115,7 +115,7 @@ class _Found:
     own : settings where they differ from those for all
     """
 
-    takes: list[FileTake] = field(default_factory=list)
+    trials: list[TrialFiles] = field(default_factory=list)
     steps: list[tuple[str, ...]] = field(default_factory=list)
     subjects: dict[str, SubjectFiles] = field(default_factory=dict)
     tables: dict[str, Named] = field(default_factory=dict)
@@ -124,7 +124,7 @@ class _Found:
     def steps_of(self, subject: str) -> list[str]:
         """All steps of a subject's trials."""
         return [
-            step for take, own in zip(self.takes, self.steps, strict=True) if take.subject == subject for step in own
+            step for trial, own in zip(self.trials, self.steps, strict=True) if trial.subject == subject for step in own
         ]
 
 
@@ -142,29 +142,29 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     for one in named:
         if one.name not in gone:
             _add(one, found, measures, file.study.measures, settings, exclusions, notes)
-    exclusions.unused(names, found.takes, problems)
-    if exclusions.found and not found.takes and not problems:
+    exclusions.unused(names, found.trials, problems)
+    if exclusions.found and not found.trials and not problems:
         problems.append(
             f"exclude: nothing is left: {len(exclusions.found)} subjects or trials are excluded, all of them"
         )
     steps = {name: found.steps_of(name) for name in found.subjects}
     check_masses(found.subjects, problems)
-    check_names(found.takes, steps, [one.name for one in file.together], problems)
+    check_names(found.trials, steps, [one.name for one in file.together], problems)
     before = len(problems)
     check_makers(found.subjects, steps, problems)
     if len(problems) == before:
         _with_makers(found, steps)
-    check_model_names(found.takes, problems)
+    check_model_names(found.trials, problems)
     told = {name: one.table.conditions for name, one in found.tables.items() if one.table.conditions}
-    takes, conditions = with_conditions(
-        found.takes, file.study.conditions, told, exclusions.found, problems, notes.remarks
+    trials, conditions = with_conditions(
+        found.trials, file.study.conditions, told, exclusions.found, problems, notes.remarks
     )
-    together = tuple(_together(file, takes, home, problems))
+    together = tuple(_together(file, trials, home, problems))
     groups = _groups(file, found, measures, [name for name in names if name not in found.subjects], notes)
     return Plan(
         file.study.name,
         path,
-        tuple(takes),
+        tuple(trials),
         tuple(found.steps),
         MappingProxyType(settings),
         tuple(dict.fromkeys((*notes.remarks, *notes.found))),
@@ -219,21 +219,21 @@ def _add(
     if given:
         found.own[one.name, ""] = whole
         check_settings(given, f"subject '{one.name}': ", notes.problems)
-    steps = tuple(step for step in STEPS if step in one.table.steps)
-    takes = []
-    for take, told in subject_takes(one, model, exclusions.trial, notes):
-        takes.append(take)
+    steps = tuple(step for step in study_steps() if step in one.table.steps)
+    trials = []
+    for trial, told in subject_trials(one, model, exclusions.trial, notes):
+        trials.append(trial)
         if given or told:
-            found.own[one.name, take.name] = merged(whole, told)
-            check_settings(told, f"subject '{one.name}': trial '{take.name}': ", notes.problems)
-    files = subject_files(one, model, tuple(takes), notes)
+            found.own[one.name, trial.name] = merged(whole, told)
+            check_settings(told, f"subject '{one.name}': trial '{trial.name}': ", notes.problems)
+    files = subject_files(one, model, tuple(trials), notes)
     if one.name in found.subjects and set(SUBJECT_STEPS) & {*steps, *found.steps_of(one.name)}:
         notes.problems.append(f"subject '{one.name}' is there twice: put its trials into one table")
-    if takes or not any(gone.subject == one.name for gone in exclusions.found):
+    if trials or not any(gone.subject == one.name for gone in exclusions.found):
         found.subjects[one.name] = files
     found.tables[one.name] = one
-    found.takes += takes
-    found.steps += [steps] * len(takes)
+    found.trials += trials
+    found.steps += [steps] * len(trials)
 
 
 def _with_makers(found: _Found, steps: Mapping[str, Sequence[str]]) -> None:
@@ -246,17 +246,17 @@ def _with_makers(found: _Found, steps: Mapping[str, Sequence[str]]) -> None:
         while makers[first]:
             first = makers[first]
         model = found.subjects[first].model
-        found.takes = [replace(one, model=model) if one.subject == name else one for one in found.takes]
-        own = tuple(one for one in found.takes if one.subject == name)
-        found.subjects[name] = replace(found.subjects[name], model=model, model_of=maker, takes=own)
+        found.trials = [replace(one, model=model) if one.subject == name else one for one in found.trials]
+        own = tuple(one for one in found.trials if one.subject == name)
+        found.subjects[name] = replace(found.subjects[name], model=model, model_of=maker, trials=own)
 
 
-def _together(file: Any, takes: Sequence[FileTake], home: Path, problems: list[str]) -> list[Together]:
+def _together(file: Any, trials: Sequence[TrialFiles], home: Path, problems: list[str]) -> list[Together]:
     """Trials of several subjects that are solved as one."""
     found = []
     for one in file.together:
         contacts = contacts_file(one.contacts, home, f"together '{one.name}'", problems)
-        found.append(together_of(one, takes, home, contacts, problems))
+        found.append(together_of(one, trials, home, contacts, problems))
     return found
 
 
@@ -265,7 +265,7 @@ def _groups(
 ) -> GroupPlan | None:
     """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
     subjects = tuple(found.subjects)
-    trials = {name: [take.name for take in found.takes if take.subject == name] for name in subjects}
+    trials = {name: [trial.name for trial in found.trials if trial.subject == name] for name in subjects}
     if file.groups and file.study.compare:
         notes.problems.append("study: compare and [groups] both name groups: give one of them")
     if file.groups:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from myomorph.model.errors import listing
 from myomorph.store.results import file_name
-from myomorph.study.subject.subject_files import MODELS, SUBJECT_STEPS, TABLES, SubjectFiles
-from myomorph.study.trial.takes import FileTake
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles, subject_step
+from myomorph.study.trial.trial_files import TrialFiles
 
 RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))
 """Names that Windows gives to devices, with any ending."""
@@ -44,7 +44,7 @@ def folder_key(name: str) -> str:
 
 
 def check_names(
-    takes: Sequence[FileTake],
+    trials: Sequence[TrialFiles],
     steps: Mapping[str, Sequence[str]],
     together: Sequence[str],
     problems: list[str],
@@ -62,13 +62,14 @@ def check_names(
         _possible(name, f"together '{name}'", OF_STUDY, problems)
     _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
     for subject, own in steps.items():
-        made = [name for step in SUBJECT_STEPS if step in own for name in (MODELS[step], TABLES[step])]
-        trials = [one.name for one in takes if one.subject == subject]
-        for name in dict.fromkeys(trials):
+        steps_on = [subject_step(step) for step in SUBJECT_STEPS if step in own]
+        made = [name for step in steps_on for name in (step.model, step.tables)]
+        own_trials = [one.name for one in trials if one.subject == subject]
+        for name in dict.fromkeys(own_trials):
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
-            if trials.count(name) > 1:
+            if own_trials.count(name) > 1:
                 problems.append(f"subject '{subject}' has two trials named '{name}': give one a 'name'")
-        _clashes([(f"subject '{subject}': trial '{one}'", one) for one in dict.fromkeys(trials)], problems)
+        _clashes([(f"subject '{subject}': trial '{one}'", one) for one in dict.fromkeys(own_trials)], problems)
 
 
 def _possible(name: str, what: str, taken: Sequence[str], problems: list[str]) -> None:

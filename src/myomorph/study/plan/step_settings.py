@@ -6,75 +6,39 @@ from collections.abc import Mapping
 from typing import Any
 
 from myomorph.model.errors import MyomorphError
-from myomorph.store.settings import (
-    Differentiation,
-    EmgUse,
-    ReportOptions,
-    Setting,
-    TensionTables,
-    TorqueTable,
-    settings_of,
-    with_settings,
-)
-from myomorph.study.subject.body_shape import BodyOptions
+from myomorph.store.settings import Differentiation, Setting, with_settings
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
+from myomorph.study.trial.step import StepHead, step_head
+from myomorph.study.trial.step_table import REPORT, STEPS
 
-STEPS = ("morph", "calibrate", "ik", "identify", "id", "muscles", "tension", "report")
-FILTERED = ("id", "muscles", "tension")
-"""Steps that share one low-pass filter, as they share the derivatives."""
-
-NOT_SETTINGS = {"ik": ("only_weighted",), "calibrate": ("mass",)}
-"""Fields of the options that come from elsewhere in a study file."""
+FIRST = ("morph", "calibrate", "ik", "identify")
+"""Steps in whose order those on subjects and those on trials alternate."""
 
 
-def step_options() -> dict[str, tuple[type, ...]]:
-    """Option dataclasses of every step, by its name."""
-    from myomorph.identify.recordings import RecordingOptions
-    from myomorph.identify.subject import IdentificationOptions
-    from myomorph.morph.fields import MapOptions
-    from myomorph.morph.morphed import MorphOptions
-    from myomorph.morph.nonrigid import MatchOptions
-    from myomorph.motion.calibrate import CalibrationOptions
-    from myomorph.motion.crossings import CrossingOptions
-    from myomorph.motion.envelope import EnvelopeOptions
-    from myomorph.motion.ik import InverseKinematicsOptions
-    from myomorph.tension.contacts import ContactOptions
-    from myomorph.tension.emg_targets import EmgOptions
-    from myomorph.tension.solve import TensionOptions
+def study_steps() -> tuple[str, ...]:
+    """Names of all steps in the order in which they run."""
+    return (*FIRST, *(step for step in STEPS if step not in FIRST), REPORT)
 
-    return {
-        "morph": (MatchOptions, MapOptions, MorphOptions),
-        "calibrate": (CalibrationOptions,),
-        "identify": (RecordingOptions, IdentificationOptions, BodyOptions),
-        "ik": (InverseKinematicsOptions, CrossingOptions),
-        "id": (Differentiation, TorqueTable),
-        "muscles": (Differentiation,),
-        "report": (ReportOptions,),
-        "tension": (
-            Differentiation,
-            TensionOptions,
-            ContactOptions,
-            EmgOptions,
-            EnvelopeOptions,
-            EmgUse,
-            TensionTables,
-        ),
-    }
+
+def declared(name: str) -> StepHead:
+    """A step of a study."""
+    return subject_step(name) if name in SUBJECT_STEPS else step_head(name)
+
+
+def filtered_steps() -> tuple[str, ...]:
+    """Steps that share one low-pass filter, as they share the derivatives."""
+    return tuple(step for step in STEPS if Differentiation in step_head(step).options)
 
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
     """Settings of every step, by its name."""
-    return {
-        step: tuple(
-            one for options in own for one in settings_of(options) if one.name not in NOT_SETTINGS.get(step, ())
-        )
-        for step, own in step_options().items()
-    }
+    return {step: declared(step).settings for step in study_steps()}
 
 
 def check_settings(settings: Mapping[str, Mapping[str, Any]], where: str, problems: list[str]) -> None:
     """Add to the problems what the option dataclasses refuse, as a filter below zero."""
-    for step, own in step_options().items():
-        for options in own:
+    for step in study_steps():
+        for options in declared(step).options:
             try:
                 with_settings(options(), settings.get(step, {}))
             except MyomorphError as error:
@@ -91,8 +55,9 @@ def merged(
     A filter that these name for one of the steps that share it takes the place of all that were named before.
     """
     found = {step: dict(given) for step, given in settings.items()}
-    if any("cutoff" in own.get(step, {}) for step in FILTERED):
-        for step in FILTERED:
+    filtered = filtered_steps()
+    if any("cutoff" in own.get(step, {}) for step in filtered):
+        for step in filtered:
             found.get(step, {}).pop("cutoff", None)
     for step, given in own.items():
         found[step] = found.get(step, {}) | dict(given)

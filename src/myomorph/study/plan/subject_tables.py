@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, create_model
 from myomorph.store.settings import Measured, Side
 from myomorph.store.study_file import Strict, StudyTable, options_table
 from myomorph.study.plan.group_plan import StridesTable
-from myomorph.study.plan.step_settings import STEPS, step_settings
+from myomorph.study.plan.step_settings import step_settings, study_steps
 from myomorph.study.subject.morph_files import BonesTable
 from myomorph.study.subject.subject_files import SUBJECT_STEPS
 from myomorph.study.trial.together import TogetherTable
@@ -54,7 +54,7 @@ class SubjectTable(Strict):
     model_of: str | None = None
     mass: float | None = Field(default=None, gt=0.0)
     trials: list[str | TrialTable]
-    steps: list[str] = Field(default_factory=lambda: [step for step in STEPS if step not in SUBJECT_STEPS])
+    steps: list[str] = Field(default_factory=lambda: [step for step in study_steps() if step not in SUBJECT_STEPS])
     conditions: dict[str, Patterns] = Field(default_factory=dict)
     static: str | None = None
     skin: str | None = None
@@ -83,9 +83,13 @@ class ExcludeTable(Strict):
     reason: str
 
 
-@cache
 def study_tables() -> type[BaseModel]:
     """All tables of a study file, with the options that its steps have."""
+    return _tables(study_steps())
+
+
+@cache
+def _tables(steps: tuple[str, ...]) -> type[BaseModel]:
     options = options_table(step_settings())
     own: Any = (options, Field(default_factory=options))
     trial = create_model("_Trial", __base__=TrialTable, options=own)

@@ -21,9 +21,9 @@ from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
 from myomorph.study.subject.subjects import kept_subject_steps
 from myomorph.study.trial.changes import NEVER
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.run_take import PARTS, kept_steps
-from myomorph.study.trial.takes import FileTake, open_take
+from myomorph.study.trial.run_trial import PARTS, kept_steps
 from myomorph.study.trial.together import TOGETHER_STEPS
+from myomorph.study.trial.trial_files import TrialFiles, read_trial
 
 FRESH = "everything is asked for anew"
 NEW_MODEL = "its model is made anew"
@@ -117,8 +117,8 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
     looked = _Looked(plan, out, fresh)
     rows: list[Row] = []
     seen: set[str] = set()
-    with progress("looking at trials", len(plan.takes), "trials") as advance:
-        for files, steps in zip(plan.takes, plan.steps, strict=True):
+    with progress("looking at trials", len(plan.trials), "trials") as advance:
+        for files, steps in zip(plan.trials, plan.steps, strict=True):
             for name in _makers(plan, files.subject):
                 if name not in seen:
                     rows.append(looked.subject(name))
@@ -179,7 +179,7 @@ class _Looked:
                 reasons = kept_subject_steps(files, steps, self.plan.settings_of(name), self.out / file_name(name))
             except MyomorphError as error:
                 reasons, problem = dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
-        counts = [self._frames(one) for one in files.takes]
+        counts = [self._frames(one) for one in files.trials]
         frames = sum(one for one in counts if one is not None) if None not in counts else None
         if any(reasons.values()):
             self.computed.add((name, ""))
@@ -188,7 +188,7 @@ class _Looked:
         expected = self._expected((name, ""), reasons, frames, files.model)
         return Row(name, "", "", frames, names, reasons, expected, problem)
 
-    def trial(self, files: FileTake, steps: Sequence[str]) -> Row:
+    def trial(self, files: TrialFiles, steps: Sequence[str]) -> Row:
         """The steps of a trial."""
         key = (files.subject, files.name)
         maker, problem = self.plan.maker(files.subject), ""
@@ -224,21 +224,21 @@ class _Looked:
         elif any(key in self.computed for key in trials.items()):
             why = (NEW_PARTS,)
         reasons = dict.fromkeys(TOGETHER_STEPS, why)
-        takes = [one for one in self.plan.takes if (one.subject, one.name) in set(trials.items())]
-        counts = [one for one in map(self._frames, takes) if one is not None]
+        own = [one for one in self.plan.trials if (one.subject, one.name) in set(trials.items())]
+        counts = [one for one in map(self._frames, own) if one is not None]
         frames = min(counts) if counts else None
-        expected = self._expected((name, name), reasons, frames, takes[0].model if takes else None)
-        return Row(name, name, "", frames, tuple(f"{one.subject}/{one.name}" for one in takes), reasons, expected)
+        expected = self._expected((name, name), reasons, frames, own[0].model if own else None)
+        return Row(name, name, "", frames, tuple(f"{one.subject}/{one.name}" for one in own), reasons, expected)
 
-    def _kept(self, files: FileTake, steps: Sequence[str], folder: Path) -> tuple[dict[str, tuple[str, ...]], str]:
+    def _kept(self, files: TrialFiles, steps: Sequence[str], folder: Path) -> tuple[dict[str, tuple[str, ...]], str]:
         """Why steps of a trial with earlier results would be computed, and what kept it from being looked at."""
         made = self._made(self.plan.maker(files.subject))
         try:
             if made is not None:
                 files = replace(files, model=made.path)
             model = self._model(files.model, made)
-            take = open_take(files, self.plan.settings_of(files.subject, files.name), model)
-            return kept_steps(take, steps, folder), ""
+            trial = read_trial(files, self.plan.settings_of(files.subject, files.name), model)
+            return kept_steps(trial, steps, folder), ""
         except MyomorphError as error:
             return dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
 
@@ -261,7 +261,7 @@ class _Looked:
             raise found
         return found
 
-    def _frames(self, files: FileTake) -> int | None:
+    def _frames(self, files: TrialFiles) -> int | None:
         if files.markers is None:
             return None
         if files.markers not in self.counts:

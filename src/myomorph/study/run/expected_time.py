@@ -10,14 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.study.plan.step_settings import STEPS
+from myomorph.study.plan.step_settings import declared, study_steps
 
 RATES = Path(__file__).with_name("step_rates.csv")
 """What steps took on the machine of the benchmark, `python -m benchmarks rates`."""
 
 COLUMNS = ("step", "coordinates", "muscles", "seconds", "seconds_per_frame")
-BY_MUSCLES = ("muscles", "tension", "report")
-"""Steps whose time grows with muscles rather than coordinates."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +64,10 @@ class StepTimes:
         self._last = {(one.subject, one.trial, one.step): one for one in self._timings}
         self._rates = _read_rates()
         # The first trial that a process computes compiles kernels, so medians, which are not those.
-        self._each = {step: _median(one.seconds / one.frames for one in self._of(step) if one.frames) for step in STEPS}
-        self._whole = {step: _median(one.seconds for one in self._of(step) if not one.frames) for step in STEPS}
+        self._each = {
+            step: _median(one.seconds / one.frames for one in self._of(step) if one.frames) for step in study_steps()
+        }
+        self._whole = {step: _median(one.seconds for one in self._of(step) if not one.frames) for step in study_steps()}
 
     def _of(self, step: str) -> list[_Timing]:
         return [one for one in self._timings if one.step == step]
@@ -96,7 +96,7 @@ class StepTimes:
         rates = self._rates.get(step)
         if not rates or frames is None or size is None:
             return None
-        own = size.muscles if step in BY_MUSCLES else size.coordinates
+        own = getattr(size, declared(step).grows_with)
         sizes, fixed, each = (np.array(column) for column in zip(*rates, strict=True))
         # Beyond the largest the time is taken to grow with the size.
         beyond = max(own / sizes[-1], 1.0) if sizes[-1] > 0 else 1.0
@@ -130,7 +130,7 @@ def _read_rates() -> dict[str, list[tuple[float, float, float]]]:
     found: dict[str, list[tuple[float, float, float]]] = {}
     with RATES.open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
-            size = float(row["muscles"] if row["step"] in BY_MUSCLES else row["coordinates"])
+            size = float(row[declared(row["step"]).grows_with])
             found.setdefault(row["step"], []).append((size, float(row["seconds"]), float(row["seconds_per_frame"])))
     return {step: sorted(rates) for step, rates in found.items()}
 

@@ -15,8 +15,8 @@ from myomorph.study.run.job_work import do_subject, do_together, do_trial
 from myomorph.study.run.jobs import Job
 from myomorph.study.run.kept_work import kept_subject, kept_trial
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel, made_model
-from myomorph.study.trial.takes import FileTake
 from myomorph.study.trial.together import Together
+from myomorph.study.trial.trial_files import TrialFiles
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = N
     mark : the run that the folder belongs to
     """
     found = _Found(plan, out, fresh, mark)
-    for files, steps in zip(plan.takes, plan.steps, strict=True):
+    for files, steps in zip(plan.trials, plan.steps, strict=True):
         found.trial(files, steps)
     for one in plan.together:
         found.together(one)
@@ -61,7 +61,7 @@ class _Found:
     jobs: list[Job] = field(default_factory=list)
     homes: dict[Key, Path] = field(default_factory=dict)
     made: dict[str, MadeModel] = field(default_factory=dict)
-    used: dict[Key, FileTake] = field(default_factory=dict)
+    used: dict[Key, TrialFiles] = field(default_factory=dict)
 
     def maker(self, subject: str) -> str:
         """The subject whose own steps make the model that trials use, its job among the jobs; "" for a file."""
@@ -90,7 +90,7 @@ class _Found:
         needs = ((self.plan.maker(begins), ""),) if begins else ()
         self.jobs.append(Job(key, work, needs, kept=None if self.fresh else kept))
 
-    def trial(self, files: FileTake, steps: tuple[str, ...]) -> None:
+    def trial(self, files: TrialFiles, steps: tuple[str, ...]) -> None:
         """Add a trial, and before the first of a subject its own steps."""
         maker, key = self.maker(files.subject), (files.subject, files.name)
         if maker:

@@ -18,11 +18,11 @@ from myomorph.study.plan.plan import Plan
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.run_take import LEFT_OUT, run_take
-from myomorph.study.trial.steps import read_step
-from myomorph.study.trial.take import Found
-from myomorph.study.trial.takes import FileTake, Settings, open_take
-from myomorph.study.trial.together import TOGETHER_STEPS, Part, Together, join_takes, object_part
+from myomorph.study.trial.run_trial import run_trial
+from myomorph.study.trial.step import StepResults, large_variables
+from myomorph.study.trial.steps import ik
+from myomorph.study.trial.together import TOGETHER_STEPS, Part, Together, join_trials, object_part
+from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
 
 
 def _alone(outcome: Outcome, mark: RunMark | None, work: Callable[[Outcome], Outcome]) -> Outcome:
@@ -38,7 +38,7 @@ def _alone(outcome: Outcome, mark: RunMark | None, work: Callable[[Outcome], Out
 
 def do_trial(
     model: Model | None,
-    files: FileTake,
+    files: TrialFiles,
     steps: Sequence[str],
     settings: Settings,
     folder: Path,
@@ -56,9 +56,9 @@ def do_trial(
     def work(outcome: Outcome) -> Outcome:
         if read and file_source("model", files.model).sha256 != read:
             raise BadData(f"{files.model}: has changed while the study ran: run it again")
-        take = open_take(files, settings, model)
+        trial = read_trial(files, settings, model)
         check = (lambda: None) if mark is None else mark.check
-        return run_take(take, steps, folder, fresh, check=check)
+        return run_trial(trial, steps, folder, fresh, check=check)
 
     return _alone(Outcome(files.subject, files.name, folder, condition=files.condition), mark, work)
 
@@ -84,7 +84,7 @@ def do_subject(
 def do_together(
     model: Model | None,
     together: Together,
-    parts: Mapping[str, FileTake],
+    parts: Mapping[str, TrialFiles],
     models: Mapping[Path, MadeModel],
     settings: Mapping[str, Settings],
     common: Settings,
@@ -109,16 +109,16 @@ def do_together(
             if files.model not in opened:
                 opened[files.model] = models[files.model].open() if files.model in models else open_model(files.model)
             stored = out / file_name(subject) / file_name(files.name) / f"{file_name(files.name)}{STORED}"
-            take = open_take(files, settings[subject], opened[files.model])
-            found = read_step("ik", take, Found(), read_result(stored, leave_out=LEFT_OUT))
-            if found.recorded is None:
+            trial = read_trial(files, settings[subject], opened[files.model])
+            found = ik.STEP.read(read_result(stored, leave_out=large_variables()), trial.options)
+            if found is None:
                 raise BadData(f"{stored}: holds no coordinates: run the step 'ik' of subject '{subject}' first")
-            recorded = found.recorded if take.time is None else cut(found.recorded, *take.time)
-            joined[subject] = Part(take, recorded, str(files.model))
+            recorded = found.recorded if trial.time is None else cut(found.recorded, *trial.time)
+            joined[subject] = Part(trial, recorded, str(files.model))
         joined |= {table.name: object_part(table, path) for table, path in together.objects}
-        take, found = join_takes(together, joined, common)
+        trial, poses = join_trials(together, joined, common)
         check = (lambda: None) if mark is None else mark.check
-        return run_take(take, TOGETHER_STEPS, folder, fresh, found, check)
+        return run_trial(trial, TOGETHER_STEPS, folder, fresh, StepResults(poses), check)
 
     return _alone(Outcome(together.name, together.name, folder), mark, work)
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from myomorph.model.model import Model
-from myomorph.store import stored as store
 from myomorph.store.locks import RunMark, folder_lock
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.outcome import Outcome
@@ -18,21 +17,16 @@ from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import kept_subject_steps
 from myomorph.study.summary.page_key import groups_key, made_of
 from myomorph.study.trial.kept_report import KEY, PAGE, report_key
-from myomorph.study.trial.run_take import PARTS, VALUES, clear_leftovers, with_numbers
-from myomorph.study.trial.steps import step_provenance
-from myomorph.study.trial.take import CHAIN, Found, Take
-from myomorph.study.trial.takes import FileTake, Settings, open_take
-
-OF_FIT = (
-    *("time", "coordinate", "coordinate_value", "marker", "marker_error", "marker_weight"),
-    *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
-)
-"""Variables of a result that tell how well markers were met."""
+from myomorph.study.trial.run_trial import PARTS, VALUES, clear_leftovers, with_results
+from myomorph.study.trial.step import StepResults, step_of, step_provenance
+from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
+from myomorph.study.trial.trial_inputs import TrialInputs
 
 
 def kept_trial(
     model: Model | None,
-    files: FileTake,
+    files: TrialFiles,
     steps: Sequence[str],
     settings: Settings,
     folder: Path,
@@ -51,7 +45,7 @@ def kept_trial(
     def look() -> Outcome | None:
         if read and file_source("model", files.model).sha256 != read:
             return None
-        found = unchanged(open_take(files, settings, model), steps, folder)
+        found = unchanged(read_trial(files, settings, model), steps, folder)
         return None if found is None else replace(found, condition=files.condition)
 
     return _looked(folder, mark, look)
@@ -87,26 +81,27 @@ def _looked(folder: Path, mark: RunMark | None, look: Callable[[], Outcome | Non
     return None if found is None else replace(found, seconds=time.monotonic() - started)
 
 
-def unchanged(take: Take, steps: Sequence[str], folder: Path) -> Outcome | None:
+def unchanged(trial: TrialInputs, steps: Sequence[str], folder: Path) -> Outcome | None:
     """The outcome of a trial whose folder is what a run would leave it as, None for any other."""
-    stored = folder / f"{file_name(take.name)}{STORED}"
-    wanted = tuple(step for step in CHAIN if step in steps)
-    expected = [VALUES, PAGE] if "report" in steps else [VALUES]
+    stored = folder / f"{file_name(trial.name)}{STORED}"
+    wanted = tuple(step for step in STEPS if step in steps)
+    expected = [VALUES, PAGE] if REPORT in steps else [VALUES]
     if (folder / PARTS).exists() or not all((folder / name).is_file() for name in expected):
         return None
+    own = [step_of(step) for step in wanted]
     with open_netcdf(stored) as file:
         earlier = made_from(file.attributes)
         # A step that nobody asks for now is for a run to keep or to remove.
-        if set(earlier) != set(wanted) or file.attributes.get(KEY, "") != report_key(take, wanted):
+        if set(earlier) != set(wanted) or file.attributes.get(KEY, "") != report_key(trial, wanted):
             return None
-        if any(earlier[step].key != step_provenance(step, take).key for step in wanted):
+        if any(earlier[step.name].key != step_provenance(step, trial).key for step in own):
             return None
-        found = stored_values(stored, file, only=OF_FIT)
+        telling = [step for step in own if step.outcome is not None]
+        found = stored_values(stored, file, only=[name for step in telling for name in step.outcome_variables])
     clear_leftovers(folder)
-    fit = store.get_fit(found)
-    done = (*wanted, "report") if "report" in steps else wanted
-    outcome = Outcome(take.subject, take.name, folder, done, done)
-    return with_numbers(outcome, Found(fit=fit, recorded=None if fit is None else fit.motion))
+    done = (*wanted, REPORT) if REPORT in steps else wanted
+    outcome = Outcome(trial.subject, trial.name, folder, done, done)
+    return with_results(outcome, StepResults(*(step.read(found, trial.options) for step in telling)))
 
 
 def kept_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome | None:

@@ -13,7 +13,7 @@ from scipy import sparse
 from myomorph.identify.body.envelope import envelope_points
 from myomorph.identify.body.points import Links, MassPoints, links_of
 from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
-from myomorph.identify.consistency import Inside
+from myomorph.identify.validation import Inside
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
@@ -101,7 +101,7 @@ def _in_skin(
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
     """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
     from myomorph.identify.body.fit_pose import pose_model_to_skin
-    from myomorph.identify.body.grid import fill, reference_masses
+    from myomorph.identify.body.points import fill, reference_masses
     from myomorph.identify.body.skin import inside
 
     if shape.skin is not None:

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.progress import progress
@@ -22,12 +23,10 @@ from myomorph.store.results import provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.calibrated import Calibrated, CalibrationFiles
 from myomorph.study.subject.made_model import write_made_model
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.trial import inputs
-
-if TYPE_CHECKING:
-    from myomorph.study.subject.subject_files import SubjectFiles
-    from myomorph.study.trial.take import Take
-    from myomorph.study.trial.takes import Settings
+from myomorph.study.trial.steps.ik import used_markers
+from myomorph.study.trial.trial_files import Settings
 
 
 def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
@@ -72,32 +71,26 @@ def _recording(path: Path, model: Model, time: tuple[float, float] | None, warni
 
 def _weights(path: Path, model: Model) -> dict[str, float]:
     """Weights of a task set; markers that it does not name do not count."""
-    from myomorph.io.osim.tasks import read_ik_tasks
+    from myomorph.io.osim.setup_parts import read_ik_tasks
 
     given = read_ik_tasks(path).marker_weights
     return {name: given.get(name, 0.0) for name in model.marker_names}
 
 
 def calibrate_subject(
-    model: Model,
-    takes: Sequence[Take],
-    files: SubjectFiles,
-    settings: Settings,
-    made: Provenance,
-    out: Path,
-    tables: Path,
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
 ) -> Calibrated:
     """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
-    from myomorph.study.trial.motion_steps import used_markers
-
     options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
-    warnings = [text for take in takes for text in take.warnings]
+    model, trials = prepared.model, prepared.trials(files, settings)
+    warnings = [text for trial in trials for text in trial.warnings]
     recordings = {}
-    for take in takes:
-        if take.markers is not None:
-            inputs.cut_to(take.time, take.markers, take.name)
-            recordings[take.name] = used_markers(take, take.markers)
-            options = replace(options, marker_weights=take.kinematics.marker_weights or options.marker_weights)
+    for trial in trials:
+        if trial.markers is not None:
+            inputs.cut_to(trial.time, trial.markers, trial.name)
+            recordings[trial.name] = used_markers(trial, trial.markers)
+            weights = trial.options[InverseKinematicsOptions].marker_weights
+            options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
         options = replace(options, static=_recording(files.static, model, None, warnings))
     if not recordings and options.static is None:
@@ -198,3 +191,15 @@ def summary(found: Calibration) -> Iterable[str]:
                 f"(factor {one.factor:.3f}, SD {1e3 * one.length.extent * one.sd:.1f} mm)"
                 + ("" if one.shown else ", not shown by the recordings")
             )
+
+
+STEP = SubjectStep(
+    name="calibrate",
+    title="calibration of lengths and markers",
+    options=(CalibrationOptions,),
+    not_settings=("mass",),
+    model="calibrated.osim",
+    tables="calibration",
+    run=calibrate_subject,
+    provenance=lambda files, prepared, settings: recordings_provenance("calibrate", files, prepared, settings, {}),
+)

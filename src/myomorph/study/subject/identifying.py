@@ -12,9 +12,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph import __version__
-from myomorph.identify.cross_validation import CrossValidation, cross_validate
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
+from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
@@ -27,8 +27,10 @@ from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.body_shape import BodyOptions, BodyShape
 from myomorph.study.subject.made_model import write_made_model
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.trial import inputs
-from myomorph.study.trial.takes import load_tables
+from myomorph.study.trial.steps.ik import solve_kinematics
+from myomorph.study.trial.trial_files import Settings, load_tables
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 """Weight maps as the command names them, and as [D] and the tables do."""
@@ -227,10 +229,10 @@ def write_identified(
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
-    from myomorph.report.page.head import Note, SourceFile
-    from myomorph.report.trial.given import ReportInput
-    from myomorph.report.trial.identification_given import identification_input
+    from myomorph.report.page.parts import Note, PageHead, SourceFile
+    from myomorph.report.trial.given import Recorded, ReportInput
     from myomorph.report.trial.identification_tables import identification_tables
+    from myomorph.report.trial.identified import identification_input
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import REPORT
 
@@ -243,20 +245,23 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     sources = tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
     page = report_page(
         ReportInput(
-            title=f"{subject}: identified body",
-            subject=subject,
-            date=made.date,
-            version=__version__,
-            notes=(
-                Note("real", f"Motions: {', '.join(one.name for one in found.recordings)}."),
-                Note("assumed", f"Shape of the body: {found.points.source}."),
+            PageHead(
+                title=f"{subject}: identified body",
+                date=made.date,
+                version=__version__,
+                notes=(
+                    Note("real", f"Motions: {', '.join(one.name for one in found.recordings)}."),
+                    Note("assumed", f"Shape of the body: {found.points.source}."),
+                ),
+                sources=sources,
+                warnings=found.notes,
             ),
-            facts=MappingProxyType({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"}),
-            sources=sources,
+            recorded=Recorded(
+                subject, MappingProxyType({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"})
+            ),
             model=found.model,
             surfaces=surfaces,
             identification=given,
-            warnings=found.notes,
         )
     )
     (folder / REPORT).write_text(page, encoding="utf-8")
@@ -288,3 +293,41 @@ def summary(found: Identification) -> list[str]:
     )
     lines.append(found.consistency[found.chosen].verdict)
     return lines
+
+
+def _run(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> None:
+    motions = []
+    for trial in prepared.trials(files, settings):
+        if trial.loads is None:
+            continue
+        motion = solve_kinematics(trial).motion
+        motions.append(SubjectMotion(trial.name, motion, trial.loads(motion)))
+    if not motions:
+        raise BadData(
+            f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"
+        )
+    shared = {name: value for step in ("id", "identify") for name, value in settings.get(step, {}).items()}
+    identified = identify_subject(prepared.model, motions, files.shape, files.mass, IdentifyOptions.of(shared))
+    write_identified(replace(identified, provenance=made), out, files.name, tables)
+
+
+def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    more: dict[str, object] = {
+        f"shape.{name}": getattr(files.shape, name) for name in ("height", "chest", "sex", "age")
+    }
+    for earlier in ("ik", "id"):
+        more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
+    return recordings_provenance("identify", files, prepared, settings, more)
+
+
+STEP = SubjectStep(
+    name="identify",
+    title="identification of masses",
+    options=(RecordingOptions, IdentificationOptions, BodyOptions),
+    model="identified.osim",
+    tables="identification",
+    run=_run,
+    provenance=_provenance,
+)

@@ -14,7 +14,7 @@ from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
-from myomorph.morph.place_clusters import bone_surface
+from myomorph.morph.registration.place_clusters import bone_surface
 from myomorph.store.results import file_source
 from myomorph.store.study_file import Strict, existing
 

@@ -10,8 +10,7 @@ from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.grid import fill
-from myomorph.identify.body.points import MassPoints, links_of
+from myomorph.identify.body.points import MassPoints, fill, links_of
 from myomorph.identify.body.skin import check_skin
 from myomorph.identify.body.weights import bone_weights, links_with_mass
 from myomorph.model.arrays import Array
@@ -20,9 +19,9 @@ from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_in
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
-from myomorph.morph.checks import target_surface
-from myomorph.morph.envelope import FLESH, Envelope, flesh_of, grow_envelope
+from myomorph.morph.checks.checks import target_surface
 from myomorph.morph.morphed import Morph
+from myomorph.morph.shapes.envelope import SOFT_TISSUE, Envelope, grow_envelope, soft_tissue_of
 
 DENSITY = 1050.0
 """Of a body without the air in its lungs, where its mass is not known [kg/m^3]."""
@@ -147,7 +146,7 @@ def with_envelope_masses(
     ----------
     bones : by body, in the bodies' frames [m]
     mass : of the whole model [kg]; by default volume times `DENSITY`
-    flesh : thickness over each bone at first, as a share of its length; `FLESH` where it is not given
+    flesh : thickness over each bone at first, as a share of its length; `SOFT_TISSUE` where it is not given
     pose, together : as of `with_morphed_masses`
 
     Raises
@@ -160,13 +159,13 @@ def with_envelope_masses(
     own = np.array([name in known for name in model.body_names])
     share = mass / model.mass if mass is not None and model.mass > 0.0 else 1.0
     volume = None if mass is None else (mass - share * _mass(model, ~own)) / DENSITY
-    grown = grow_envelope(model, known, pose, volume=volume, flesh=flesh or FLESH, together=together)
+    grown = grow_envelope(model, known, pose, volume=volume, soft_tissue=flesh or SOFT_TISSUE, together=together)
     # A bone inside another's hull may have no point of its own.
     own &= np.array([grown.volumes.get(name, 0.0) > 0.0 for name in model.body_names])
     kept = share * _mass(model, ~own)
     weight = DENSITY * grown.volume if mass is None else mass - kept
     found = _points(model, grown, weight, POSE if pose is None else pose)
-    words = "as the source's masses ask for" if flesh else f"at first {100 * FLESH:g} % of each bone's length"
+    words = "as the source's masses ask for" if flesh else f"at first {100 * SOFT_TISSUE:g} % of each bone's length"
     notes = [
         f"masses from an envelope grown around {len(known)} bones, no skin was given: flesh {words}"
         + (f", {DENSITY:g} kg/m^3 (no mass was given)" if mass is None else f", so thick that all weighs {mass:g} kg")
@@ -190,7 +189,7 @@ def _flesh(morph: Morph, bones: Mapping[str, Surface], together: Sequence[Sequen
     heavy = {name: one for name, one in source.items() if weights.get(name, 0.0) > 0.0}
     if not (_same_bodies(morph) and heavy and set(heavy) == set(bones)):
         return None
-    return flesh_of(morph.source, heavy, DENSITY, together=together)
+    return soft_tissue_of(morph.source, heavy, DENSITY, together=together)
 
 
 def _points(model: Model, grown: Envelope, weight: float, pose: Motion) -> MassPoints:

@@ -7,39 +7,35 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from myomorph.io.landmarks import read_landmark_pairs
-from myomorph.io.mesh import read_mesh
-from myomorph.io.mesh_write import write_obj
+from myomorph.io.mesh import read_mesh, write_obj
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Mesh, Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.bone_map import BoneMap
-from myomorph.morph.checks import MorphChecks, check_morph
-from myomorph.morph.fields import FeaturePoints, MapOptions
-from myomorph.morph.map_bone import map_bone
-from myomorph.morph.mirror_bones import with_mirrored_bones
+from myomorph.morph.checks.checks import MorphChecks, check_morph
+from myomorph.morph.checks.moment_arms import COUNT
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions
+from myomorph.morph.mirror.model import with_mirrored_bones
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.nonrigid import MatchOptions
-from myomorph.morph.postures import COUNT
-from myomorph.morph.starts import start_by_neighbors
-from myomorph.morph.transfer import morph_model
-from myomorph.morph.virtual_links import standing_poses
+from myomorph.morph.registration.map_bone import map_bone
+from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.rigid import start_by_neighbors
+from myomorph.morph.transfer.bodies import standing_poses
+from myomorph.morph.transfer.model import morph_model
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.made_model import write_made_model
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.trial import inputs
-
-if TYPE_CHECKING:
-    from myomorph.study.subject.subject_files import SubjectFiles
-    from myomorph.study.trial.takes import Settings
+from myomorph.study.trial.trial_files import Settings
 
 
 @dataclass(frozen=True)
@@ -155,11 +151,11 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
 
 
 def morph_subject(
-    model: Model, files: SubjectFiles, settings: Settings, made: Provenance, out: Path, tables: Path
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
 ) -> Morphed:
     """The step `morph` of a study: a subject's bones into its model and tables."""
     assert files.bones is not None
-    morphed = morph_files(files.bones, MorphSettings.of(settings.get("morph", {})), model)
+    morphed = morph_files(files.bones, MorphSettings.of(settings.get("morph", {})), prepared.model)
     morphed = replace(morphed, provenance=made)
     write_morphed(morphed, out, tables)
     return morphed
@@ -262,3 +258,21 @@ def bone_notes(morphed: Morphed) -> tuple[str, ...]:
     return tuple(
         note if f"'{body}'" in note else f"'{body}': {note}" for body, bone in own.items() for note in bone.notes
     )
+
+
+def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    if files.bones is None:
+        return recordings_provenance("morph", files, prepared, settings, {})
+    return provenance_of("morph", files.bones.sources(), files.bones.told() | dict(settings.get("morph", {})))
+
+
+STEP = SubjectStep(
+    name="morph",
+    title="muscles in other bones",
+    options=(MatchOptions, MapOptions, MorphOptions),
+    model="morphed.osim",
+    tables="morph",
+    run=morph_subject,
+    provenance=_provenance,
+    brings_bones=True,
+)

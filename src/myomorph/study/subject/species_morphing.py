@@ -9,8 +9,8 @@ from pathlib import Path
 from myomorph.model.errors import BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
-from myomorph.morph.checks import check_morph
-from myomorph.morph.species_transfer import coordinate_table, species_morph
+from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.subject.morph_files import source_bones

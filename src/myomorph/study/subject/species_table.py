@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.errors import BadData, BadFile
-from myomorph.morph.species import (
+from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
     BoneHomology,

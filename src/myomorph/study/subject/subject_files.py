@@ -1,25 +1,29 @@
-"""The files of one subject, and the model that its own steps make."""
+"""One subject of a study: its files, the steps on it, and the model that they make for its trials."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 
 from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance
+from myomorph.store.results import file_source, provenance_of
 from myomorph.study.subject.body_shape import BodyShape
 from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.takes import FileTake
+from myomorph.study.trial.step import StepHead
+from myomorph.study.trial.trial_files import Settings, TrialFiles, read_trial
+from myomorph.study.trial.trial_inputs import TrialInputs
 
-SUBJECT_STEPS = ("morph", "calibrate", "identify")
-"""In the order in which they run."""
-
-
-MODELS = {"morph": "morphed.osim", "calibrate": "calibrated.osim", "identify": "identified.osim"}
-
-
-TABLES = {"morph": "morph", "calibrate": "calibration", "identify": "identification"}
+SUBJECT_STEPS: dict[str, str] = {
+    "morph": "myomorph.study.subject.morphing",
+    "calibrate": "myomorph.study.subject.calibrating",
+    "identify": "myomorph.study.subject.identifying",
+}
+"""Steps that make the model of a subject's trials, in the order in which they run: a name, and the module whose `STEP`
+it is; read when first needed."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class SubjectFiles:
     model : generic or scaled
     static : recording of standing still, for calibration
     shape : what is known of the body, for identification
-    takes : the subject's recordings
+    trials : the subject's recordings
     bones : the subject's own, for a morph
     model_of : subject whose own steps make the model that this one begins with, "" where a file is
     drawn : file beside which the meshes of that model lie, None where they lie beside it
@@ -42,7 +46,7 @@ class SubjectFiles:
     mass: float | None = None
     static: Path | None = None
     shape: BodyShape = field(default_factory=BodyShape)
-    takes: tuple[FileTake, ...] = ()
+    trials: tuple[TrialFiles, ...] = ()
     bones: MorphFiles | None = None
     model_of: str = ""
     drawn: Path | None = None
@@ -68,11 +72,77 @@ class MadeModel:
         return model if self.drawn == self.path else replace(model, source=str(self.drawn))
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """The model that a subject's trials use.
+
+    Attributes
+    ----------
+    path : of its file
+    model : itself; its source is the file beside which its meshes lie
+    done, kept : steps that made it, and those reused from an earlier run
+    changed : what made steps be computed again that an earlier run had done
+    timed : each step that was computed, and how long it took [s]
+    """
+
+    path: Path
+    model: Model
+    done: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    timed: tuple[tuple[str, float], ...] = ()
+
+    def trials(self, files: SubjectFiles, settings: Settings) -> list[TrialInputs]:
+        """The subject's recordings with this model."""
+        return [read_trial(replace(one, model=self.path), settings, self.model) for one in files.trials]
+
+
+def recordings_provenance(
+    step: str, files: SubjectFiles, prepared: Prepared, settings: Settings, more: Mapping[str, object]
+) -> Provenance:
+    """What a step makes of all recordings of a subject is derived from: the model so far, the recordings, its options.
+
+    Parameters
+    ----------
+    more : further options that the step depends on
+    """
+    sources = list(dict.fromkeys(source for trial in prepared.trials(files, settings) for source in trial.sources))
+    given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
+    sources += [file_source(role, path) for role, path in given if path is not None]
+    options: dict[str, object] = {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
+    times = [None if one.time is None else list(one.time) for one in files.trials]
+    return provenance_of(step, sources, options | {"mass": files.mass, "times": times} | dict(more))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubjectStep(StepHead):
+    """A step on a subject, which makes the model of its trials.
+
+    Attributes
+    ----------
+    model : name of the file of that model
+    tables : folder beside it
+    run : from the files, the model so far, settings and provenance to the model's file and its tables
+    provenance : what the model is derived from
+    brings_bones : whether the model has meshes of its own; those of other steps are drawn by what they began with
+    """
+
+    model: str
+    tables: str
+    run: Callable[[SubjectFiles, Prepared, Settings, Provenance, Path, Path], object]
+    provenance: Callable[[SubjectFiles, Prepared, Settings], Provenance]
+    brings_bones: bool = False
+
+
+def subject_step(name: str) -> SubjectStep:
+    """A step of `SUBJECT_STEPS`."""
+    return import_module(SUBJECT_STEPS[name]).STEP
+
+
 def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
     """The model that a subject's trials use once its own steps are done."""
     made = MadeModel(files.model, files.drawn or files.model)
-    for step in SUBJECT_STEPS:
-        if step in steps:
-            path = folder / MODELS[step]
-            made = MadeModel(path, path if step == "morph" else made.drawn)
+    for step in [subject_step(name) for name in SUBJECT_STEPS if name in steps]:
+        path = folder / step.model
+        made = MadeModel(path, path if step.brings_bones else made.drawn)
     return made

@@ -15,7 +15,7 @@ import numpy as np
 from myomorph import __version__
 from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
 from myomorph.model.errors import BadData, MyomorphError
-from myomorph.report.page.head import Note, PageHead
+from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.study.group_page import group_page
 from myomorph.store.results import STORED, file_name, read_result
 from myomorph.study.plan.group_plan import GroupPlan

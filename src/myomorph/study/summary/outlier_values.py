@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from myomorph.analysis.outliers import FAR, modified_z
+from myomorph.analysis.conditions import FAR, modified_z
 from myomorph.model.series import Series
 from myomorph.report.study.study_given import Outlier
 from myomorph.study.summary.condition_values import PER_STRIDE, GrowingCondition, joined_curves, shown_quantities

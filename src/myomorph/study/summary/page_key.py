@@ -56,8 +56,8 @@ def tables_key(plan: Plan, outcomes: Iterable[Outcome], own: Sequence[str], made
         )
         for one in outcomes
     ]
-    takes = [(one.subject, one.name, one.condition) for one in plan.takes]
-    told = (plan.name, takes, [one.name for one in plan.together], plan.groups is None, list(plan.conditions.names))
+    planned = [(one.subject, one.name, one.condition) for one in plan.trials]
+    told = (plan.name, planned, [one.name for one in plan.together], plan.groups is None, list(plan.conditions.names))
     left = [astuple(one) for one in plan.excluded]
     conditions = sorted(plan.conditions.trials.items())
     return value_source("tables", "", __version__, told, left, conditions, trials, _hashes(made)).sha256

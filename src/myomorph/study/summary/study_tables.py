@@ -165,9 +165,9 @@ def made_here(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> str:
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
     """Outcomes with their conditions in the order of the study file, a subject's own steps before its trials."""
     found = {one.key: one for one in outcomes}
-    keys = [key for take in plan.takes for key in ((take.subject, ""), (take.subject, take.name))]
+    keys = [key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))]
     keys += [(one.name, one.name) for one in plan.together]
-    told = {(take.subject, take.name): take.condition for take in plan.takes} | dict(plan.conditions.trials)
+    told = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
     return [
         _Trial(found[key], found[key].condition or told.get(key, "")) for key in dict.fromkeys(keys) if key in found
     ]

@@ -16,6 +16,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
 from myomorph.model.model import GROUND, Model
+from myomorph.report.trial.given import Situation
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
 from myomorph.study.trial.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan
@@ -54,6 +55,13 @@ class ContactPlan:
     sound: SoundPlan | None = None
     measured: Measured = "exact"
     stairs: Stairs | None = None
+
+    @property
+    def situation(self) -> Situation:
+        """Which of the situations of [D] chapter 4 it is."""
+        if self.sound is not None:
+            return "sound"
+        return "shared" if self.measured == "shared" else "unknown"
 
 
 class _Camera(Strict):

@@ -7,14 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.held_objects import find_holds
-from myomorph.contact.paws_on_steps import shared_stairs
-from myomorph.contact.raised import raised_contacts
+from myomorph.contact.feet_on_steps import shared_stairs
+from myomorph.contact.held_objects import find_holds, raised_contacts
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.contact.strengths import StrengthOptions, leans, strengths
+from myomorph.contact.states import (
+    ContactStateOptions,
+    StrengthOptions,
+    find_contacts,
+    preferred_directions,
+    strengths,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError
@@ -23,7 +27,7 @@ from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.study.trial.contact_file import FOREVER, ContactPlan
 from myomorph.study.trial.sound_plan import heard_contacts
 from myomorph.study.trial.stairs_file import Stairs, stairs_contacts
-from myomorph.tension.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
 
@@ -101,7 +105,7 @@ def set_contacts(
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.blows if exact is None else _beside(exact, heard.blows)
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
-    task = ContactTask(sites, ready, shared, options, leans(model, motion, sites))
+    task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
 
 
@@ -121,7 +125,9 @@ def _on_stairs(
         ready = without_measured(model, ready, paws.sites, exact)
         pairs = ((step.name, site.body) for step in paws.steps for site in paws.sites)
         known = {step for step, body in pairs if f"{step}_{body}" in exact.names}
-    task = ContactTask(paws.sites, ready, shared_stairs(paws, known), options, leans(model, motion, paws.sites))
+    task = ContactTask(
+        paws.sites, ready, shared_stairs(paws, known), options, preferred_directions(model, motion, paws.sites)
+    )
     return ContactSetting(task, contacts, exact, paws.notes)
 
 

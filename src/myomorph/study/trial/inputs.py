@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.contact.plates import force_plates
+from myomorph.io.formats import read_model, read_trial
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
@@ -17,7 +19,6 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
 from myomorph.study.trial import inputs
 
-MARKER_FILES = (".trc", ".c3d", ".mat", ".h5", ".hdf5")
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
 
@@ -41,8 +42,6 @@ def about(path: object) -> Iterator[None]:
 
 def open_model(path: str | Path) -> Model:
     """The model of a file; raises `BadFile` or `BadModel`."""
-    from myomorph.io.models import read_model
-
     with about(path):
         return read_model(path)
 
@@ -58,26 +57,9 @@ def has_mass(model: Model, step: str) -> None:
 
 def open_trial(path: str | Path) -> Trial:
     """What a recording of markers or keypoints holds, plates as forces in the laboratory."""
-    ending = Path(path).suffix.lower()
-    if ending == ".trc":
-        from myomorph.io.trc import read_trc
-
-        return read_trc(path)
-    if ending == ".c3d":
-        from myomorph.contact.plates import force_plates
-        from myomorph.io.c3d.read import read_c3d
-
-        with about(path):
-            return force_plates(read_c3d(path))
-    if ending == ".mat":
-        from myomorph.io.qualisys_mat import read_qualisys_mat
-
-        return read_qualisys_mat(path)
-    if ending in (".h5", ".hdf5"):
-        from myomorph.io.keypoints import read_keypoints
-
-        return read_keypoints(path)
-    raise BadFile(path, f"does not hold markers: its name ends in '{ending}'", f"expected {', '.join(MARKER_FILES)}")
+    with about(path):
+        trial = read_trial(path)
+        return force_plates(trial) if trial.plate_recordings else trial
 
 
 def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:

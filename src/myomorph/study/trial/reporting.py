@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -14,30 +14,27 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.length_analysis import curves_table, ranges_table
-from myomorph.analysis.phase import Phase
+from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
 from myomorph.io.parsing.text import written
-from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
-from myomorph.model.series import Series
 from myomorph.model.surface import Surface
-from myomorph.muscles.path import compile_paths
-from myomorph.report.page.head import Note, SourceFile, Step
-from myomorph.report.trial.given import ReportInput, Truth
-from myomorph.report.trial.length_section import analysed_lengths
+from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.page.parts import Step as PageStep
+from myomorph.report.trial.given import AnalysisChoice, Recorded, ReportInput, Truth
+from myomorph.report.trial.muscle_sections import analysed_lengths
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
-from myomorph.store import contact_store
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_name, file_source, read_result
-from myomorph.study.trial.contact_doubts import get_intervals, get_uncarried
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.take import CHAIN, Take
+from myomorph.study.trial.step import large_variables, step_of
+from myomorph.study.trial.step_table import STEPS
 from myomorph.study.trial.together import object_model
-from myomorph.tension.solve import Tension, TensionOptions
+from myomorph.study.trial.trial_inputs import TrialInputs
 
 REPORT = "report.html"
 DEMO = "demo:"
@@ -47,32 +44,11 @@ ModelMaker = Callable[[str], Model]
 """Makes a model by a name."""
 
 LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
-STEP_NAMES = MappingProxyType(
-    {
-        "ik": "inverse kinematics",
-        "id": "inverse dynamics",
-        "muscles": "muscle paths",
-        "tension": "muscle tensions",
-    }
-)
-
-
-@dataclass(frozen=True, eq=False)
-class ShownTension:
-    """A tension as reports read it; see `TensionResult`."""
-
-    time: Array
-    muscles: tuple[str, ...]
-    activations: Array
-    forces: Array
-    reserves: Array
-    reserve_coordinates: tuple[str, ...]
-    solved: np.ndarray
 
 
 def report_folder(
     folder: str | Path,
-    take: Take | None = None,
+    trial: TrialInputs | None = None,
     preset: str = "",
     times: Sequence[float] = (),
     demo_model: ModelMaker | None = None,
@@ -81,7 +57,7 @@ def report_folder(
 
     Parameters
     ----------
-    take : the recording, where it is at hand; else the model is read again from where it was
+    trial : the recording, where it is at hand; else the model is read again from where it was
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
     demo_model : makes the model of a demo by its name; without it results of demos are refused
@@ -100,8 +76,9 @@ def report_folder(
     folder = Path(folder)
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
-    if take is not None:
-        return [_write(folder, [folder / f"{file_name(take.name)}{STORED}"], preset, times, lambda found: take.model)]
+    if trial is not None:
+        stored = folder / f"{file_name(trial.name)}{STORED}"
+        return [_write(folder, [stored], preset, times, lambda found: trial.model)]
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
     if not homes:
@@ -114,9 +91,10 @@ def _write(
     home: Path, paths: Sequence[Path], preset: str, times: Sequence[float], model: Callable[[Stored], Model]
 ) -> Path:
     """The report of the results in one folder, whole or not at all."""
-    found = joined([read_result(path, leave_out=("moment_arm",)) for path in paths])
+    found = joined([read_result(path, leave_out=large_variables()) for path in paths])
     given = report_input(found, model(found))
-    text = report_page(replace(given, preset=preset or given.preset, times=tuple(times)))
+    chosen = replace(given.analysis, preset=preset or given.analysis.preset, times=tuple(times))
+    text = report_page(replace(given, analysis=chosen))
     temporary = home / f".{REPORT}.part"
     temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, home / REPORT)
@@ -126,7 +104,7 @@ def _write(
 
 def _write_length_tables(home: Path, given: ReportInput) -> None:
     """Muscle lengths of every stride, and what each muscle does in one, where the motion is a walk."""
-    if given.lengths is None:
+    if given.muscles.lengths is None:
         return
     analysis = analysed_lengths(prepare(given))
     if analysis is not None and analysis.ranges:
@@ -206,80 +184,37 @@ def report_input(found: Stored, model: Model, surfaces: Mapping[str, Surface] | 
     ----------
     surfaces : meshes of the bodies; by default those that lie beside the model's file
     """
-    facts = found.facts
-    notes = json.loads(facts.get("notes", "{}"))
-    mass = facts.get("mass", "")
-    tension = store.get_tension(found, TensionOptions())
-    truth = store.get_truth(found)
-    arms = found.names.get("crossing_coordinate", ())
-    fit = store.get_fit(found)
-    contacts = contact_store.get_contact_forces(found)
-    warnings = [*json.loads(facts.get("warnings", "[]")), *_mass_doubt(mass, model)]
-    return ReportInput(
+    facts, mass = found.facts, found.facts.get("mass", "")
+    notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(found)
+    head = PageHead(
         title=": ".join(one for one in (facts.get("subject", ""), facts.get("trial", "")) if one) or model.name,
-        subject=facts.get("subject", ""),
         date=max((made.date for made in found.provenance.values()), default=""),
         version=__version__,
         notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
-        facts=MappingProxyType({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         sources=_sources(found.provenance),
-        steps=tuple(_step(step, found) for step in CHAIN if step in found.provenance),
-        model=model,
-        surfaces=surfaces_of(model) if surfaces is None else surfaces,
-        markers=store.get_markers(found),
-        fit=fit,
-        motion=store.get_derivatives(found) if fit is None else None,
-        wrenches=store.get_wrenches(found),
-        plates=store.get_plates(found),
-        torques=contact_store.get_carried(found) or store.get_torques(found),
-        contacts=contact_store.get_contacts(found),
-        contact_forces=contacts,
-        residuals=_residuals(tension) if contacts is not None else None,
-        intervals=get_intervals(found),
-        uncarried=get_uncarried(found),
-        situation=contact_store.get_situation(found),
-        root_note=facts.get("root_note", ""),
-        lengths=_by_muscle(found, "muscle_length"),
-        length_rates=_by_muscle(found, "muscle_velocity"),
-        driven=tuple(dict.fromkeys(arms)) or _driven(model),
-        tension=None if tension is None else shown_tension(tension, found),
-        overstretched=() if tension is None else tension.overstretched,
+        steps=tuple(_shown_step(step, found) for step in STEPS if step in found.provenance),
+        warnings=(*json.loads(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
+    )
+    recorded = Recorded(
+        subject=facts.get("subject", ""),
+        facts=MappingProxyType({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         emg=store.get_emg(found),
         emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
+        plates=store.get_plates(found),
         events=store.get_events(found) or None,
-        preset=facts.get("preset", ""),
-        phases=tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items()),
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
-        warnings=tuple(warnings),
     )
-
-
-def _driven(model: Model) -> tuple[str, ...]:
-    """Coordinates that at least one muscle crosses, where no step wrote moment arms."""
-    if not model.muscles:
-        return ()
-    return tuple(model.coordinate_names[j] for j in sorted(set(compile_paths(model).arm_coordinate.tolist())))
-
-
-def _residuals(tension: Tension | None) -> Series | None:
-    """Forces and torques that hold a floating root, as far as they are not the contacts' (frames, residuals)."""
-    if tension is None or not tension.residual_names:
-        return None
-    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
-    return Series(tension.time, tension.residual_names, tension.reserves[:, columns])
-
-
-def shown_tension(tension: Tension, found: Stored) -> ShownTension:
-    """A tension with the coordinate of every reserve, "" for those on bodies."""
-    return ShownTension(
-        tension.time,
-        tension.muscles,
-        tension.activations,
-        tension.forces,
-        tension.reserves,
-        found.names.get("actuator_coordinate", ()),
-        tension.optimal,
+    phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
+    given = ReportInput(
+        head,
+        model,
+        surfaces_of(model) if surfaces is None else surfaces,
+        recorded,
+        analysis=AnalysisChoice(facts.get("preset", ""), phases),
     )
+    for step in STEPS:
+        given = step_of(step).show(given, found)
+    return given
 
 
 def surfaces_of(model: Model) -> Mapping[str, Surface]:
@@ -293,11 +228,6 @@ def surfaces_of(model: Model) -> Mapping[str, Surface]:
     return read_surfaces(model, [one for one in folders if one.is_dir()])[0]
 
 
-def _by_muscle(found: Stored, name: str) -> Series | None:
-    values = found.values.get(name)
-    return None if values is None else Series(found.time, found.names["muscle"], values)
-
-
 def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
     unique = dict.fromkeys(
         (one.role, Path(one.name).name, one.sha256) for each in made.values() for one in each.sources
@@ -305,19 +235,19 @@ def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
     return tuple(SourceFile(*one) for one in unique)
 
 
-def _step(step: str, found: Stored) -> Step:
+def _shown_step(step: str, found: Stored) -> PageStep:
     made = found.provenance[step]
     prefix = f"{step}."
     options = {
-        name.removeprefix(prefix): _told(value) for name, value in made.options.items() if name.startswith(prefix)
+        name.removeprefix(prefix): _shown(value) for name, value in made.options.items() if name.startswith(prefix)
     }
     time = made.options.get("time")
     if isinstance(time, list):
         options["time"] = f"{time[0]:g} to {time[1]:g} s"
-    return Step(STEP_NAMES[step], options, None, len(found.time))
+    return PageStep(step_of(step).title, options, None, len(found.time))
 
 
-def _told(value: object) -> str:
+def _shown(value: object) -> str:
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -325,7 +255,7 @@ def _told(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _mass_doubt(mass: str, model: Model) -> list[str]:
+def _mass_warning(mass: str, model: Model) -> list[str]:
     """A sentence where the subject's mass is not the model's: masses are not scaled by these steps."""
     if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
         return []

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from myomorph.contact.clocks import sound_clock
 from myomorph.contact.onsets import SoundOptions
 from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes, speed_of_sound
-from myomorph.contact.sound_clock import sound_clock
 from myomorph.contact.strokes import (
     Blow,
     blow_wrenches,
@@ -26,8 +26,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.model.sound import Sound
+from myomorph.model.series import Motion, Sound, Wrenches
 from myomorph.store.study_file import Strict
 
 Impulse = Literal["known", "motion"]

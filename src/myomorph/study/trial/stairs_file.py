@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, FiniteFloat
 
-from myomorph.contact.paws_on_steps import PawsOnSteps, Unmeasured, paws_on_steps, stair_wrenches
+from myomorph.contact.feet_on_steps import FeetOnSteps, Unmeasured, feet_on_steps, stair_wrenches
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.stairs import StairOptions, Step, StepLoads, step_loads
 from myomorph.io.channels import read_channels
@@ -77,9 +77,9 @@ class Stairs:
     options: StairOptions
     unmeasured: Unmeasured
 
-    def paws_in(self, model: Model, motion: Motion, sites: tuple[Site, ...] = ()) -> PawsOnSteps:
+    def paws_in(self, model: Model, motion: Motion, sites: tuple[Site, ...] = ()) -> FeetOnSteps:
         """Who stands where while the model moves."""
-        return paws_on_steps(model, motion, sites or self.paws, self.loads, self.options)
+        return feet_on_steps(model, motion, sites or self.paws, self.loads, self.options)
 
 
 def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> Stairs:
@@ -190,7 +190,7 @@ def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
     return replace(wrenches, notes=tuple(notes))
 
 
-def stairs_contacts(paws: PawsOnSteps) -> Contacts:
+def stairs_contacts(paws: FeetOnSteps) -> Contacts:
     """Touches of the paws that stood on a step, as its cell tells."""
     touches = []
     for i, site in enumerate(paws.sites):

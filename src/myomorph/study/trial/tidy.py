@@ -11,20 +11,22 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
-from myomorph.analysis.walking import walking_strides
+from myomorph.analysis.strides import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
-from myomorph.report.page.verdict import Verdict
+from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.tables import residuals
 from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, Stored, file_name, read_result
 from myomorph.study.trial.reporting import report_input
-from myomorph.study.trial.take import Take
-from myomorph.study.trial.trial_signals import LOADED, Signals, signals_of, statistics_of
+from myomorph.study.trial.step import step_of
+from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.study.trial.trial_signals import LOADED, Signals, statistics_of
 from myomorph.study.trial.trial_strides import PARAMETERS, TrialStrides, by_side
 
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
@@ -45,7 +47,7 @@ class Value(NamedTuple):
     unit: str
 
 
-def write_trial_values(take: Take, outcome: Outcome, found: Stored | None = None) -> None:
+def write_trial_values(trial: TrialInputs, outcome: Outcome, found: Stored | None = None) -> None:
     """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone.
 
     Where every step was taken over from an earlier run and the files are there, they stay.
@@ -59,17 +61,18 @@ def write_trial_values(take: Take, outcome: Outcome, found: Stored | None = None
     BadFile : the results cannot be read, or the folder not be written
     """
     names = (VALUES, CURVES, QUALITY)
-    steps = [step for step in outcome.done if step != "report"]
+    steps = [step for step in outcome.done if step != REPORT]
     if set(steps) <= set(outcome.kept) and all((outcome.folder / name).is_file() for name in names):
         return
     if found is None:
-        found = read_result(outcome.folder / f"{file_name(take.name)}{STORED}", leave_out=UNUSED)
-    strides = strides_of(found, take.model)
+        found = read_result(outcome.folder / f"{file_name(trial.name)}{STORED}", leave_out=UNUSED)
+    strides = strides_of(found, trial.model)
     told = float(found.facts.get("mass") or 0.0)
-    signals = signals_of(found, take.model, told or take.model.mass)
+    mass = told or trial.model.mass
+    signals = [one for step in STEPS for one in step_of(step).signals(found, trial.model, mass)]
     cycles = [_cycles(one, strides) for one in signals]
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
-    verdicts = prepare(report_input(found, take.model, {})).verdicts
+    verdicts = prepare(report_input(found, trial.model, {})).verdicts
     warnings = json.loads(found.facts.get("warnings", "[]"))
     _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(verdicts, warnings))
     # Last, so that where there are values there is everything.
@@ -78,7 +81,7 @@ def write_trial_values(take: Take, outcome: Outcome, found: Stored | None = None
         VALUE_COLUMNS,
         (
             (one.step, one.quantity, f"{one.value:.9g}", one.unit)
-            for one in trial_values(found, take.model, strides, signals, cycles)
+            for one in trial_values(found, trial.model, strides, signals, cycles)
             if np.isfinite(one.value)
         ),
     )

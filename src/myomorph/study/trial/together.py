@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from myomorph.model.errors import BadData, listing
-from myomorph.model.free_object import free_object
+from myomorph.model.inertia import free_object
 from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Wrenches
@@ -22,8 +22,12 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
 from myomorph.study.trial import inputs
-from myomorph.study.trial.take import Found, Take
-from myomorph.study.trial.takes import FileTake, Settings, contact_parts, contact_sources
+from myomorph.study.trial.step import step_head
+from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_plan, contact_sources, options_of
+from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
+from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.terms.contacts import ContactOptions
 
 TOGETHER_STEPS = ("id", "tension", "report")
 
@@ -68,20 +72,20 @@ class Together:
 
 
 def together_of(
-    table: TogetherTable, takes: Sequence[FileTake], folder: Path, contacts: str, problems: list[str]
+    table: TogetherTable, trials: Sequence[TrialFiles], folder: Path, contacts: str, problems: list[str]
 ) -> Together:
     """A table of a study file, its trials looked up among the study's; what is wrong is added to the problems."""
     where = f"together '{table.name}'"
     if len(table.trials) + len(table.object) < 2:
         problems.append(f"{where}: has one trial and no object: expected two parts or more")
     for subject, trial in table.trials.items():
-        own = [one.name for one in takes if one.subject == subject]
+        own = [one.name for one in trials if one.subject == subject]
         if not own:
-            subjects = tuple(dict.fromkeys(one.subject for one in takes))
+            subjects = tuple(dict.fromkeys(one.subject for one in trials))
             problems.append(f"{where}: no subject '{subject}': there are {listing(subject, subjects)}")
         elif trial not in own:
             problems.append(f"{where}: subject '{subject}' has no trial '{trial}': there are {listing(trial, own)}")
-    if table.name in {one.subject for one in takes}:
+    if table.name in {one.subject for one in trials}:
         problems.append(f"{where}: a subject has that name: give it another")
     objects, names = [], list(table.trials)
     for one in table.object:
@@ -107,7 +111,7 @@ class Part:
     told : the file of its model, or the table of an object
     """
 
-    take: Take
+    trial: TrialInputs
     recorded: Motion
     told: str | dict[str, object]
 
@@ -129,10 +133,10 @@ def object_part(table: ObjectTable, path: Path) -> Part:
     told = table.model_dump()
     model = object_model(told)
     sources = (file_source("motion", path), value_source("object", table.name, sorted(told.items())))
-    return Part(Take(table.name, table.name, model, sources=sources), inputs.open_motion(path, model), told)
+    return Part(TrialInputs(table.name, table.name, model, sources=sources), inputs.open_motion(path, model), told)
 
 
-def join_takes(together: Together, parts: Mapping[str, Part], settings: Settings) -> tuple[Take, Found]:
+def join_trials(together: Together, parts: Mapping[str, Part], settings: Settings) -> tuple[TrialInputs, Poses]:
     """One recording made of those of its parts, with their coordinates at common times.
 
     Raises
@@ -140,45 +144,45 @@ def join_takes(together: Together, parts: Mapping[str, Part], settings: Settings
     BadData
         where the parts have no time in common, or differ in what their steps are told
     """
-    first = next(iter(parts.values())).take
-    models = {name: one.take.model for name, one in parts.items()}
+    first = next(iter(parts.values())).trial
+    models = {name: one.trial.model for name, one in parts.items()}
     motions, notes = on_one_clock({name: one.recorded for name, one in parts.items()})
     recorded = join_motions(motions)
     model = join_models(models, together.name)
-    files = FileTake(Path(), contacts=together.contacts, measured=together.measured)
-    takes = [one.take for one in parts.values()]
-    sources = tuple(one for take in takes for one in take.sources if one.role != "contacts")
+    files = TrialFiles(Path(), contacts=together.contacts, measured=together.measured)
+    trials = [one.trial for one in parts.values()]
+    sources = tuple(one for trial in trials for one in trial.sources if one.role != "contacts")
+    kinds = {kind for step in TOGETHER_STEPS for kind in step_head(step).options}
+    own = (one.options.get(EmgOptions) for one in trials if one.emg is not None)
+    contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
+    options = first.options.only(*kinds).having(contact_options, next(own, None))
     emg, channels = _emg(parts)
-    take = Take(
+    joined = TrialInputs(
         name=together.name,
         subject=" and ".join(parts),
         model=model,
+        options=options,
         loads=_JoinedLoads(parts, motions),
         emg=emg,
         emg_muscles=channels,
-        derivatives=first.derivatives,
-        torque_table=first.torque_table,
-        tension=first.tension,
-        **contact_parts(files, settings, model),
-        emg_options=next((one.emg_options for one in takes if one.emg_options is not None), None),
-        emg_use=first.emg_use,
-        tables=first.tables,
-        report=first.report,
+        contacts=contact_plan(files, model),
         phases=first.phases,
-        plates=tuple({plate.name: plate for one in takes for plate in one.plates}.values()),
-        real=tuple(dict.fromkeys(text for one in takes for text in one.real)),
-        assumed=tuple(dict.fromkeys(text for one in takes for text in one.assumed)),
-        simulated=tuple(dict.fromkeys(text for one in takes for text in one.simulated)),
+        plates=tuple({plate.name: plate for one in trials for plate in one.plates}.values()),
+        notes=TrialNotes(
+            real=tuple(dict.fromkeys(text for one in trials for text in one.notes.real)),
+            assumed=tuple(dict.fromkeys(text for one in trials for text in one.notes.assumed)),
+            simulated=tuple(dict.fromkeys(text for one in trials for text in one.notes.simulated)),
+        ),
         sources=(*sources, *contact_sources(files)),
-        warnings=tuple(text for one in parts.values() for text in one.take.warnings),
+        warnings=tuple(text for one in trials for text in one.warnings),
         parts=MappingProxyType({name: one.told for name, one in parts.items()}),
     )
-    return take, Found(recorded=recorded, notes=notes)
+    return joined, Poses(recorded, notes=notes)
 
 
 def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str, ...]]]:
     """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
-    given = {name: one.take.emg for name, one in parts.items() if one.take.emg is not None}
+    given = {name: one.trial.emg for name, one in parts.items() if one.trial.emg is not None}
     if not given:
         return None, MappingProxyType({})
     time = next(iter(given.values())).time
@@ -190,7 +194,7 @@ def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str,
     channels = {
         f"{name}_{channel}": tuple(f"{name}_{muscle}" for muscle in muscles)
         for name in given
-        for channel, muscles in parts[name].take.emg_muscles.items()
+        for channel, muscles in parts[name].trial.emg_muscles.items()
     }
     return Emg(joined.time, joined.names, joined.values), MappingProxyType(channels)
 
@@ -199,14 +203,14 @@ class _JoinedLoads:
     """External forces of all parts, at the times of the first that has any."""
 
     def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
-        self.parts = {name: one for name, one in parts.items() if one.take.loads is not None}
+        self.parts = {name: one for name, one in parts.items() if one.trial.loads is not None}
         self.motions = motions
 
     def __call__(self, recorded: Motion) -> Wrenches:
         found: dict[str, Wrenches] = {}
         for name, one in self.parts.items():
-            assert one.take.loads is not None
-            found[name] = one.take.loads(self.motions[name])
+            assert one.trial.loads is not None
+            found[name] = one.trial.loads(self.motions[name])
         if not found:
             nothing = np.zeros((len(recorded), 0, 3))
             return Wrenches(recorded.time, (), (), nothing, nothing, nothing)

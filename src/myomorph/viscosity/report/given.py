@@ -9,14 +9,13 @@ from types import MappingProxyType
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.estimate import Estimate
-from myomorph.report.page.head import Note, SourceFile, Step
-from myomorph.report.page.section import Figure
+from myomorph.model.provenance import Estimate
+from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.viscosity import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.swings.recording import SwingRecording
 
-MOST_FRAMES = 1200
+MAX_FRAMES = 1200
 """Frames of a trial that charts are drawn from."""
 
 
@@ -277,14 +276,14 @@ def shown_condition(found: Condition) -> ShownCondition:
 
 
 def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float) -> SwingCurves:
-    """A trial's curves, at most `MOST_FRAMES` of them.
+    """A trial's curves, at most `MAX_FRAMES` of them.
 
     Parameters
     ----------
     parameters : (10,) of the limb
     viscosity : of the line through torque against velocity [N m s/rad]
     """
-    keep = slice(None, None, -(-len(recording) // MOST_FRAMES))
+    keep = slice(None, None, -(-len(recording) // MAX_FRAMES))
     rates = recording.rates[keep]
     unused = ~recording.used[keep][:, None]
     predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)

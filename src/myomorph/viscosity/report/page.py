@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from myomorph.report.charts.interval_bars import Level
-from myomorph.report.page.head import Note, PageHead
+from myomorph.report.charts.marks import Level
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.references import viscosity_references
-from myomorph.report.page.section import Section
-from myomorph.viscosity.cohort import CohortLine, cohort
-from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY
+from myomorph.report.page.parts import Note, PageHead, Section
+from myomorph.report.page.references import cited
+from myomorph.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
 from myomorph.viscosity.report.given import ViscosityInput
 from myomorph.viscosity.report.sections import cohort_section, specimen_sections
 from myomorph.viscosity.report.tables import scientific, table_section, truth_grid
@@ -33,13 +31,19 @@ def viscosity_page(given: ViscosityInput) -> str:
         warnings=tuple(f"specimen {one.name}: {note}" for one in given.specimens for note in one.notes),
     )
     lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
-    return rendered(page, _sections(given, lines), viscosity_references(), facts=_facts(given), tiles=_tiles(lines))
+    return rendered(
+        page,
+        _sections(given, lines),
+        cited("murai2016", "stroeve1999", "cameron2008"),
+        facts=_facts(given),
+        tiles=_tiles(lines),
+    )
 
 
 def _facts(given: ViscosityInput) -> list[tuple[str, str]]:
     both = sum(1 for one in given.done if one.without is not None and one.intact is not None)
-    told = f"{len(given.specimens)}, {both} of them with and without muscles"
-    rows = [("Specimens", told)]
+    words = f"{len(given.specimens)}, {both} of them with and without muscles"
+    rows = [("Specimens", words)]
     parts = [part for one in given.done for part in (one.without, one.intact) if part is not None]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
@@ -56,10 +60,10 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
     return [
         Tile(
             f"{scientific(lines[name].mean)} ± {scientific(lines[name].sd)}",
-            f"{told} [{lines[name].quantity.unit}]",
+            f"{words} [{lines[name].quantity.unit}]",
             "ok",
         )
-        for name, told in wanted
+        for name, words in wanted
         if name in lines
     ]
 
@@ -69,8 +73,8 @@ def _sections(given: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Se
     beside = truth_grid(given.done)
     if beside is not None:
         tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
-    levels = {name: [Level("", line.mean, line.sd, "mean")] for name, line in lines.items() if line.count > 1}
-    levels.setdefault("total_viscosity", []).append(Level("Stroeve 1999", STROEVE_TOTAL_VISCOSITY, style="limit"))
+    levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
+    levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
     found = [tables, cohort_section(given.done, levels)]
     for order, one in enumerate(given.done, 1):
         found += specimen_sections(one, order)

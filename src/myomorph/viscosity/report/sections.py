@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
+from myomorph.model.provenance import Estimate
 from myomorph.model.series import Event
-from myomorph.report.charts.chart import Line, Panel, number, time_plot
-from myomorph.report.charts.interval_bars import Beside, Level, interval_bars
-from myomorph.report.charts.interval_rows import interval_rows
-from myomorph.report.charts.scatter import Cloud, xy_plot
-from myomorph.report.page.section import Figure, Grid, Section
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.marks import Level
+from myomorph.report.charts.points import Cloud, xy_plot
+from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
+from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identified import COMPONENTS, UNITS
 from myomorph.viscosity.report.given import (
     ArmSpread,
@@ -31,10 +32,10 @@ SCANNED = {
     "without muscles": ("joint_viscosity", "com_without", "mass_without"),
     "with muscles": ("total_viscosity", "com_with", "mass_with"),
 }
-LONGEST = 12.0
+MAX_TIME = 12.0
 """Charts over time show so much of a trial [s]."""
 
-MOST_MODELS = 4
+MAX_MODELS = 4
 """Alternatives printed of each condition."""
 
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
@@ -101,7 +102,7 @@ def swing_plot(curves: SwingCurves, title: str) -> str:
 
 
 def _span(time: np.ndarray) -> tuple[float, float]:
-    return float(time[0]), float(min(time[-1], time[0] + LONGEST))
+    return float(time[0]), float(min(time[-1], time[0] + MAX_TIME))
 
 
 def torque_plot(found: ShownCondition, axis: int, title: str) -> str:
@@ -135,11 +136,11 @@ def _axis_grid(one: SpecimenReport) -> Grid:
     for name, found in _conditions(one):
         rows.append((TITLES[name], "all", with_interval(found.viscosity), ""))
         if found.plate_viscosity is not None:
-            told = "from the moment on the plate alone, a check"
-            rows.append((TITLES[name], "all", with_interval(found.plate_viscosity), told))
+            words = "from the moment on the plate alone, a check"
+            rows.append((TITLES[name], "all", with_interval(found.plate_viscosity), words))
         for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True):
-            told = with_interval(value) if excited else LACKING
-            rows.append((TITLES[name], axis, told, "" if excited else "the swings hardly move this axis"))
+            words = with_interval(value) if excited else LACKING
+            rows.append((TITLES[name], axis, words, "" if excited else "the swings hardly excite this axis"))
     return Grid(
         ("Condition", "Axis", "Viscosity [Nms/rad] (95 % interval)", ""), tuple(rows), "Viscosity about each axis"
     )
@@ -151,7 +152,7 @@ def _wrench_grid(one: SpecimenReport) -> Grid:
         for name, found in _conditions(one)
     )
     head = ("Condition", *(COMPONENTS[k] for k in FORCE_FIRST))
-    return Grid(head, rows, "Wrench, measured less predicted, root mean square")
+    return Grid(head, rows, "Wrench, measured minus predicted, root mean square")
 
 
 def _muscles(one: SpecimenReport, order: int) -> Section | None:
@@ -159,9 +160,9 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     if found is None or not found.muscles:
         return None
     truth = one.truth.get("muscle_viscosity")
-    levels = [Level("common value", found.common.value, style="left")]
+    levels = [Level(found.common.value, "common value", "left")]
     if truth is not None:
-        levels.append(Level("truth", truth, style="truth"))
+        levels.append(Level(truth, "truth", "truth"))
     by_pcsa = found.by_pcsa.value * found.pcsa
     rows = interval_rows(
         "Viscosity of each muscle, regularised",
@@ -175,7 +176,7 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     rank = xy_plot(
         "Singular values",
         "log₁₀ of the share of the largest",
-        "combination of muscles, the best known first",
+        "combination of muscles, best known first",
         [
             Cloud(
                 np.arange(1.0, len(size) + 1.0),
@@ -233,10 +234,12 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
     names = list(dict.fromkeys(name for held in one.held_out for name in held.predicted))
     legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
     if one.cutoff is not None:
-        legend += [(style, f"cut-off: {told}") for style, told in zip(AXES, ("viscosity", "COM", "mass"), strict=True)]
+        legend += [
+            (style, f"cut-off: {words}") for style, words in zip(AXES, ("viscosity", "COM", "mass"), strict=True)
+        ]
     return Section(
         f"trust-{order}",
-        f"Trust in specimen {one.name}",
+        f"Sensitivity: specimen {one.name}",
         " ".join(lead),
         tuple(legend),
         tuple(figures),
@@ -273,7 +276,7 @@ def held_out_plots(held: HeldOutSwing) -> list[str]:
 def cutoff_plots(scan: CutoffScan) -> list[str]:
     """Change of each condition's quantities over the cut-off of the filter, against the chosen one [%]."""
     found = []
-    for told, kinds in SCANNED.items():
+    for words, kinds in SCANNED.items():
         clouds = []
         for name, style in zip(kinds, AXES, strict=True):
             if name in scan.values:
@@ -282,12 +285,12 @@ def cutoff_plots(scan: CutoffScan) -> list[str]:
                 change = 100.0 * (scan.values[name] / at - 1.0)
                 clouds.append(Cloud(scan.cutoffs, change, style, BY_NAME[name].label, dotted=True))
         if clouds:
-            heights = np.concatenate([one.up[np.isfinite(one.up)] for one in clouds])
+            heights = np.concatenate([one.y[np.isfinite(one.y)] for one in clouds])
             ends = np.array([heights.min(), heights.max()])
             clouds.append(
                 Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True)
             )
-            found.append(xy_plot(f"Change with the cut-off, {told}", "%", "cut-off [Hz]", clouds))
+            found.append(xy_plot(f"Change with the cut-off, {words}", "%", "cut-off [Hz]", clouds))
     return found
 
 
@@ -296,7 +299,7 @@ def arm_plot(arms: ArmSpread, truth: float | None) -> str:
     across = 100.0 * arms.errors
     clouds = [
         Cloud(across, arms.high, "second", "97.5 % of the draws", True),
-        Cloud(across, arms.median, "first", "half of the draws", dotted=True),
+        Cloud(across, arms.median, "first", "median of the draws", dotted=True),
         Cloud(across, arms.low, "second", "2.5 % of the draws", True),
     ]
     if truth is not None:
@@ -308,11 +311,9 @@ def _model_grids(one: SpecimenReport) -> list[Grid]:
     """Of each condition the models that come nearest, plain viscosity always among them."""
     grids = []
     head = ("Model", "Values", "AIC over best", "BIC over best", "Held-out angle", "Held-out moment")
-    for condition, told in TITLES.items():
+    for condition, words in TITLES.items():
         models = sorted((model for model in one.models if model.condition == condition), key=lambda model: model.bic)
-        near = [
-            model for i, model in enumerate(models) if i < MOST_MODELS or model.chosen or model.terms == "viscosity"
-        ]
+        near = [model for i, model in enumerate(models) if i < MAX_MODELS or model.chosen or model.terms == "viscosity"]
         rows = tuple(
             (
                 model.terms + (" (chosen)" if model.chosen else ""),
@@ -326,7 +327,7 @@ def _model_grids(one: SpecimenReport) -> list[Grid]:
         )
         if rows:
             left = f"; {len(models) - len(near)} more are in models.csv" if len(near) < len(models) else ""
-            grids.append(Grid(head, rows, f"Models of the passive torque {told}, the best first{left}"))
+            grids.append(Grid(head, rows, f"Models of the passive torque {words}, best first{left}"))
     return grids
 
 
@@ -355,7 +356,7 @@ def _calibration_grid(one: SpecimenReport) -> Grid | None:
     if not one.calibration:
         return None
     rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
-    return Grid(("What", "Residual", ""), rows, "Calibration")
+    return Grid(("Quantity", "Residual", ""), rows, "Calibration")
 
 
 def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[Level]]) -> Section:
@@ -378,4 +379,4 @@ def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[L
     legend += [("truth", "truth")] if any(one.truth for one in specimens) else []
     legend += [("paper", "paper, the same specimen")] if any(one.paper for one in specimens) else []
     legend += [("limit", "literature")] if any(one.style == "limit" for each in levels.values() for one in each) else []
-    return Section("cohort", "Specimen by specimen", "", tuple(legend), tuple(figures))
+    return Section("cohort", "All specimens", "", tuple(legend), tuple(figures))

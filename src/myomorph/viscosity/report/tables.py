@@ -7,12 +7,20 @@ from dataclasses import fields
 
 import numpy as np
 
-from myomorph.model.estimate import Estimate
-from myomorph.report.charts.chart import number
-from myomorph.report.page.section import Grid, Section
-from myomorph.viscosity import murai_tables
-from myomorph.viscosity.cohort import QUANTITIES, CohortLine, Quantity, cohort
-from myomorph.viscosity.murai_tables import STROEVE_TOTAL_VISCOSITY, PublishedSpecimen
+from myomorph.model.provenance import Estimate
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import Grid, Section
+from myomorph.viscosity.cohort import (
+    MEAN,
+    QUANTITIES,
+    SD,
+    SPECIMENS,
+    STROEVE_TOTAL_VISCOSITY,
+    CohortLine,
+    PublishedSpecimen,
+    Quantity,
+    cohort,
+)
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
 
 TITLES = {
@@ -85,16 +93,16 @@ def _table(
     specimens: Sequence[SpecimenReport],
     lines: dict[str, CohortLine],
     table: int,
-    told: Callable[[Estimate | None], str],
+    words: Callable[[Estimate | None], str],
 ) -> Grid:
     columns = [BY_NAME[name] for name in COLUMNS[table]]
-    rows = [(one.name, *(told(one.row.get(column.name)) for column in columns)) for one in specimens]
-    plain = told is _printed
+    rows = [(one.name, *(words(one.row.get(column.name)) for column in columns)) for one in specimens]
+    plain = words is _printed
     if plain:
         known = [lines.get(column.name) for column in columns]
         rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
         rows.append(("± SD", *(LACKING if one is None else scientific(one.sd) for one in known)))
-        for name, printed in (("paper: mean", murai_tables.MEAN), ("paper: ± SD", murai_tables.SD)):
+        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)):
             rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
         if table == 2:
             stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
@@ -114,7 +122,7 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
         row = [f"{where(quantity)} [{quantity.unit}]"]
         if known:
             row.append(_spread(truths))
-        row.append(_spread([getattr(one, quantity.name) for one in murai_tables.SPECIMENS]))
+        row.append(_spread([getattr(one, quantity.name) for one in SPECIMENS]))
         row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
         row.append(
             LACKING if line is None or not np.isfinite(line.low) or line.high == line.low else span(line.low, line.high)
@@ -152,10 +160,10 @@ def _verdict(line: CohortLine, truth: float) -> str:
 
 def where(quantity: Quantity) -> str:
     """A quantity's label that tells the two masses apart."""
-    told = quantity.label
+    words = quantity.label
     if quantity.name in ("mass_without", "com_without", "mass_with", "com_with"):
-        told += ", without muscles" if quantity.table == 1 else ", with muscles"
-    return told[:1].upper() + told[1:] if not told.startswith("COM") else told
+        words += ", without muscles" if quantity.table == 1 else ", with muscles"
+    return words[:1].upper() + words[1:] if not words.startswith("COM") else words
 
 
 def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
@@ -170,13 +178,13 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
             off = ""
             if estimate is not None and truth:
                 off = f"{100.0 * (estimate.value / truth - 1.0):+.1f} %".replace("-", "−")
-            told = (LACKING if value is None else number(value) for value in (truth, paper))
+            words = (LACKING if value is None else number(value) for value in (truth, paper))
             held = (
                 ""
                 if estimate is None or truth is None or estimate.high <= estimate.low
                 else _yes(estimate.holds(truth))
             )
-            rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *told, with_interval(estimate), off, held))
+            rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *words, with_interval(estimate), off, held))
     if not rows:
         return None
     head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -12,7 +12,7 @@ from pydantic import Field, create_model
 
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.model.errors import BadData, BadFile, listing
-from myomorph.store.settings import Setting, settings_of
+from myomorph.store.settings import plain_settings, settings_of, with_settings
 from myomorph.store.study_file import (
     Strict,
     StudyTable,
@@ -26,18 +26,36 @@ from myomorph.store.study_file import (
 )
 from myomorph.study.trial.companions import companion, plain_stem
 from myomorph.viscosity.cohort import QUANTITIES
-from myomorph.viscosity.study.ct import ScanFiles, ScanTable, scan_files
-from myomorph.viscosity.study.plate_files import PlateFiles
+from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
+from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles
+from myomorph.viscosity.tracking.track import TrackingOptions
+from myomorph.viscosity.trust.cutoff import FilterOptions
+from myomorph.viscosity.trust.models import PassiveOptions
+from myomorph.viscosity.trust.moment_arms import MomentArmOptions
 
 CONDITIONS = ("without", "with")
 
 
-def viscosity_settings() -> Mapping[str, tuple[Setting, ...]]:
-    """Settings of every step, by its name in the table `[options]`."""
-    from myomorph.viscosity.study.options import StudyOptions
+@dataclass(frozen=True)
+class StudyOptions:
+    """All that a study of swinging limbs may be told, each part in its own table."""
 
-    plain = StudyOptions()
-    return MappingProxyType({name: settings_of(type(one)) for name, one in vars(plain).items()})
+    filter: FilterOptions = field(default_factory=FilterOptions)
+    tracking: TrackingOptions = field(default_factory=TrackingOptions)
+    identification: ViscosityOptions = field(default_factory=ViscosityOptions)
+    laws: PassiveOptions = field(default_factory=PassiveOptions)
+    arms: MomentArmOptions = field(default_factory=MomentArmOptions)
+
+    @staticmethod
+    def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
+        """Options from the tables of a study file, or from a command line."""
+        plain = StudyOptions()
+        return replace(plain, **{name: with_settings(getattr(plain, name), own) for name, own in settings.items()})
+
+    @property
+    def plain(self) -> dict[str, dict[str, object]]:
+        """The settings as plain values, by table."""
+        return {name: plain_settings(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
 class _Recording(Strict):
@@ -84,7 +102,7 @@ class _Specimen(Strict):
     pcsa: dict[str, float] = Field(default_factory=dict)
     tare: str | None = None
     plate: _Plate | None = None
-    ct: list[ScanTable] = Field(default_factory=list)
+    ct: list[ScanFiles] = Field(default_factory=list)
     time: tuple[float, float] | None = None
     truth: dict[str, float] = Field(default_factory=dict)
     paper: dict[str, float] = Field(default_factory=dict)
@@ -173,7 +191,7 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     raw = read_toml(path)
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
-    options = options_table(viscosity_settings())
+    options = options_table({name: settings_of(type(one)) for name, one in vars(StudyOptions()).items()})
     file = create_model(
         "ViscosityFile",
         __base__=Strict,
@@ -211,7 +229,7 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
     elif not given.without or not given.intact:
         lacking = "without" if not given.without else "with"
         remarks.append(
-            f"{where}: no recordings {lacking} muscles: their viscosity cannot be told apart from the joint's"
+            f"{where}: no recordings of {STATES[lacking]}: muscle viscosity cannot be separated from the joint's"
         )
     for table in ("truth", "paper"):
         for name in getattr(given, table):
@@ -256,12 +274,12 @@ def _plate(given: _Plate, folder: Path, where: str, problems: list[str]) -> Plat
     return PlateFiles(tuple(placements), weight, given.name)
 
 
-def _scans(given: Sequence[ScanTable], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
+def _scans(given: Sequence[ScanFiles], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
     for table in given:
-        for name in (table.surface, table.cluster, table.picked, table.mesh):
-            existing(folder, name, f"{where} of '{table.bone}'", problems)
+        for path in (table.surface, table.cluster, table.picked, table.mesh):
+            existing(folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems)
         try:
-            yield scan_files(table, folder)
+            yield table.within(folder)
         except BadData as error:
             problems.append(f"{where}: {error}")
 
@@ -326,7 +344,7 @@ def fixed_plan(
     if not any(conditions.values()):
         raise BadData("no recordings: give --with and --without")
     remarks = tuple(
-        f"no recordings {name} muscles, so that their viscosity cannot be told"
+        f"no recordings of {STATES[name]}: muscle viscosity cannot be separated from the joint's"
         for name, entries in conditions.items()
         if not entries
     )

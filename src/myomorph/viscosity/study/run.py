@@ -10,18 +10,17 @@ from types import MappingProxyType
 
 from myomorph import __version__
 from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Provenance, Source
-from myomorph.report.page.head import Note, SourceFile, Step
+from myomorph.report.page.parts import Note, SourceFile, Step
+from myomorph.store.failures import failed
+from myomorph.store.outcome import Outcome
 from myomorph.store.progress import Advance, progress
 from myomorph.store.results import file_name, file_source, provenance_of, whole_folder
+from myomorph.viscosity.identification.identify import SpecimenViscosity
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
-from myomorph.viscosity.study.files import write_swings, write_tables, write_whole
-from myomorph.viscosity.study.options import StudyOptions
-from myomorph.viscosity.study.plan import SpecimenFiles, ViscosityPlan
+from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
+from myomorph.viscosity.study.results import remake_report, write_store, write_swings, write_tables, write_whole
 from myomorph.viscosity.study.specimen import input_sources, study_specimen
-from myomorph.viscosity.study.store import remake_report, write_store
-from myomorph.viscosity.viscosity import SpecimenViscosity
 
 PROVENANCE, IDENTIFIED = "provenance.json", "identified.osim"
 
@@ -94,11 +93,9 @@ def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Ad
             lost = () if studied.model is None else write_osim(studied.model, folder / IDENTIFIED)
         report = replace(studied.report, notes=(*studied.report.notes, *(f"{IDENTIFIED}: {line}" for line in lost)))
         return SpecimenOutcome(report, studied.found, sources)
-    except (MyomorphError, OSError) as error:
-        return SpecimenOutcome(replace(report, failure=" ".join(str(error).split())))
     except Exception as error:
-        text = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return SpecimenOutcome(replace(report, failure=text), fault=True)
+        ended = failed(Outcome(files.name, "", out), error)
+        return SpecimenOutcome(replace(report, failure=ended.error), fault=ended.fault)
     finally:
         within(1.0)
 

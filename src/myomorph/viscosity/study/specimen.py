@@ -15,20 +15,32 @@ from myomorph.model.provenance import Source
 from myomorph.model.series import Trial
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
-from myomorph.viscosity.cutoff import choose_cutoff
+from myomorph.viscosity.identification.identify import (
+    STATES,
+    Condition,
+    SpecimenViscosity,
+    ViscosityOptions,
+    identify_specimen,
+)
+from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.given import Residual, SpecimenReport, specimen_report
-from myomorph.viscosity.specimen import Specimen, SwingTrial
-from myomorph.viscosity.study.model import identified_model
-from myomorph.viscosity.study.options import IDENTIFYING, MASSES, TRACKING, VISCOSITIES, StudyOptions
-from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, SwingFiles
-from myomorph.viscosity.study.plate_files import calibrate, placed, plate_residuals
+from myomorph.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
+from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
 from myomorph.viscosity.study.trust import trusted, with_cutoffs
-from myomorph.viscosity.swing_checks import Finding, condition_findings, recording_findings, tracking_findings
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.swings import SwingRecording
-from myomorph.viscosity.tracking import TrackedSpecimen, track
-from myomorph.viscosity.viscosity import Condition, SpecimenViscosity, ViscosityOptions, identify_specimen
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import TrackedSpecimen, track
+from myomorph.viscosity.trust.checks import Finding, condition_findings, recording_findings, tracking_findings
+from myomorph.viscosity.trust.cutoff import choose_cutoff
+
+TRACKING, IDENTIFYING = 0.5, 0.25
+"""Shares of a specimen's time, for the bar."""
+
+MASSES = {"without": ("mass_without", "com_without"), "with": ("mass_with", "com_with")}
+VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
+"""What a condition gives to the tables."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +97,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         try:
             conditions[name] = _tracked(specimen, files, name, place, options, lambda part: advance(share * part))
         except MyomorphError as error:
-            lost.append(f"{name} muscles: {error}")
+            lost.append(f"{STATES[name]}: {error}")
     if not conditions:
         raise BadData("; ".join(lost))
     cutoff, reason = _cutoff(options, conditions)
@@ -144,7 +156,7 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
             recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
             findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
         except MyomorphError as error:
-            lost.append(f"{name} muscles: {error}")
+            lost.append(f"{STATES[name]}: {error}")
             continue
         if not tared:
             hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
@@ -187,7 +199,7 @@ def _judged(
     for name, condition in parts.items():
         findings = list(conditions[name].findings) if name in conditions else []
         findings += [] if condition is None else condition_findings(condition)
-        notes += [f"{name} muscles: {one.line}" for one in findings if one.line not in notes]
+        notes += [f"{STATES[name]}: {one.line}" for one in findings if one.line not in notes]
         if any(one.hides_mass for one in findings):
             lacking |= {*MASSES[name], "estimated_muscle_mass"}
         if any(one.fatal for one in findings):
@@ -221,7 +233,7 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...
         if np.isfinite(rms).any():
             worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
             value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
-            lines.append(Residual(f"markers to bones, {name} muscles", value, "mm", worst))
+            lines.append(Residual(f"markers to bones, {STATES[name]}", value, "mm", worst))
         for trial in one.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:

@@ -16,16 +16,16 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
-from myomorph.morph.place_clusters import PlacedBone
-from myomorph.report.charts.chart import number
-from myomorph.report.charts.residual_map import residual_map
-from myomorph.report.page.section import Figure
+from myomorph.morph.registration.place_clusters import ScannedBone
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.pictures import residual_map
+from myomorph.report.page.parts import Figure
 from myomorph.study.trial.inputs import about, fitted_to, open_model, open_trial
 from myomorph.study.trial.upright import carrying, turn_to, turned
 from myomorph.viscosity.report.given import Residual
-from myomorph.viscosity.specimen import Specimen, SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen_muscles import fig1_muscles
-from myomorph.viscosity.study.ct import ScannedModel, model_from_scans
+from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.viscosity.specimen.muscles import fig1_muscles
+from myomorph.viscosity.study.calibration import ScannedModel, model_from_scans
 from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
 
 NAMED = {"base": ("scapula",), "first": ("humerus", "humer", "upper_arm", "upperarm")}
@@ -99,7 +99,7 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
     return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
 
 
-def _fit_told(one: PlacedBone) -> str:
+def _fit_told(one: ScannedBone) -> str:
     return f"95 % of its places within {1e3 * one.fit.percentile(95.0):.2f} mm; scale {one.scale:.3f}"
 
 

@@ -10,10 +10,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
-from myomorph.report.charts.chart import number
-from myomorph.viscosity.arm_sensitivity import ArmOptions, arm_sensitivity
-from myomorph.viscosity.cutoff import SCANNED, scan_cutoffs
-from myomorph.viscosity.passive_models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
+from myomorph.report.charts.axis import number
+from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.report.given import (
     ArmError,
     ArmSpread,
@@ -22,9 +20,11 @@ from myomorph.viscosity.report.given import (
     PassiveModel,
     SpecimenReport,
 )
-from myomorph.viscosity.swing_rows import swing_recordings
-from myomorph.viscosity.tracking import TrackedSpecimen
-from myomorph.viscosity.viscosity import Condition, SpecimenViscosity, ViscosityOptions
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.trust.cutoff import SCANNED, scan_cutoffs
+from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
 LEVELS = (0.05, 0.10, 0.15, 0.20)
 """Relative errors of moment arms that the figure shows."""
@@ -32,7 +32,9 @@ LEVELS = (0.05, 0.10, 0.15, 0.20)
 EACH = "factor of each muscle"
 
 
-def trusted(report: SpecimenReport, found: SpecimenViscosity, laws: PassiveOptions, arms: ArmOptions) -> SpecimenReport:
+def trusted(
+    report: SpecimenReport, found: SpecimenViscosity, laws: PassiveOptions, arms: MomentArmOptions
+) -> SpecimenReport:
     """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
     for make in (
         lambda one: with_laws(one, "without", found.without, laws),
@@ -121,16 +123,16 @@ def with_cutoffs(
     return replace(report, cutoff=CutoffScan(cutoffs, cutoff, MappingProxyType(shown), reason)) if shown else report
 
 
-def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: ArmOptions) -> SpecimenReport:
+def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: MomentArmOptions) -> SpecimenReport:
     """The report with the spread of the common muscle viscosity under errors of the moment arms."""
     if found.muscles is None or found.intact is None or found.without is None:
         return report
 
-    def spreads(one: ArmOptions) -> tuple:
+    def spreads(one: MomentArmOptions) -> tuple:
         assert found.intact is not None
         assert found.without is not None
         given = found.without.viscosity.value
-        return arm_sensitivity(found.intact.recordings, found.intact.parameters, given, one).spreads
+        return moment_arm_sensitivity(found.intact.recordings, found.intact.parameters, given, one).spreads
 
     kinds = spreads(options)
     by_level = [

@@ -1,0 +1,263 @@
+"""The front page of docs/validation: for each claim the number, the target, the comparison and where its table is.
+
+Every number is computed from the tables of the other pages; none is typed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+Table = Sequence[Mapping[str, str]]
+"""Rows of a printed table: column to cell."""
+
+MISSING = "not measured"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One line of the front page.
+
+    Attributes
+    ----------
+    text : what is claimed
+    section : whose table has the rows
+    number : from the rows to what is printed
+    target : "" where none was set
+    against : what it is compared with
+    """
+
+    text: str
+    section: str
+    number: Callable[[Table], str]
+    target: str
+    against: str
+
+
+def claims() -> tuple[Claim, ...]:
+    """The lines of the front page in their order."""
+    return (
+        Claim("Models that open", "models", _share("opened", lambda cell: cell == "yes"), "all", "files of 30 studies"),
+        Claim("Kernels, largest difference", "kernels", _largest("largest difference"), "1e-9", "Pinocchio, MuJoCo"),
+        Claim(
+            "Models whose muscle lengths agree [mm]",
+            "muscles",
+            _within("length 99 % [mm]", 0.1, {"compared with": "OpenSim"}),
+            "0.1 in all",
+            "OpenSim 4.6",
+        ),
+        Claim(
+            "Models whose moment arms agree at the 99th percentile [mm]",
+            "muscles",
+            _within("moment arm 99 % [mm]", 0.1, {"compared with": "OpenSim"}),
+            "0.1 in all",
+            "OpenSim 4.6",
+        ),
+        Claim(
+            "Moment arms over a closed loop [mm]",
+            "loop_arms",
+            _largest("difference [mm]"),
+            "0.001",
+            "OpenSim 4.6",
+        ),
+        Claim(
+            "Inverse kinematics: marker error at most 0.5 % above the peer's",
+            "inverse_kinematics",
+            _pairs("RMSE ours [mm]", "RMSE OpenSim [mm]", 1.005),
+            "all cases",
+            "OpenSim 4.6",
+        ),
+        Claim(
+            "Inverse dynamics: recordings with every coordinate within 1 % of its range",
+            "inverse_dynamics",
+            _within("worst RMS / range [%]", 1.0),
+            "all",
+            "OpenSim 4.6",
+        ),
+        Claim("Static optimization, activations RMS", "tension", _largest("RMS of activations"), "0.02", "OpenSim 4.6"),
+        Claim(
+            "Joint reactions, same tensions in [N]",
+            "reaction",
+            _largest("forces apart, at most [N]", {"against": "OpenSim 4.6"}),
+            "0.1",
+            "OpenSim 4.6",
+        ),
+        Claim("Live activations, RMS", "live", _span("activations: rms"), "", "the whole recording"),
+        Claim(
+            "Calibrated models with lower marker error on unseen motion",
+            "calibration",
+            _share("lower", lambda cell: cell == "True"),
+            "all",
+            "an expert's or OpenSim's scaling",
+        ),
+        Claim(
+            "Identified masses: ground force on unseen motion, ratio to the generic body",
+            "identification",
+            _ratios("points, own link"),
+            "below 1",
+            "measured plates",
+        ),
+        Claim(
+            "Mass points: farthest mass [kg]", "masspoints", _largest("farthest mass from NNLS [kg]"), "", "exact NNLS"
+        ),
+        Claim(
+            "Hidden plates: vertical force [% of range]",
+            "hidden_plates",
+            _span("vertical [% range]", {"formulation": "simultaneous"}),
+            "8 in walks",
+            "measured plates",
+        ),
+        Claim(
+            "Share of frames with the plate inside the interval of the vertical force",
+            "certificates",
+            _span("plates inside, vertical"),
+            "",
+            "measured plates",
+        ),
+        Claim(
+            "EMG channels left out: mean correlation without EMG",
+            "emg_held_out",
+            _span("correlation, mean", {"others": "without EMG"}),
+            "",
+            "measured EMG",
+        ),
+        Claim(
+            "The same with the other channels as soft targets",
+            "emg_held_out",
+            _span("correlation, mean", {"others": "soft, weight 10"}),
+            "above the line before",
+            "measured EMG",
+        ),
+        Claim(
+            "Viscosity of a joint: runs within 3 %",
+            "virtual_joints",
+            _counted("within target", {"quantity": "viscosity"}),
+            "all",
+            "simulated in MuJoCo",
+        ),
+        Claim(
+            "Its 95 % intervals that hold the truth",
+            "virtual_joints",
+            _counted("95 % intervals that hold the truth", {"quantity": "viscosity"}),
+            "95 %",
+            "simulated in MuJoCo",
+        ),
+        Claim(
+            "Leg in deformed bones: muscle points, median error [mm]",
+            "morph_demo",
+            _smallest("point error, median [mm]"),
+            "",
+            "known deformation",
+        ),
+        Claim(
+            "The same by scaling [mm]",
+            "morph_demo",
+            _largest("point error, median [mm]", {"method": "scaling, 12 landmarks"}),
+            "",
+            "known deformation",
+        ),
+        Claim("Interrupted studies: files that differ", "interrupted", _total("not equal"), "0", "an undisturbed run"),
+        Claim(
+            "Wrong files: faults found in all inputs", "wrong_files", _total("found"), "0", "coverage-guided fuzzing"
+        ),
+    )
+
+
+def front_table(tables: Mapping[str, str], pages: Mapping[str, str]) -> str:
+    """The claims as a Markdown table.
+
+    Parameters
+    ----------
+    tables : printed table of each section
+    pages : file of the page that holds each section
+    """
+    lines = ["| claim | measured | target | compared with | command |", "| --- | --- | --- | --- | --- |"]
+    for claim in claims():
+        rows = parsed(tables.get(claim.section, ""))
+        number = claim.number(rows) if rows else MISSING
+        command = f"`python -m benchmarks.validation {claim.section}`"
+        text = f"[{claim.text}]({pages[claim.section]})"
+        lines.append(f"| {text} | {number} | {claim.target} | {claim.against} | {command} |")
+    return "\n".join(lines) + "\n"
+
+
+def parsed(table: str) -> list[dict[str, str]]:
+    """Rows of a Markdown table, column to cell."""
+    lines = [
+        [cell.strip() for cell in line.strip().strip("|").split("|")] for line in table.splitlines() if "|" in line
+    ]
+    return [dict(zip(lines[0], line, strict=True)) for line in lines[2:]] if len(lines) > 2 else []
+
+
+def _number(cell: str) -> float:
+    found = re.match(r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?", cell)
+    return float(found[0]) if found else float("nan")
+
+
+def _values(rows: Table, column: str, only: Mapping[str, str] | None = None) -> list[float]:
+    chosen = [row for row in rows if all(row[name] == cell for name, cell in (only or {}).items())]
+    values = [_number(row[column]) for row in chosen]
+    return [one for one in values if one == one]
+
+
+def _largest(column: str, only: Mapping[str, str] | None = None) -> Callable[[Table], str]:
+    return lambda rows: f"{max(_values(rows, column, only)):.3g}"
+
+
+def _within(column: str, limit: float, only: Mapping[str, str] | None = None) -> Callable[[Table], str]:
+    def text(rows: Table) -> str:
+        values = _values(rows, column, only)
+        return f"{sum(one <= limit for one in values)} of {len(values)} (worst {max(values):.3g})"
+
+    return text
+
+
+def _smallest(column: str, only: Mapping[str, str] | None = None) -> Callable[[Table], str]:
+    return lambda rows: f"{min(_values(rows, column, only)):.3g}"
+
+
+def _span(column: str, only: Mapping[str, str] | None = None) -> Callable[[Table], str]:
+    def text(rows: Table) -> str:
+        values = _values(rows, column, only)
+        return f"{min(values):.3g} to {max(values):.3g}"
+
+    return text
+
+
+def _total(column: str) -> Callable[[Table], str]:
+    return lambda rows: f"{sum(_values(rows, column)):.0f}"
+
+
+def _share(column: str, holds: Callable[[str], bool]) -> Callable[[Table], str]:
+    return lambda rows: f"{sum(holds(row[column]) for row in rows)} of {len(rows)}"
+
+
+def _pairs(ours: str, theirs: str, factor: float) -> Callable[[Table], str]:
+    def text(rows: Table) -> str:
+        good = [_number(row[ours]) <= factor * _number(row[theirs]) for row in rows]
+        return f"{sum(good)} of {len(good)}"
+
+    return text
+
+
+def _ratios(column: str) -> Callable[[Table], str]:
+    """Range of the force's ratios in cells like "24.1 N (1.01), 11.1 N m (0.76)"."""
+
+    def text(rows: Table) -> str:
+        found = [re.search(r"\(([0-9.]+)\)", row[column]) for row in rows]
+        values = [float(one[1]) for one in found if one]
+        return f"{min(values):.2f} to {max(values):.2f}"
+
+    return text
+
+
+def _counted(column: str, only: Mapping[str, str]) -> Callable[[Table], str]:
+    """Sum of cells like "97 of 100"."""
+
+    def text(rows: Table) -> str:
+        cells = [row[column] for row in rows if all(row[name] == cell for name, cell in only.items())]
+        pairs = [[int(one) for one in re.findall(r"(\d+) of (\d+)", cell)[0]] for cell in cells]
+        return f"{sum(a for a, _ in pairs)} of {sum(b for _, b in pairs)}"
+
+    return text

@@ -1,0 +1,213 @@
+"""Measured ground forces hidden and estimated, with all plates hidden and with some of what they measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
+from myomorph.contact.shared import SharedOptions, shared_wrenches
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, hysteresis, steady, strengths
+from myomorph.model.series import Series, Wrenches
+from myomorph.motion.sync import resample_wrenches
+from myomorph.tension.solve import Tension
+
+AXES = ("fore-aft", "vertical", "lateral")
+LOADED, UNLOADED = 0.05, 0.03
+"""Shares of the weight between which a measured foot begins and ceases to carry."""
+
+
+def measure(folder: Path) -> Iterator[dict[str, object]]:
+    """Errors of every foot's force with all plates hidden, by both formulations."""
+    for case in CASES:
+        hidden = opened(folder, case)
+        for formulation in ("simultaneous", "sequential"):
+            tension = estimated(hidden, formulation)
+            for side, force, moment in feet_of(hidden):
+                found = foot_wrench(tension, side)
+                yield {
+                    "recording": case.name,
+                    "formulation": formulation,
+                    "foot": side,
+                    **force_errors(hidden, force, found[0]),
+                    **center_errors(hidden, (force, moment), found),
+                }
+
+
+def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
+    """What of the errors is the whole ground force's, and what is the sharing between the feet; times of contact.
+
+    Of errors e_r and e_l of the feet, the whole's is e_r + e_l, of masses and accelerations alone, and that of the
+    sharing, while both carry, (e_r - e_l) / 2.
+    """
+    for case in CASES:
+        hidden = opened(folder, case)
+        if case.seated:
+            continue
+        tension = estimated(hidden)
+        measured = np.array([(force, moment) for _, force, moment in feet_of(hidden)])
+        found = np.array([foot_wrench(tension, side) for side, _, _ in feet_of(hidden)])
+        errors = (found - measured)[:, 0]
+        whole, between = errors.sum(axis=0), 0.5 * (errors[0] - errors[-1])
+        row: dict[str, object] = {"recording": case.name, "low-pass [Hz]": hidden.cutoff}
+        both = hidden.use & (measured[:, 0, :, 1] > UNLOADED * hidden.weight).all(axis=0)
+        row |= {"frames": int(hidden.use.sum()), "on both feet": int(both.sum())}
+        for axis in (1, 0, 2):
+            row[f"whole, {AXES[axis]} [% weight]"] = 100.0 * rms(whole[hidden.use, axis]) / hidden.weight
+        for axis in (1, 0, 2):
+            shared = 100.0 * rms(between[both, axis]) / hidden.weight if both.any() else ""
+            row[f"sharing, {AXES[axis]} [% weight]"] = shared
+        center = center_errors(hidden, tuple(measured.sum(axis=0)), tuple(found.sum(axis=0)))
+        yield {**row, "whole COP, RMS [mm]": center["COP, RMS [mm]"], **timing(hidden)}
+
+
+def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
+    """The walk with three plates: times of contact known, one foot's force known, both feet's known only together."""
+    hidden = opened(folder, CASES[0])
+    right = [k for k, one in enumerate(hidden.measured.bodies) if one == "calcn_r"]
+    known = _chosen(hidden.measured, right)
+    ready = _without(hidden, "foot_r")
+    ways = {
+        "nothing": estimated(hidden),
+        "times of contact": estimated(hidden, ready=_timed(hidden)),
+        "right foot's force": estimated(hidden, known=known, ready=ready),
+        "right foot's force, soft": estimated(hidden, shared=_shared(hidden, known)),
+        "both feet's force together": estimated(hidden, shared=_shared(hidden, summed(hidden.measured))),
+    }
+    for name, tension in ways.items():
+        for side, force, moment in feet_of(hidden):
+            if name == "right foot's force" and side == "right":
+                continue
+            found = foot_wrench(tension, side)
+            yield {
+                "known": name,
+                "foot": side,
+                **force_errors(hidden, force, found[0]),
+                **center_errors(hidden, (force, moment), found),
+            }
+
+
+def force_errors(hidden: Hidden, force: np.ndarray, found: np.ndarray) -> dict[str, object]:
+    """Root mean square error of each component, over its peak-to-peak range and over the weight [%]."""
+    use = hidden.use
+    errors = np.sqrt(np.mean((found - force)[use] ** 2, axis=0))
+    spread = np.ptp(force[use], axis=0)
+    row: dict[str, object] = {}
+    for axis in (1, 0, 2):
+        row[f"{AXES[axis]} [% range]"] = float(100.0 * errors[axis] / spread[axis])
+    for axis in (1, 0, 2):
+        row[f"{AXES[axis]} [% weight]"] = float(100.0 * errors[axis] / hidden.weight)
+    return row
+
+
+def center_errors(
+    hidden: Hidden, measured: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]
+) -> dict[str, object]:
+    """Distance of the centers of pressure while both forces carry a twentieth of the weight [mm]."""
+    use = hidden.use & (measured[0][:, 1] > LOADED * hidden.weight) & (found[0][:, 1] > LOADED * hidden.weight)
+    apart = np.linalg.norm(_center(*found)[use] - _center(*measured)[use], axis=1)
+    return {"COP, RMS [mm]": 1e3 * rms(apart), "COP, median [mm]": float(1e3 * np.median(apart))}
+
+
+def _center(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Where the wrench meets the floor at height 0, (frames, 2)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.column_stack([moment[:, 2] / force[:, 1], -moment[:, 0] / force[:, 1]])
+
+
+def timing(hidden: Hidden) -> dict[str, object]:
+    """Touchdown and lift-off of the estimated contacts after those of the plates, mean and standard deviation [ms]."""
+    states = hidden.contacts.states(hidden.motion.time)
+    found: dict[str, list[float]] = {"touchdown": [], "lift-off": []}
+    for side, body in (("right", "calcn_r"), ("left", "calcn_l")):
+        mine = [k for k, one in enumerate(hidden.raw.bodies) if one == body]
+        load = hidden.raw.forces[:, mine, 1].sum(axis=1)
+        on = hysteresis(load > LOADED * hidden.weight, load < UNLOADED * hidden.weight)
+        plates = _events(steady(on, hidden.raw.time, 0.03), hidden.raw.time)
+        columns = [k for k, one in enumerate(hidden.sites) if one.group == f"foot_{side[0]}"]
+        ours = _events((states.values[:, columns] > 0.0).any(axis=1), hidden.motion.time)
+        inside = hidden.motion.time[hidden.use]
+        for what, theirs, guesses in zip(found, plates, ours, strict=True):
+            for time in theirs:
+                near = guesses[np.abs(guesses - time) < 0.15] if len(guesses) else guesses
+                if inside[0] < time < inside[-1] and len(near):
+                    found[what].append(1e3 * float(near[np.argmin(np.abs(near - time))] - time))
+    row: dict[str, object] = {}
+    for what, late in found.items():
+        row[f"{what} [ms]"] = f"{np.mean(late):.0f} ± {np.std(late):.0f} ({len(late)})" if late else ""
+    return row
+
+
+def _events(state: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times at which a state (frames,) begins, and at which it has ended."""
+    change = np.diff(state.astype(np.int8))
+    return time[1:][change > 0], time[1:][change < 0]
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
+    names = tuple(wrenches.names[k] for k in columns)
+    bodies = tuple(wrenches.bodies[k] for k in columns)
+    return Wrenches(
+        wrenches.time,
+        names,
+        bodies,
+        wrenches.forces[:, columns],
+        wrenches.points[:, columns],
+        wrenches.torques[:, columns],
+    )
+
+
+def _timed(hidden: Hidden) -> Series:
+    """Strengths whose touches begin and end when the plates are loaded and unloaded."""
+    plates = resample_wrenches(hidden.raw, hidden.motion.time, 3.0 * hidden.cutoff)
+    told = find_contacts(
+        hidden.model, hidden.motion, hidden.sites, ContactStateOptions(floor=hidden.floor), plates=plates
+    )
+    return strengths(hidden.model, hidden.motion, hidden.sites, told, StrengthOptions(floor=hidden.floor))
+
+
+def _without(hidden: Hidden, group: str) -> Series:
+    """Strengths with none at one foot, whose force is known."""
+    values = np.array(hidden.strengths.values)
+    values[:, [k for k, one in enumerate(hidden.sites) if one.group == group]] = 0.0
+    return replace(hidden.strengths, values=values)
+
+
+def summed(wrenches: Wrenches) -> Wrenches:
+    """All wrenches as one plate that carries everything, acting on no known body."""
+    force = wrenches.forces.sum(axis=1)
+    moment = (wrenches.torques + np.cross(wrenches.points, wrenches.forces)).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        point = np.column_stack([moment[:, 2] / force[:, 1], np.zeros(len(force)), -moment[:, 0] / force[:, 1]])
+    point = np.where(np.isfinite(point), point, 0.0)
+    torque = moment - np.cross(point, force)
+    return Wrenches(wrenches.time, ("one plate",), ("",), force[:, None], point[:, None], torque[:, None])
+
+
+def _shared(hidden: Hidden, plates: Wrenches):
+    # A plate without an outline: whoever touches may stand on it.
+    wide = SharedOptions(reach=2.0)
+    return shared_wrenches(hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, options=wide)
+
+
+def run() -> list[dict[str, object]]:
+    """All rows, each with its table."""
+    from benchmarks.cases import data_folder
+
+    folder = data_folder()
+    parts = {"hidden": measure, "parts": measure_parts, "partial": measure_partial}
+    return [{"table": name, **row} for name, made in parts.items() for row in made(folder)]
+
+
+def tension_of(folder: Path, number: int) -> tuple[Hidden, Tension]:
+    """One recording and its simultaneous estimate, for figures."""
+    hidden = opened(folder, CASES[number])
+    return hidden, estimated(hidden)

@@ -1,0 +1,298 @@
+"""The base wrench on motion that identification did not see: generic, shape, least squares, and possible bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import lsq_linear
+from threadpoolctl import threadpool_limits
+
+from myomorph.identify.base import Recording
+from myomorph.identify.base_parameters import base_parameters, held_in
+from myomorph.identify.body.points import MassPoints
+from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
+from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
+from myomorph.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions, identify
+from myomorph.identify.validation import cross_validate, parts_of
+from myomorph.io.formats import read_model
+from myomorph.io.loads import read_external_loads
+from myomorph.io.osim.setup_parts import read_ik_tasks
+from myomorph.io.trc import read_trc
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Wrenches
+from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.report.trial.identification_tables import segment_sheet
+from myomorph.report.trial.identified import identification_input
+from myomorph.rigid.regressor import base_regressor, base_wrench
+from myomorph.study.subject.body_points import OWN, body_points
+from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.identifying import MAPS
+from myomorph.study.trial.inputs import force_table
+
+CUTOFF = 6.0
+SPACING = 0.02
+PULLS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
+"""Pulls to the generic model that plain least squares is tried with."""
+LOOSE = 5.0
+"""A prior that hardly holds masses."""
+OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
+GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
+FEET = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A subject of the collection.
+
+    Attributes
+    ----------
+    model : file, scaled or, where it is `calibrated` first, generic
+    trials : by name, marker file and force file
+    static : recording of standing still, for the calibration
+    tasks : weights of markers
+    """
+
+    name: str
+    model: str
+    mass: float
+    trials: dict[str, tuple[str, str]]
+    calibrated: bool = False
+    static: str = ""
+    tasks: str = ""
+
+
+@dataclass(frozen=True)
+class Split:
+    """What is identified from, and what it is held against: trials, or halves of one."""
+
+    subject: Subject
+    train: tuple[str, ...]
+    test: str
+
+
+_OPENCAP_TRIALS = {
+    name: (f"{OPENCAP}/markers/{name}.trc", f"{OPENCAP}/grf/{name}_external_forces.xml")
+    for name in ("walking1", "DJ1", "STS1")
+}
+_RUN_TRIALS = {name: (f"{RUN}/{name}/markers.trc", f"{RUN}/{name}/grf.mot") for name in ("run200", "run500")}
+SUBJECTS = (
+    Subject("OpenCap, calibrated", f"{OPENCAP}/models/unscaled_generic.osim", 62.6, _OPENCAP_TRIALS, True,
+            f"{OPENCAP}/markers/static1.trc"),
+    Subject("OpenCap, scaled by an expert", f"{OPENCAP}/models/manually_scaled.osim", 62.6, _OPENCAP_TRIALS),
+    Subject("gait2354, ScaleTool", f"{GAIT}/ref_scale/std_subject01_simbody.osim", 72.6,
+            {"walk": (f"{GAIT}/experiment/subject01_walk1.trc", f"{GAIT}/experiment/subject01_walk1_grf.xml")},
+            tasks=f"{GAIT}/ref_ik/gait2354_IK_Tasks.xml"),
+    Subject("Rajagopal, scaled by an expert", f"{RAJAGOPAL}/subject_walk_scaled.osim", 85.27,
+            {"walk": (f"{RAJAGOPAL}/markers_walk.trc", f"{RAJAGOPAL}/grf_walk.xml")}),
+    Subject("Rajagopal, calibrated", f"{RAJAGOPAL}/subject_walk_scaled.osim", 85.27,
+            {"walk": (f"{RAJAGOPAL}/markers_walk.trc", f"{RAJAGOPAL}/grf_walk.xml")}, True),
+    Subject("Hamner, calibrated", f"{RUN}/unscaled_generic.osim", 82.0, _RUN_TRIALS, True),
+    Subject("Hamner, generic lengths", f"{RUN}/unscaled_generic.osim", 82.0, {"run200": _RUN_TRIALS["run200"]}),
+)  # fmt: skip
+
+
+def splits(subject: Subject) -> Iterator[Split]:
+    """Every trial held out in turn; of a cyclic motion also one half by the other."""
+    names = tuple(subject.trials)
+    if len(names) > 1:
+        for name in names:
+            yield Split(subject, tuple(one for one in names if one != name), name)
+    if len(names) == 1 or subject.name.startswith("Hamner"):
+        for name in names:
+            yield Split(subject, (f"{name} 1st half",), f"{name} 2nd half")
+            yield Split(subject, (f"{name} 2nd half",), f"{name} 1st half")
+
+
+@cache
+def opened(folder: Path, subject: Subject) -> tuple[Model, dict[str, Usable]]:
+    """The subject's model at its mass, and every trial with the frames that can be used."""
+    model = read_model(folder / subject.model)
+    markers = {name: _markers(folder / files[0]) for name, files in subject.trials.items()}
+    weights = read_ik_tasks(folder / subject.tasks).marker_weights if subject.tasks else {}
+    if subject.calibrated:
+        static = _markers(folder / subject.static) if subject.static else None
+        model = calibrate(model, list(markers.values()), CalibrationOptions(mass=subject.mass, static=static)).model
+    found = {}
+    for name, (_, loads) in subject.trials.items():
+        known = {one: weight for one, weight in weights.items() if one in model.marker_names}
+        tracking = InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
+        motion = inverse_kinematics(model, markers[name], tracking).motion
+        found[name] = usable(
+            model, motion, _loads(folder / loads), mass=subject.mass, name=name, options=RecordingOptions(cutoff=CUTOFF)
+        )
+    share = subject.mass / model.mass
+    return with_inertial_parameters(model, inertial_parameters(model) * share), found
+
+
+def _markers(path: Path) -> Markers:
+    markers = read_trc(path).markers
+    assert markers is not None
+    return markers
+
+
+def _loads(path: Path) -> Wrenches:
+    return read_external_loads(path) if path.suffix == ".xml" else force_table(path, FEET)
+
+
+def part(trials: dict[str, Usable], name: str) -> Usable:
+    """A trial, or the first or second half of its usable frames."""
+    trial, _, half = name.partition(" ")
+    whole = trials[trial]
+    if not half:
+        return whole
+    frames = np.flatnonzero(whole.use)
+    middle = frames[len(frames) // 2]
+    index = np.arange(len(whole.use))
+    use = whole.use & ((index < middle) if half.startswith("1st") else (index >= middle))
+    return replace(whole, recording=replace(whole.recording, use=use), name=name)
+
+
+@cache
+def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[Identification, dict[str, np.ndarray]]:
+    """The identification of a split, and parameters of every way of it."""
+    model, trials = opened(folder, subject)
+    body = BodyOptions(spacing=SPACING)
+    points: dict[str, MassPoints] = {}
+    for weights in (None, "bone", "cog", "nearest"):
+        made, _, _ = body_points(model, BodyShape(), subject.mass, replace(body, weights=weights))
+        points |= {MAPS[name]: one for name, one in made.items()}
+    seen = [part(trials, name) for name in train]
+    found = identify(model, seen, points, mass=subject.mass, options=IdentificationOptions())
+    A, b = parts_of(model, [one.recording for one in seen], found.base.base).rows(found.noise)
+    ridge = solve_ridge(
+        A,
+        b,
+        possible_reference(inertial_parameters(model)),
+        mass=subject.mass,
+        options=PseudoInertiaOptions(mass_sd=found.mass_sd),
+    )
+    first = points[MAPS[OWN]]
+    loose = solve_mass_points(first, A, b, mass=subject.mass, options=MassPointOptions(mass_sd=LOOSE)).parameters
+    return found, {"ridge": ridge.parameters, "loose": loose, **found.parameters}
+
+
+def misfit(model: Model, parameters: dict[str, np.ndarray], recording: Recording) -> dict[str, np.ndarray]:
+    """(moment, force) root mean square error of every set of parameters [N m], [N]."""
+    models = {name: with_inertial_parameters(model, one) for name, one in parameters.items() if name != "ridge"}
+    check = cross_validate(models, recording.motion, recording.wrenches, recording.use)
+    found = {name: check.rms(name) for name in models}
+    # Least squares may give negative masses, which no model holds.
+    base = base_parameters(model, held=held_in(model, [recording.motion]))
+    parts = parts_of(model, [recording], base, least=1)
+    return found | {"ridge": parts.rms(parameters["ridge"])}
+
+
+def measure(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a split: force and moment error on the unseen motion, and their ratio to the generic model's."""
+    for subject in SUBJECTS:
+        if not (folder / subject.model).exists():
+            continue
+        for split in splits(subject):
+            yield row(folder, split)
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def row(folder: Path, split: Split) -> dict[str, object]:
+    """What one split shows."""
+    model, trials = opened(folder, split.subject)
+    found, parameters = identified(folder, split.subject, split.train)
+    test = part(trials, split.test)
+    errors = misfit(model, parameters, test.recording)
+    moment, force = errors[GENERIC]
+
+    def told(name: str) -> str:
+        ratio = errors[name] / errors[GENERIC]
+        return f"{errors[name][1]:.1f} N ({ratio[1]:.2f}), {errors[name][0]:.1f} N m ({ratio[0]:.2f})"
+
+    return {
+        "model": split.subject.name,
+        "identified from": " + ".join(split.train),
+        "frames": sum(int(part(trials, name).use.sum()) for name in split.train),
+        "held against": split.test,
+        "unseen frames": int(test.use.sum()),
+        "generic scaled": f"{force:.1f} N, {moment:.1f} N m",
+        "least squares": told("ridge"),
+        "points, own link": told("identified, own link"),
+        "points, w_b": told("identified, w_b"),
+        "points, w_d": told("identified, w_d"),
+        "points, w_n": told("identified, w_n"),
+        "pseudo-inertia": told(CONIC),
+        f"points, own link, mass SD {LOOSE:g}": told("loose"),
+        "mass SD of the prior": found.mass_sd,
+        "parameters shown": f"{int((found.shares >= 0.5).sum())} of {found.shares.size}",
+        "possible": found.consistency[found.chosen].ok,
+    }
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def measure_prototype(folder: Path) -> Iterator[dict[str, object]]:
+    """Halves of a run by plain least squares that only keeps masses positive, about two points, beside `identify`."""
+    for subject in SUBJECTS:
+        if not subject.name.startswith("Hamner") or not (folder / subject.model).exists():
+            continue
+        model, trials = opened(folder, subject)
+        for split in (one for one in splits(subject) if one.test.startswith("run200") and "half" in one.test):
+            found, _ = identified(folder, subject, split.train)
+            seen, test = (part(trials, name).recording for name in (*split.train, split.test))
+            generic = inertial_parameters(model).ravel()
+            for point, reference in (("pelvis", None), ("ground's origin", np.zeros(3))):
+                rows, wrench = used_rows(model, test, reference)
+                misfit = partial(rms_of, rows, wrench)
+                squares = [positive_least_squares(model, *used_rows(model, seen, reference), pull) for pull in PULLS]
+                best = min(squares, key=lambda phi: float((misfit(phi) / misfit(generic)).sum()))
+                of = {"least squares, masses positive": best} | {
+                    name: found.parameters[name].ravel() for name in (found.chosen, CONIC)
+                }
+                yield {
+                    "model": subject.name,
+                    "held against": split.test,
+                    "moments about": point,
+                    "generic scaled": "{1:.1f} N, {0:.1f} N m".format(*misfit(generic)),
+                } | {name: "{1:.2f}, {0:.2f}".format(*(misfit(phi) / misfit(generic))) for name, phi in of.items()}
+
+
+def used_rows(model: Model, recording: Recording, reference: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Regressor (frames, 6, parameters) and measured wrench (frames, 6) of the frames that are used."""
+    wrench = base_wrench(model, recording.motion, recording.wrenches, reference)
+    use = np.isfinite(wrench).all(axis=1) & (True if recording.use is None else np.asarray(recording.use))
+    return base_regressor(model, recording.motion, reference)[use], wrench[use]
+
+
+def rms_of(rows: np.ndarray, wrench: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """(moment, force) root mean square misfit of parameters [N m], [N]."""
+    error = rows @ parameters - wrench
+    return np.array([np.sqrt(np.square(half).sum(axis=1).mean()) for half in (error[:, :3], error[:, 3:])])
+
+
+def positive_least_squares(model: Model, rows: np.ndarray, wrench: np.ndarray, pull: float) -> np.ndarray:
+    """Parameters by least squares with a pull to the model's, that keep only the masses positive."""
+    generic = inertial_parameters(model).ravel()
+    noise = np.repeat(rms_of(rows, wrench, generic), 3)
+    size = np.abs(generic) + 0.02 * np.repeat(generic[::10], 10) + 1e-4
+    table = np.column_stack([rows.reshape(-1, rows.shape[2]) * size, (wrench - rows @ generic).ravel()])
+    factor = np.linalg.qr(table / np.tile(noise, len(rows))[:, None], mode="r")
+    weak = np.sqrt(pull * len(rows)) * np.eye(len(size))
+    least = np.full(len(size), -np.inf)
+    least[::10] = (1e-3 - generic[::10]) / size[::10]
+    found = lsq_linear(
+        np.vstack([factor[:, :-1], weak]), np.append(factor[:, -1], np.zeros(len(size))), (least, np.inf)
+    )
+    return generic + size * found.x
+
+
+def measure_segments(folder: Path, chosen: Sequence[int] = (0, 5)) -> Iterator[dict[str, object]]:
+    """Segment shares of body mass, identified from all trials, beside published athletes."""
+    for subject in (SUBJECTS[i] for i in chosen):
+        if not (folder / subject.model).exists():
+            continue
+        found, _ = identified(folder, subject, tuple(subject.trials))
+        sheet = segment_sheet(identification_input(found))
+        for cells in sheet.rows:
+            yield {"subject": subject.name} | dict(zip(sheet.head, cells, strict=True))

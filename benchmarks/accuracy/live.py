@@ -1,0 +1,155 @@
+"""Live results against non-causal processing, and jumps where markers are lost and found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
+from myomorph.live.loop import follow
+from myomorph.live.sources import Replay, open_recording
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import inverse_kinematics
+from myomorph.motion.online import OnlineKinematics
+from myomorph.motion.steady_pose import SteadyKinematics
+from myomorph.motion.sync import common_time, cut, resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.study.trial.inputs import force_table, open_model
+from myomorph.tension.solve import solve_tension
+
+Row = dict[str, object]
+
+RAJAGOPAL, HAMNER = "rajagopal-walk-emg", "hamner-run-subject04"
+CUTOFFS = (6.0, 10.0, 15.0)
+AHEAD = 6.0
+"""Cutoff of non-causal processing, in a walk [Hz]; twice that in a run."""
+LOSSES, HIDDEN, SEED = 60, 15, 7
+"""How often markers are hidden, and for how many frames."""
+
+
+class _Kept:
+    """An output that remembers."""
+
+    def __init__(self) -> None:
+        self.frames: list[ChainFrame] = []
+
+    def put(self, frame: ChainFrame, markers: Array) -> None:
+        self.frames.append(frame)
+
+    def close(self) -> None:
+        """Nothing."""
+
+
+def recordings(folder: Path) -> Iterator[tuple[str, Model, Markers, Wrenches]]:
+    """A walk where its plates catch every step, and two runs on a treadmill with the generic model."""
+    walk = folder / RAJAGOPAL
+    model = open_model(walk / "subject_walk_scaled.osim")
+    markers, wrenches = open_recording(model, walk / "markers_walk.trc", walk / "grf_walk.xml")
+    assert isinstance(markers, Markers)
+    assert wrenches is not None
+    yield "walk", model, cut(markers, 0.3, 1.8), wrenches
+    model = open_model(folder / HAMNER / "unscaled_generic.osim")
+    bodies = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
+    for name, speed in (("run200", "run, 2 m/s"), ("run500", "run, 5 m/s")):
+        markers, _ = open_recording(model, folder / HAMNER / name / "markers.trc", None)
+        assert isinstance(markers, Markers)
+        wrenches = force_table(folder / HAMNER / name / "grf.mot", bodies)
+        yield speed, model, cut(markers, *common_time(markers, wrenches)), wrenches
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """Angles, torques and activations of every recording by live cutoffs, against zero-lag filters."""
+    for name, model, markers, wrenches in recordings(folder):
+        poses = inverse_kinematics(model, markers).motion
+        ahead = AHEAD if name == "walk" else 2.0 * AHEAD
+        motion = differentiate(poses, ahead)
+        torques = inverse_dynamics(model, motion, resample_wrenches(wrenches, motion.time, ahead))
+        tension = solve_tension(model, motion, torques)
+        turning = [j for j, one in enumerate(model.coordinates) if one.motion == "rotational" and not one.locked]
+        pelvis = {j for j, one in enumerate(model.coordinates) if one.name.startswith("pelvis")}
+        joints = [j for j in turning if j not in pelvis]
+        for cutoff in CUTOFFS:
+            source, kept = Replay(markers, wrenches, 0.0), _Kept()
+            chain = LiveChain(model, source, ChainOptions(cutoff=cutoff))
+            follow(chain, source, [kept])
+            solved = [one for one in kept.frames if one.state == SOLVED]
+            then = np.array([one.time for one in solved]) - chain.filter.delay
+            angle = (
+                np.array([one.coordinates for one in solved])[:, turning] - _at(motion, motion.values, then)[:, turning]
+            )
+            torque = np.array([one.torques for one in solved])[:, joints] - _at(motion, torques.values, then)[:, joints]
+            activation = np.array([one.tension.activations for one in solved]) - _at(motion, tension.activations, then)
+            yield {
+                "recording": name,
+                "live cutoff [Hz]": cutoff,
+                "delay [ms]": 1e3 * chain.filter.delay,
+                "ahead cutoff [Hz]": ahead,
+                "angles: rms [deg]": np.rad2deg(_rms(angle)),
+                "largest [deg]": np.rad2deg(np.abs(angle).max()),
+                "joint torques: rms [N m]": _rms(torque),
+                "largest [N m]": float(np.abs(torque).max()),
+                "peak torque [N m]": float(np.abs(torques.values[:, joints]).max()),
+                "activations: rms": _rms(activation),
+            }
+
+
+def _at(motion: Motion, values: Array, time: Array) -> Array:
+    return np.stack([np.interp(time, motion.time, column) for column in values.T], axis=1)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def measure_losses(folder: Path) -> Iterator[Row]:
+    """One to three markers hidden at random for a while: how far coordinates jump when they go and come back."""
+    for name, model, markers, _ in recordings(folder):
+        random = np.random.default_rng(SEED)
+        known = np.flatnonzero([one in model.marker_names for one in markers.names])
+        jumps: dict[str, list[float]] = {"plain": [], "steady": []}
+        back: list[float] = []
+        free = _followed(SteadyKinematics(model, markers.names), markers, markers.values)
+        turning = [j for j, one in enumerate(model.coordinates) if one.motion == "rotational"]
+        for _ in range(LOSSES):
+            lost = random.choice(known, random.integers(1, 4), replace=False)
+            start = int(random.integers(10, len(markers) - 2 * HIDDEN - 5))
+            values = np.array(markers.values)
+            values[start : start + HIDDEN, lost] = np.nan
+            plain = _plain(OnlineKinematics(model, markers.names), markers, values)
+            steady = _followed(SteadyKinematics(model, markers.names), markers, values)
+            for way, series in (("plain", plain), ("steady", steady)):
+                for event in (start, start + HIDDEN):
+                    jumps[way].append(_bend(series[:, turning], event) - _bend(free[:, turning], event))
+            ends = start + HIDDEN + 20
+            if ends < len(markers):
+                back.append(float(np.abs(steady - free)[ends][turning].max()))
+        for way, found in jumps.items():
+            degrees = np.rad2deg(np.maximum(found, 0.0))
+            yield {
+                "recording": name,
+                "inverse kinematics": way,
+                "events": len(degrees),
+                "jump: median [deg]": float(np.median(degrees)),
+                "95 % [deg]": float(np.percentile(degrees, 95)),
+                "largest [deg]": float(degrees.max()),
+                "left after 0.2 s [deg]": float(np.rad2deg(np.median(back))) if way == "steady" else "-",
+            }
+
+
+def _followed(kinematics: SteadyKinematics, markers: Markers, values: Array) -> Array:
+    pairs = zip(markers.time.tolist(), values, strict=True)
+    return np.array([kinematics.solve(time, row).coordinates for time, row in pairs])
+
+
+def _plain(kinematics: OnlineKinematics, markers: Markers, values: Array) -> Array:
+    return np.array([kinematics.solve(time, row)[0] for time, row in zip(markers.time.tolist(), values, strict=True)])
+
+
+def _bend(values: Array, frame: int) -> float:
+    """Largest second difference that ends in a frame: a jump shows, a steady motion hardly does."""
+    return float(np.abs(values[frame] - 2.0 * values[frame - 1] + values[frame - 2]).max())

@@ -1,0 +1,1 @@
+"""Accuracy of muscles that were transferred to other bones."""

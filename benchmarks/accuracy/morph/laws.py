@@ -1,0 +1,174 @@
+"""Laws of the transfer of muscles on whole models: identity, larger twins, affine maps, left against right."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+TESTS = Path(__file__).resolve().parents[3] / "tests"
+sys.path[:0] = [str(TESTS), str(TESTS / "morph")]
+
+from given_maps import given, grown, poses_of, sheared, similar  # noqa: E402
+
+from mujoco_models import load  # noqa: E402
+from myomorph.io.osim.read import read_osim  # noqa: E402
+from myomorph.model.model import GROUND, Model  # noqa: E402
+from myomorph.model.paths import PathWrap  # noqa: E402
+from myomorph.model.series import Motion  # noqa: E402
+from myomorph.model.sides import split_side  # noqa: E402
+from myomorph.model.spatial import rotation_from_euler_xyz  # noqa: E402
+from myomorph.morph.maps.fields import BoneMap  # noqa: E402
+from myomorph.morph.mirror.model import mirrored_motion  # noqa: E402
+from myomorph.morph.morphed import TransferredPoint  # noqa: E402
+from myomorph.morph.transfer.bodies import standing_poses  # noqa: E402
+from myomorph.morph.transfer.model import morph_model  # noqa: E402
+from myomorph.muscles.path import muscle_kinematics  # noqa: E402
+
+OPENSIM = (
+    "ceinms-emg-walk/model/gait2392.osim",
+    "rajagopal-walk-emg/raw/Rajagopal2016.osim",
+    "lenhart-knee-contact-walk/lenhart2015.osim",
+    "c3d-functional-joints/models/Wu_Shoulder_Model_via_points.osim",
+    "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim",
+    "opensim-reference-small/arm26_bounds.osim",
+    "fullbody-many-muscles/cyclistFullBodyMuscle.osim",
+)
+MUJOCO = ("myolegs", "myoarm_r", "mouse arm")
+SYMMETRIC = ("gait2392", "Rajagopal2016")
+SIZE = 1.3
+POSES = 10
+
+Row = dict[str, object]
+
+
+def models(folder: Path) -> Iterator[tuple[str, Model]]:
+    """The models by name."""
+    for name in OPENSIM:
+        yield Path(name).stem, read_osim(folder / name)
+    for name in MUJOCO:
+        yield name, load(name, lambda file: folder / file)[1]
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """A row for each model."""
+    for name, model in models(folder):
+        row: Row = {"model": name, "muscles": len(model.muscles)}
+        row["muscle points"] = sum(len(one.path.points) for one in model.muscles)
+        yield row | identity(model) | twin(model) | affine(model) | sides(name, model)
+
+
+def of_bones(points: Sequence[TransferredPoint], errors: Iterable[float]) -> float:
+    """The worst error of points, each over the extent of all points on its body, 5 cm at least."""
+    places: dict[str, list[np.ndarray]] = {}
+    for one in points:
+        places.setdefault(one.body, []).append(one.source)
+    lengths = {body: max(0.05, float(np.ptp(some, axis=0).max())) for body, some in places.items()}
+    return max(error / lengths[one.body] for one, error in zip(points, errors, strict=True))
+
+
+def identity(model: Model) -> Row:
+    """What a map that changes nothing changes: points, and moment arms."""
+    morph = morph_model(model, similar(model, 1.0))
+    errors = (float(np.linalg.norm(one.target - one.source)) for one in morph.points)
+    motion = poses_of(model, POSES)
+    ours, theirs = (muscle_kinematics(one, motion, velocities=False) for one in (morph.model, model))
+    return {
+        "identity: points [bone lengths]": of_bones(morph.points, errors),
+        "identity: lengths [m]": float(np.abs(ours.lengths - theirs.lengths).max()),
+        "identity: moment arms [m]": float(np.abs(ours.moment_arms - theirs.moment_arms).max()),
+    }
+
+
+def twin(model: Model) -> Row:
+    """A model larger by `SIZE` in bodies' frames that lie anyhow: lengths and moment arms must grow by it."""
+    bones = similar(model, SIZE, seed=3) | {GROUND: given(GROUND, SIZE * np.eye(3), np.zeros(3))}
+    morph = morph_model(model, bones)
+    motion = poses_of(model, POSES)
+    ours = muscle_kinematics(morph.model, grown(model, motion, SIZE), velocities=False)
+    theirs = muscle_kinematics(model, motion, velocities=False)
+    lengths = np.abs(ours.lengths / SIZE - theirs.lengths).max(axis=0)
+    turning = np.array([one.motion == "rotational" for one in model.coordinates])
+    arms = np.abs(ours.moment_arms / SIZE - theirs.moment_arms)[:, :, turning].max(axis=(0, 2))
+    around = np.array([any(isinstance(wrap, PathWrap) for wrap in one.path.wraps) for one in model.muscles])
+    return {
+        "larger twin: lengths [m]": float(lengths[~around].max(initial=0.0)),
+        "larger twin: moment arms [m]": float(arms[~around].max(initial=0.0)),
+        "larger twin: lengths around OpenSim's surfaces [m]": float(lengths[around].max()) if around.any() else "",
+        "larger twin: their surfaces [sizes]": _surfaces(model, morph.model, bones) if around.any() else "",
+    }
+
+
+def _surfaces(model: Model, morphed: Model, bones: dict[str, BoneMap]) -> float:
+    """How far sizes, middles and axes of wrap objects are from those of the twin, as a share of their size."""
+    error = 0.0
+    for before, after in zip(model.wrap_objects, morphed.wrap_objects, strict=True):
+        bone, size = bones[before.body], before.size[0]
+        turned = bone.whole.rotation @ before.pose.rotation
+        error = max(
+            error,
+            float(np.abs(np.array(after.size) / (SIZE * np.array(before.size)) - 1.0).max()),
+            float(np.linalg.norm(after.pose.translation - bone.map.apply(before.pose.translation))) / size,
+            float(np.abs(after.pose.rotation - turned).max()),
+        )
+    return error
+
+
+def affine(model: Model) -> Row:
+    """One matrix for the whole body as it stands: every point must be where it puts it, joints on the way included."""
+    rng = np.random.default_rng(5)
+    matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (np.diag([1.2, 0.8, 1.1]) + 0.05 * rng.standard_normal((3, 3)))
+    morph = morph_model(model, sheared(model, matrix))
+    before, after = standing_poses(model), standing_poses(morph.model)
+    _, d, vt = np.linalg.svd(matrix)
+    stretch = vt.T * d @ vt
+    wanted = (stretch @ before[one.body].apply(one.source) for one in morph.points)
+    errors = (
+        float(np.linalg.norm(after[one.target_body].apply(one.target) - place))
+        for one, place in zip(morph.points, wanted, strict=True)
+    )
+    return {"affine: points in place [bone lengths]": of_bones(morph.points, errors)}
+
+
+def sides(name: str, model: Model) -> Row:
+    """Mirrored maps for left and right: how unlike mirrored muscles become, beside how unlike they were."""
+    title = "left and right: lengths apart, {} [m]"
+    row: Row = {title.format("before"): "", title.format("after"): ""}
+    if name not in SYMMETRIC:
+        return row
+    flip, rng, bones = np.diag([1.0, 1.0, -1.0]), np.random.default_rng(1), {}
+    for body in model.body_names:
+        if body in bones:
+            continue
+        other = _other(body, model.body_names)
+        matrix, offset = np.eye(3) + 0.1 * rng.standard_normal((3, 3)), rng.uniform(-0.1, 0.1, 3)
+        if other:
+            bones |= {body: given(body, matrix, offset), other: given(other, flip @ matrix @ flip, flip @ offset)}
+        else:
+            bones[body] = given(body, 0.5 * (matrix + flip @ matrix @ flip), 0.5 * (offset + flip @ offset))
+    motion = poses_of(model, POSES)
+    other_motion = mirrored_motion(model, motion)
+    for when, one in (("before", model), ("after", morph_model(model, bones).model)):
+        row[title.format(when)] = _apart(one, motion, other_motion)
+    return row
+
+
+def _apart(model: Model, motion: Motion, other: Motion) -> float:
+    here, there = (muscle_kinematics(model, one, velocities=False).lengths for one in (motion, other))
+    names = model.muscle_names
+    pairs = [(i, names.index(other)) for i, name in enumerate(names) if (other := _other(name, names))]
+    return max(float(np.abs(here[:, i] - there[:, j]).max()) for i, j in pairs)
+
+
+def _other(name: str, names: tuple[str, ...]) -> str:
+    base, side = split_side(name)
+    return next((one for one in names if side and one != name and split_side(one)[0] == base), "")
+
+
+def run() -> list[Row]:
+    """Rows of all models, on the data collection."""
+    from benchmarks.cases import data_folder
+
+    return list(measure(data_folder()))

@@ -1,0 +1,228 @@
+"""A leg model in the bones of two living persons: residuals, attachments, moment arms beside published ones, depths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.cases import data_folder
+from myomorph.io.formats import read_model
+from myomorph.io.landmarks import read_landmarks
+from myomorph.io.mesh import read_mesh
+from myomorph.model.model import Model
+from myomorph.model.surface import Surface
+from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.checks.warnings import MorphChecks
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.linear import procrustes
+from myomorph.morph.morphed import Morph
+from myomorph.morph.transfer.model import morph_model
+from myomorph.study.subject.morph_files import source_bones
+from myomorph.study.subject.morphing import MorphSettings, map_bones
+
+MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
+GEOMETRY = "bones-opensim-rajagopal/Geometry"
+COORDINATES = ("hip_flexion_r", "knee_angle_r", "ankle_angle_r")
+DEEP = 1e-3
+"""A path that runs deeper under a bone's surface goes through the bone [m]."""
+
+BONES = {
+    "man (ICL)": {
+        "pelvis": ("ICL_MRI/pelvis_no_sacrum.ply", "ICL_MRI/sacrum.ply"),
+        "femur_r": ("ICL_MRI/femur_r.ply",),
+        "tibia_r": ("ICL_MRI/tibia_r.ply", "ICL_MRI/fibula_r.ply"),
+        "patella_r": ("ICL_MRI/patella_r.ply",),
+        "talus_r": ("ICL_MRI/talus_r.ply",),
+        "calcn_r": ("ICL_MRI/calcn_r.ply",),
+    },
+    "woman (MC22)": {
+        "pelvis": ("MC22/pelvis_no_sacrum.ply",),
+        "femur_r": ("MC22/femur_r.ply",),
+        "tibia_r": ("MC22/tibia_r.ply",),
+    },
+}
+"""Files of each body's bone. The woman has no sacrum and one mesh for the whole foot, which is left out; so are the
+man's toes, an open mesh cut elsewhere than the model's."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """Moment arms [m] about a coordinate, from angle to angle [degrees]."""
+
+    coordinate: str
+    muscles: tuple[str, ...]
+    angles: tuple[float, float]
+    least: float
+    most: float
+    source: str
+
+
+SURVEY = "survey in Manal et al. 2013, table 2"
+TABLE = "textbook table after Spoor et al. 1990, Spoor and van Leeuwen 1992"
+PUBLISHED = (
+    Published("knee_angle_r", ("vasint_r", "vaslat_r", "vasmed_r"), (0, 60), 0.020, 0.050, "Sheehan 2007, 34 living"),
+    Published("knee_angle_r", ("recfem_r",), (0, 90), 0.020, 0.040, TABLE),
+    Published("knee_angle_r", ("semiten_r",), (0, 90), 0.040, 0.055, TABLE),
+    Published("knee_angle_r", ("semimem_r",), (0, 90), 0.020, 0.040, TABLE),
+    Published("knee_angle_r", ("gaslat_r", "gasmed_r"), (0, 90), 0.012, 0.020, TABLE),
+    Published("ankle_angle_r", ("soleus_r", "gaslat_r", "gasmed_r"), (-20, 20), 0.035, 0.064, SURVEY),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """The leg in a person's bones."""
+
+    name: str
+    morph: Morph
+    checks: MorphChecks
+
+
+@cache
+def persons(folder: Path) -> tuple[Person, ...]:
+    """Both, their bones as one scan shows them, without landmarks."""
+    model = right_leg(read_model(folder / MODEL))
+    settings = MorphSettings()
+    found = []
+    for name, files in BONES.items():
+        ours = source_bones(model, folder / GEOMETRY, [])
+        if len(files["pelvis"]) == 1:
+            pelvis = next(body for body in model.bodies if body.name == "pelvis")
+            parts = [mesh for mesh in pelvis.meshes if "sacrum" not in mesh.file]
+            ours["pelvis"] = joined([scaled(read_mesh(folder / GEOMETRY / mesh.file), mesh.scale) for mesh in parts])
+        theirs = {
+            body: joined([scaled(read_mesh(folder / "bones-mri-two-adults" / one), 1e-3) for one in paths])
+            for body, paths in files.items()
+        }
+        bones = map_bones(model, ours, theirs, {}, settings, together=True)
+        morph = morph_model(model, bones, settings.morph, together=True)
+        checks = check_morph(
+            morph, None, {one: (one, 1.0, 0.0) for one in ("hip_flexion_r", "knee_angle_r", "ankle_angle_r")}
+        )
+        found.append(Person(name, morph, checks))
+    return tuple(found)
+
+
+def right_leg(model: Model) -> Model:
+    """The model with the muscles of the right leg alone."""
+    return replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_r")))
+
+
+def measure(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a bone of a person: how well the surfaces match, and where attachments came to lie."""
+    for person in persons(folder):
+        for body in BONES[person.name]:
+            bone = person.morph.bones[body]
+            points = [one for one in person.morph.points if one.body == body and abs(one.depth_source) < 0.005]
+            depth = np.array([abs(one.depth_target - bone.whole.scale * one.depth_source) for one in points])
+            yield {
+                "person": person.name,
+                "bone": body,
+                "vertices": len(bone.target.vertices),
+                "size of the source's": bone.whole.scale,
+                "residual [mm]": 1e3 * bone.measures["residual [m]"],
+                "95 % [mm]": 1e3 * bone.measures["residual 95 % [m]"],
+                "back [mm]": 1e3 * bone.measures["symmetric residual [m]"],
+                "coverage": bone.measures["coverage"],
+                "folded": bone.measures["folded"],
+                "map folded": bone.measures["map folded"],
+                "points within 5 mm of the source's bone": len(points),
+                "depth changed, median [mm]": 1e3 * float(np.median(depth)) if len(points) else float("nan"),
+                "worst [mm]": 1e3 * float(depth.max()) if len(points) else float("nan"),
+            }
+
+
+def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a muscle with published moment arms: least and most over the published angles, source and persons."""
+    for known in PUBLISHED:
+        for muscle in known.muscles:
+            row: dict[str, object] = {
+                "coordinate": known.coordinate,
+                "muscle": muscle,
+                "angles [degrees]": f"{known.angles[0]:g} to {known.angles[1]:g}",
+                "published [mm]": f"{1e3 * known.least:.0f} to {1e3 * known.most:.0f}",
+            }
+            for person in persons(folder):
+                arms = next(one for one in person.checks.arms if one.pair.source == known.coordinate)
+                at = np.degrees(arms.source_values)
+                kept = (at >= known.angles[0] - 0.1) & (at <= known.angles[1] + 0.1)
+                column = arms.muscles.index(muscle)
+                row["source"] = spread(arms.source[kept, column])
+                row[person.name] = spread(arms.target[kept, column])
+                inside = np.abs(arms.target[kept, column])
+                row[f"inside, {person.name}"] = float(np.mean((inside >= known.least) & (inside <= known.most)))
+            yield row | {"published by": known.source}
+
+
+def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a person: muscles that run through bone, before and after, and what the checks warn of."""
+    for person in persons(folder):
+        deep = [one for one in person.checks.penetrations if one.body in BONES[person.name]]
+        worst = max(deep, key=lambda one: one.increase)
+        kinds = sorted({one.kind for one in person.checks.warnings})
+        yield {
+            "person": person.name,
+            "muscles": len(person.morph.model.muscles),
+            "deeper than 1 mm": len({one.muscle for one in deep if one.target > DEEP}),
+            "in the source": len({one.muscle for one in deep if one.source > DEEP}),
+            "deeper than the source's by 1 mm": len({one.muscle for one in deep if one.increase > DEEP}),
+            "most deeper [mm]": 1e3 * worst.increase,
+            "of": f"{worst.muscle} in {worst.body}",
+            "warnings": ", ".join(f"{len(person.checks.of(kind))} {kind}" for kind in kinds),
+        }
+
+
+def measure_pairs(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a map of the landmark pairs of two femurs, each landmark left out in turn."""
+    home = folder / "bones-landmarks-leg" / "Geometry"
+    ours, theirs = (read_landmarks(home / f"{name}.landmarks.csv") for name in ("femur_r_warp", "subject_femur_r"))
+    names = tuple(name for name in ours if name in theirs)
+    source, target = (np.array([one[name] for name in names]) for one in (ours, theirs))
+    for label, options in (
+        ("similarity", MapOptions(map="similarity")),
+        ("affine", MapOptions(map="affine")),
+        ("RBF", MapOptions(map="rbf")),
+        ("SSD", MapOptions()),
+    ):
+        away = []
+        for k in range(len(names)):
+            rest = np.delete(np.arange(len(names)), k)
+            pairs = FeaturePoints(tuple(names[i] for i in rest), source[rest], target[rest])
+            away.append(float(np.linalg.norm(fit_map(pairs, options).apply(source[k]) - target[k])))
+        yield {
+            "map": label,
+            "landmarks": len(names),
+            "size": procrustes(source, target, True).scale,
+            "left out, median [mm]": 1e3 * float(np.median(away)),
+            "worst [mm]": 1e3 * max(away),
+            "of": names[int(np.argmax(away))],
+        }
+
+
+def spread(values: np.ndarray) -> str:
+    """Least and most of moment arms, without their sign [mm]."""
+    sizes = 1e3 * np.abs(values)
+    return f"{sizes.min():.0f} to {sizes.max():.0f}"
+
+
+def scaled(surface: Surface, factor: float | np.ndarray) -> Surface:
+    """A surface in another size."""
+    return Surface(surface.vertices * factor, surface.faces)
+
+
+def joined(parts: list[Surface]) -> Surface:
+    """Several surfaces as one."""
+    first = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = [part.faces + start for part, start in zip(parts, first, strict=True)]
+    return Surface(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+
+
+if __name__ == "__main__":
+    from benchmarks.__main__ import print_rows
+
+    for part in (measure_pairs, measure, measure_arms, measure_depths):
+        print_rows(list(part(data_folder())))

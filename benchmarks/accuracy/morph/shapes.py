@@ -1,0 +1,377 @@
+"""Muscle attachments carried between persons of a shape model, whose correspondence is the truth.
+
+A person is left out, a template is made of the others, and the attachments of a leg model, laid on the bones once,
+are carried from the template to the person by a few landmarks or by all nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import TypeAlias
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from benchmarks.cases import data_folder
+from benchmarks.leg_shapes import BONES, leg_shapes
+from myomorph.io.formats import read_model
+from myomorph.io.mesh import read_mesh
+from myomorph.model.arrays import Array
+from myomorph.model.paths import PathPoint
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, inverted
+from myomorph.morph.maps.linear import AffineMap, procrustes
+from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
+
+Row: TypeAlias = dict[str, object]
+Indices: TypeAlias = np.ndarray
+
+BODIES = {"pelvis": "pelvis", "femur": "femur_l", "patella": "patella_l", "tibia": "tibia_l"}
+ON_BONE = 0.015
+"""A muscle point this near to the bone on which it is laid is taken for an attachment [m]."""
+
+HEIGHT = 0.02
+"""Of points beside the bone [m]."""
+
+FAR = 0.02
+"""From the nearest landmark, for errors that no landmark takes care of [m]."""
+
+PICKING = 0.002
+"""Standard deviation of a picked landmark along each axis [m]."""
+
+RIDGE = 0.3
+"""Of the regression on other persons, as a share of their mean spread."""
+
+COUNTS = (6, 12, 24)
+MAPS = {
+    "similarity": MapOptions(map="similarity"),
+    "affine": MapOptions(map="affine"),
+    "RBF, r": MapOptions(map="rbf"),
+    "RBF, r^3": MapOptions(map="rbf", kernel="r3"),
+    "SSD": MapOptions(),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Attachments:
+    """Muscle points on a bone.
+
+    Attributes
+    ----------
+    corners : (k, 3) nodes of the triangle that each is on
+    shares : (k, 3) of the triangle's corners
+    around : (k, n) nodes whose normals say which way is out, 1 for each
+    axes : (3, 3) of the leg model's body, as columns in the shape's frame
+    """
+
+    corners: Indices
+    shares: Array
+    around: Array
+    axes: Array
+
+    def on(self, nodes: Array) -> Array:
+        """(k, 3) of a person [m]."""
+        points: Array = np.einsum("kc,kcx->kx", self.shares, nodes[self.corners])
+        return points
+
+    def beside(self, nodes: Array, faces: Indices, height: float) -> Array:
+        """(k, 3) so high above them, along the mean normal of the surface around."""
+        normals = self.around @ _normals(nodes, faces)
+        above: Array = self.on(nodes) + height * normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        return above
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A template and the person who was left out: nodes in correspondence."""
+
+    bone: str
+    template: Array
+    person: Array
+
+
+Maker: TypeAlias = Callable[[Case, Indices, Array], PointMap]
+"""Of a map, from the nodes that are landmarks and where they were picked on the person."""
+
+
+@cache
+def attachments() -> dict[str, Attachments]:
+    """The left leg's muscle points of Rajagopal's model, at their nearest places on the mean of all persons.
+
+    Which places these are does not depend on a person much, and every person has the same places.
+    """
+    model = read_model(data_folder() / "rajagopal-walk-emg" / "subject_walk_scaled.osim")
+    folder, found = data_folder() / "bones-opensim-rajagopal" / "Geometry", {}
+    paths = [muscle.path for muscle in model.muscles if muscle.name.endswith("_l")]
+    for bone, shapes in leg_shapes().items():
+        body = next(one for one in model.bodies if one.name == BODIES[bone])
+        surface = _joined([read_mesh(folder / mesh.file) for mesh in body.meshes])
+        mean = mean_shape(shapes.nodes)
+        fit = register_surface(surface, Surface(mean, shapes.faces), None, SurfaceOptions(mirror=False, partial=False))
+        places = [
+            point.location / body.meshes[0].scale
+            for path in paths
+            for point in path.points
+            if isinstance(point, PathPoint) and point.body == body.name
+        ]
+        laid = fit.similarity.apply(np.array(places))
+        squared, face, nearest = igl.point_mesh_squared_distance(laid, mean, shapes.faces)
+        near = squared < ON_BONE**2
+        corners = shapes.faces[face[near]]
+        triangle = (np.ascontiguousarray(mean[corners[:, k]]) for k in range(3))
+        shares = igl.barycentric_coordinates(nearest[near], *triangle)
+        normals = _normals(mean, shapes.faces)
+        here = np.einsum("kc,kcx->kx", shares, normals[corners])
+        around = (np.linalg.norm(nearest[near][:, None] - mean, axis=2) < HEIGHT) & (here @ normals.T > 0)
+        around[np.arange(len(corners))[:, None], corners] = True
+        found[bone] = Attachments(corners, shares, around.astype(float), fit.similarity.rotation)
+    return found
+
+
+@cache
+def cases(template: str) -> tuple[Case, ...]:
+    """Every bone of every person with the mean of the 25 others ("mean"), or with one of them ("person")."""
+    found = []
+    for bone in BONES:
+        nodes = leg_shapes()[bone].nodes
+        for k, person in enumerate(nodes):
+            if template == "mean":
+                found.append(Case(bone, mean_shape(np.delete(nodes, k, axis=0)), person))
+            else:
+                found.append(Case(bone, nodes[(k + 7) % len(nodes)], person))
+    return tuple(found)
+
+
+def mean_shape(nodes: Array) -> Array:
+    """Mean (n, 3) of persons (m, n, 3) laid on each other without changing their sizes."""
+    mean = nodes[0]
+    for _ in range(3):
+        mean = np.mean([procrustes(one, mean).apply(one) for one in nodes], axis=0)
+    return mean
+
+
+def spread_landmarks(case: Case, count: int) -> Indices:
+    """Nodes of the template as far from each other as they go: the bone's extremes."""
+    return _farthest(case.template, count)
+
+
+def attached_landmarks(case: Case, count: int) -> Indices:
+    """Nodes of the template nearest to attachments that are as far from each other as they go, then extremes."""
+    points = attachments()[case.bone].on(case.template)
+    first = cKDTree(case.template).query(points[_farthest(points, min(count, len(points)))])[1]
+    every = np.concatenate([first, _farthest(case.template, 2 * count)])
+    return every[np.sort(np.unique(every, return_index=True)[1])][:count]
+
+
+PLACES = {"at attachments": attached_landmarks, "extremes": spread_landmarks}
+
+
+def by_map(options: MapOptions) -> Maker:
+    """Maps of the package."""
+
+    def make(case: Case, landmarks: Indices, picked: Array) -> PointMap:
+        names = tuple(str(k) for k in landmarks)
+        return fit_map(FeaturePoints(names, case.template[landmarks], picked), options)
+
+    return make
+
+
+def scaled_by_pairs(case: Case, landmarks: Indices, picked: Array) -> PointMap:
+    """As OpenSim's Scale Tool: each axis of the body by the distance of two markers, those furthest apart along it."""
+    axes = attachments()[case.bone].axes
+    given = case.template[landmarks]
+    along, factors = given @ axes, []
+    for k in range(3):
+        high, low = np.argmax(along[:, k]), np.argmin(along[:, k])
+        factors.append(np.linalg.norm(picked[high] - picked[low]) / np.linalg.norm(given[high] - given[low]))
+    return _scaled(axes, np.array(factors), given, picked)
+
+
+def scaled_by_extents(case: Case, landmarks: Indices, picked: Array) -> PointMap:
+    """Each axis by the extent of the whole bone, placed by all its nodes: more than a user of markers can know."""
+    axes = attachments()[case.bone].axes
+    aligned = procrustes(case.person, case.template).apply(case.person)
+    factors = np.ptp(aligned @ axes, axis=0) / np.ptp(case.template @ axes, axis=0)
+    return _scaled(axes, factors, case.template, case.person)
+
+
+SCALED: dict[str, Maker] = {
+    "per-axis scaling, distances": scaled_by_pairs,
+    "per-axis scaling, extents": scaled_by_extents,
+}
+
+
+SMOOTH = {
+    "RBF, r, smoothing 2 mm": by_map(MapOptions(map="rbf", smoothing=PICKING)),
+    "SSD, smoothing 2 mm": by_map(MapOptions(smoothing=PICKING)),
+}
+
+
+def every_map() -> dict[str, Maker]:
+    """Scaling, and the maps of the package with their defaults."""
+    return SCALED | {name: by_map(options) for name, options in MAPS.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Of carried points.
+
+    Attributes
+    ----------
+    on, beside : (points,) at the attachments and `HEIGHT` above them [m]
+    apart : (points,) from the nearest landmark, in the template [m]
+    folded : share of the points beside the bone at which the map turns space inside out
+    """
+
+    on: Array
+    beside: Array
+    apart: Array
+    inverted: float
+
+
+def carried(make: Maker, landmarks: Callable[[Case], Indices], some: tuple[Case, ...], picking: float = 0.0) -> Errors:
+    """Errors over cases; landmarks see the template alone."""
+    on, beside, apart, inside_out = [], [], [], []
+    random = np.random.default_rng(0)
+    for case in some:
+        chosen = landmarks(case)
+        picked = case.person[chosen] + picking * random.normal(size=(len(chosen), 3))
+        found, points = make(case, chosen, picked), attachments()[case.bone]
+        faces, size = leg_shapes()[case.bone].faces, procrustes(case.template, case.person, True).scale
+        above = points.beside(case.template, faces, HEIGHT)
+        on.append(np.linalg.norm(found.apply(points.on(case.template)) - points.on(case.person), axis=1))
+        beside.append(np.linalg.norm(found.apply(above) - points.beside(case.person, faces, size * HEIGHT), axis=1))
+        apart.append(cKDTree(case.template[chosen]).query(points.on(case.template))[0])
+        inside_out.append(inverted(found, above))
+    share = float(np.mean(np.concatenate(inside_out)))
+    return Errors(np.concatenate(on), np.concatenate(beside), np.concatenate(apart), share)
+
+
+def dense_landmarks(case: Case) -> Indices:
+    """Dense correspondence: all nodes, of the pelvis every second one."""
+    return np.arange(0, len(case.template), 1 + len(case.template) // 1000)
+
+
+def foreseen(landmarks: Callable[[Case], Indices]) -> float:
+    """Mean error where the 25 others foretell the person: no map, but what their shapes know of unseen places [m].
+
+    All are laid on the template by their landmarks; attachments follow landmarks by ridge regression on the others.
+    """
+    errors = []
+    for number, case in enumerate(cases("mean")):
+        chosen, places = landmarks(case), attachments()[case.bone]
+        nodes = leg_shapes()[case.bone].nodes
+        others = np.delete(nodes, number % len(nodes), axis=0)
+        laid = [procrustes(one[chosen], case.template[chosen], True).apply(one) for one in others]
+        seen = np.array([one[chosen].ravel() for one in laid])
+        unseen = np.array([places.on(one).ravel() for one in laid])
+        to_template = procrustes(case.person[chosen], case.template[chosen], True)
+        told = to_template.apply(case.person[chosen]).ravel() - seen.mean(axis=0)
+        spread = seen - seen.mean(axis=0)
+        gram = spread @ spread.T
+        weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), spread @ told)
+        found = unseen.mean(axis=0) + weights @ (unseen - unseen.mean(axis=0))
+        back = to_template.inverse().apply(found.reshape(-1, 3))
+        errors.append(np.linalg.norm(back - places.on(case.person), axis=1))
+    return float(np.concatenate(errors).mean())
+
+
+def measure() -> Iterator[Row]:
+    """Mean error of carried attachments over all bones, by map and by number and place of landmarks."""
+    for template, words in (("mean", "mean of 25"), ("person", "another person")):
+        for name, make in every_map().items():
+            row: Row = {"template": words, "map": name}
+            for where, chosen in PLACES.items():
+                for count in COUNTS:
+                    row[f"{count} {where} [mm]"] = _mean(make, partial(chosen, count=count), template)
+            dense = name not in SCALED and (template == "mean" or name == "SSD")
+            row["dense [mm]"] = _mean(make, dense_landmarks, template) if dense else ""
+            yield row
+    row = {"template": "25 others", "map": "regression"}
+    for where, chosen in PLACES.items():
+        row |= {f"{count} {where} [mm]": 1e3 * foreseen(partial(chosen, count=count)) for count in COUNTS}
+    yield row | {"dense [mm]": ""}
+
+
+def measure_bones() -> Iterator[Row]:
+    """With 12 landmarks at attachments, bone by bone: SSD beside scaling."""
+    for bone in (*BONES, "all"):
+        some = tuple(case for case in cases("mean") if bone in (case.bone, "all"))
+        ours = carried(by_map(MapOptions()), _twelve, some)
+        scaled = carried(scaled_by_pairs, _twelve, some)
+        far = ours.apart > FAR
+        yield {
+            "bone": bone,
+            "points": len(ours.on) // len(leg_shapes()["femur"].nodes),
+            "scaling [mm]": _spread(scaled.on),
+            "SSD [mm]": _spread(ours.on),
+            "ratio": float(ours.on.mean() / scaled.on.mean()),
+            "median [mm]": 1e3 * float(np.median(ours.on)),
+            "95 % [mm]": 1e3 * float(np.percentile(ours.on, 95)),
+            "worst [mm]": 1e3 * float(ours.on.max()),
+            "20 mm from landmarks: scaling [mm]": _spread(scaled.on[far]),
+            "and SSD [mm]": _spread(ours.on[far]),
+        }
+
+
+def measure_beside() -> Iterator[Row]:
+    """Points 20 mm beside the bone, picking errors, folds: with 12 landmarks at attachments and dense."""
+    for name, make in (every_map() | SMOOTH).items():
+        exact, noisy = (carried(make, _twelve, cases("mean"), picking) for picking in (0.0, PICKING))
+        dense = None if name in SCALED | SMOOTH else carried(make, dense_landmarks, cases("mean"))
+        yield {
+            "map": name,
+            "12, on the bone [mm]": 1e3 * float(exact.on.mean()),
+            "12, beside [mm]": 1e3 * float(exact.beside.mean()),
+            "12, picked with errors [mm]": 1e3 * float(noisy.on.mean()),
+            "and beside [mm]": 1e3 * float(noisy.beside.mean()),
+            "dense, beside [mm]": "" if dense is None else 1e3 * float(dense.beside.mean()),
+            "folded, 12 [%]": 100 * exact.folded,
+            "folded, dense [%]": "" if dense is None else 100 * dense.folded,
+        }
+
+
+_twelve = partial(attached_landmarks, count=12)
+
+
+def _mean(make: Maker, landmarks: Callable[[Case], Indices], template: str) -> float:
+    return 1e3 * float(carried(make, landmarks, cases(template)).on.mean())
+
+
+def _spread(errors: Array) -> str:
+    return f"{1e3 * errors.mean():.2f} ± {1e3 * errors.std():.2f}" if len(errors) else ""
+
+
+def _scaled(axes: Array, factors: Array, given: Array, picked: Array) -> PointMap:
+    stretch = axes @ np.diag(factors) @ axes.T
+    placed = procrustes(given @ stretch.T, picked)
+    return AffineMap(placed.rotation @ stretch, placed.translation)
+
+
+def _farthest(points: Array, count: int) -> Indices:
+    """Indices of points, each the furthest from those before it; the first from the middle."""
+    found = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
+    away = np.linalg.norm(points - points[found[0]], axis=1)
+    while len(found) < min(count, len(points)):
+        found.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(points - points[found[-1]], axis=1))
+    return np.array(found)
+
+
+def _normals(nodes: Array, faces: Indices) -> Array:
+    """(n, 3) outward unit normals at nodes, triangles by their areas."""
+    corners, normals = nodes[faces], np.zeros_like(nodes)
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    for k in range(3):
+        np.add.at(normals, faces[:, k], crossed)
+    outward: Array = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return outward
+
+
+def _joined(parts: list[Surface]) -> Surface:
+    starts = np.cumsum([0, *(len(one.vertices) for one in parts)])
+    faces = [one.faces + start for one, start in zip(parts, starts, strict=False)]
+    return Surface(np.vstack([one.vertices for one in parts]), np.vstack(faces))

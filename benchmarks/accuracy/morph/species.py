@@ -1,0 +1,325 @@
+"""A man's leg muscles on a mouse's bones, against an anatomist's table of the mouse."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from benchmarks.mouse_hindlimb import mouse_hindlimb_model
+from benchmarks.species_cases import (
+    METHODS,
+    MOUSE_AXES,
+    SEGMENTS,
+    Alignment,
+    anatomist_on_skeleton,
+    from_man,
+    from_man_by_joints,
+    mouse,
+)
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.species.counterparts import MuscleHomology, Posed
+from myomorph.muscles.path import compile_paths, muscle_kinematics
+from myomorph.study.subject.species_table import read_species
+
+ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"
+BENT = 0.5 * np.pi
+STEPS = 9
+"""Values of a coordinate at which moment arms are taken."""
+COUNTS = 0.1
+"""A muscle counts about a coordinate where its moment arm is this share of the largest one."""
+POINTS = 30
+"""Of a path, evenly along it, that are held against the other path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Where two sets of muscles are compared.
+
+    Attributes
+    ----------
+    posture : of the skeleton both are on
+    coordinates : by word, the skeleton's
+    lengths : of bones by body [m]
+    """
+
+    posture: Mapping[str, float]
+    coordinates: Mapping[str, str]
+    lengths: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One muscle of both.
+
+    Attributes
+    ----------
+    origin, insertion, path : errors in shares of the bones' lengths
+    arms : by coordinate, (2, steps) moment arms of transfer and anatomist [m]
+    """
+
+    name: str
+    origin: float
+    insertion: float
+    path: float
+    arms: Mapping[str, np.ndarray]
+
+
+class Muscles:
+    """Ends, paths and moment arms of a model's muscles in one posture."""
+
+    def __init__(self, model: Model, ground: Ground):
+        self.model = model
+        names = tuple(ground.posture)
+        at = Motion(np.zeros(1), names, np.array([[ground.posture[one] for one in names]]))
+        paths = compile_paths(model)
+        nodes = paths.nodes(paths.tree.coordinates_of(at))[0, :, :, :3]
+        # Files begin a muscle at either end; here the one on the body nearer to the root comes first.
+        rank = {name: i for i, name in enumerate(model.body_names)}
+        self._bodies = [[one.path.points[i].body for i in (0, -1)] for one in model.muscles]
+        turned = [rank[last] < rank[first] for first, last in self._bodies]
+        self._bodies = [one[::-1] if back else one for one, back in zip(self._bodies, turned, strict=True)]
+        known = [one[np.isfinite(one[:, 0])] for one in nodes]
+        self._nodes = [one[::-1] if back else one for one, back in zip(known, turned, strict=True)]
+        self.arms: dict[str, np.ndarray] = {}
+        for word, name in ground.coordinates.items():
+            low, high = model.coordinate(name).range
+            values = np.tile([ground.posture.get(one, 0.0) for one in (*names, name)], (STEPS, 1))
+            values[:, -1] = np.linspace(low, high, STEPS)
+            kept = [i for i, one in enumerate((*names, name)) if i == len(names) or one != name]
+            motion = Motion(np.arange(STEPS, dtype=np.float64), tuple((*names, name)[i] for i in kept), values[:, kept])
+            found = muscle_kinematics(model, motion, velocities=False)
+            column = model.coordinate_names.index(name)
+            self.arms[word] = found.moment_arms[:, :, column]
+
+    def ends(self, names: tuple[str, ...], which: int) -> np.ndarray:
+        """(3,) in ground, of the middle of several parts [m]."""
+        return np.mean([self._nodes[self.model.muscle_names.index(one)][which] for one in names], axis=0)
+
+    def body(self, name: str, which: int) -> str:
+        """Body of an end."""
+        return self._bodies[self.model.muscle_names.index(name)][which]
+
+    def path(self, name: str) -> np.ndarray:
+        """(points, 3) in ground, through which a muscle runs [m]."""
+        return self._nodes[self.model.muscle_names.index(name)]
+
+    def arm(self, names: tuple[str, ...], word: str) -> np.ndarray:
+        """(steps,) moment arm, the mean of several parts [m]."""
+        columns = [self.model.muscle_names.index(one) for one in names]
+        mean: np.ndarray = self.arms[word][:, columns].mean(axis=1)
+        return mean
+
+
+def along(path: np.ndarray) -> np.ndarray:
+    """Points evenly along a path."""
+    reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    wanted = np.linspace(0.0, reached[-1], POINTS)
+    return np.column_stack([np.interp(wanted, reached, column) for column in path.T])
+
+
+def apart(points: np.ndarray, path: np.ndarray) -> float:
+    """Mean distance of points from a path [m]."""
+    start, step = path[:-1], np.diff(path, axis=0)
+    squared = np.maximum((step**2).sum(axis=1), 1e-20)
+    share = np.clip(((points[:, None] - start) * step).sum(axis=2) / squared, 0.0, 1.0)
+    nearest = start + share[:, :, None] * step
+    return float(np.linalg.norm(points[:, None] - nearest, axis=2).min(axis=1).mean())
+
+
+def compare(found: Muscles, truth: Muscles, pair: MuscleHomology, ground: Ground) -> Compared:
+    """One muscle of the transfer against the anatomist's."""
+    errors, lengths = [], []
+    for which in (0, -1):
+        lengths.append(ground.lengths[truth.body(pair.targets[0], which)])
+        away = found.ends(pair.sources, which) - truth.ends(pair.targets, which)
+        errors.append(float(np.linalg.norm(away)) / lengths[-1])
+    beside = [
+        min(apart(along(truth.path(theirs)), found.path(ours)) for ours in pair.sources) for theirs in pair.targets
+    ]
+    arms = {
+        word: np.stack([found.arm(pair.sources, word), truth.arm(pair.targets, word)]) for word in ground.coordinates
+    }
+    return Compared(", ".join(pair.targets), *errors, float(np.mean(beside)) / float(np.mean(lengths)), arms)
+
+
+def on_skeleton(data: Path) -> Ground:
+    """The skeleton of stac-mjx."""
+    bodies = mouse(data)
+    joints = Posed(bodies.model, {}).joints("mouse")
+    chain = [joints[SEGMENTS[one][0]] for one in ("Thigh_r", "Leg_r", "Foot_r", "Toes_r")]
+    thigh, shank, foot = (float(np.linalg.norm(b - a)) for a, b in pairwise(chain))
+    lengths = {
+        "mouse": float(np.ptp(bodies.surfaces["mouse"].vertices[:, 1])),
+        "mouse__RFemur": thigh,
+        "mouse__RTibia": shank,
+        "mouse__RTarsus": foot,
+        "mouse__RBPhalange3": foot,
+    }
+    coordinates = {
+        "hip flexion": "mouse__RHip_flexion",
+        "hip adduction": "mouse__RHip_adduction",
+        "hip rotation": "mouse__RHip_rotation",
+        "knee": "mouse__RKnee_flexion",
+        "ankle": "mouse__RAnkle_flexion",
+    }
+    return Ground({"mouse__RKnee_flexion": -BENT}, coordinates, lengths)
+
+
+def on_anatomist(data: Path) -> Ground:
+    """The anatomist's own model; its pelvis, of which no length is given, in proportion to the skeleton's."""
+    model, skeleton = mouse_hindlimb_model(data / ANATOMIST), mouse(data).model
+    laid, there = Alignment(model, skeleton), on_skeleton(data)
+    lengths = {body: there.lengths[target] / laid.similarity(body).scale for body, (target, _, _) in SEGMENTS.items()}
+    coordinates = {
+        "hip flexion": "Hip_flexion_r",
+        "hip adduction": "Hip_adduction_r",
+        "hip rotation": "Hip_rotation_r",
+        "knee": "Knee_extension_r",
+        "ankle": "Ankle_flexion_r",
+    }
+    return Ground({"Knee_extension_r": -BENT}, coordinates, lengths)
+
+
+@cache
+def compared(data: Path, method: str, rule: str = "joints") -> tuple[Compared, ...]:
+    """Every homologous muscle, by one method and one way to lay the anatomist's muscles on the bones."""
+    if method == "joints alone":
+        ground = on_anatomist(data)
+        found = Muscles(from_man_by_joints(data).model, ground)
+        truth = Muscles(mouse_hindlimb_model(data / ANATOMIST), ground)
+    else:
+        ground = on_skeleton(data)
+        found = Muscles(from_man(data, method).model, ground)
+        truth = Muscles(anatomist_on_skeleton(data, rule).model, ground)
+    pairs = read_species("human-mouse").muscles
+    return tuple(compare(found, truth, one, ground) for one in pairs)
+
+
+def percent(values: list[float]) -> str:
+    """Median and worst."""
+    return f"{100 * np.median(values):.0f} / {100 * max(values):.0f}"
+
+
+def measure(data: Path) -> Iterator[dict[str, object]]:
+    """A row a method: how far the muscles are from the anatomist's, median and worst, in percent of bone length."""
+    if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
+        return
+    for method in (*METHODS, "joints alone"):
+        rows = compared(data, method)
+        yield {
+            "map": method,
+            "on": "the anatomist's model" if method == "joints alone" else "the skeleton's bones",
+            "muscles": len(rows),
+            "origin [%]": percent([one.origin for one in rows]),
+            "insertion [%]": percent([one.insertion for one in rows]),
+            "both ends [%]": percent([end for one in rows for end in (one.origin, one.insertion)]),
+            "path [%]": percent([one.path for one in rows]),
+        }
+
+
+def measure_muscles(data: Path) -> Iterator[dict[str, object]]:
+    """A row a muscle: errors by three maps, and what the alignment leaves open."""
+    if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
+        return
+    by_method = {method: compared(data, method) for method in ("scaling", "SSD", "RBF", "joints alone")}
+    pairs = read_species("human-mouse").muscles
+    for i, pair in enumerate(pairs):
+        row: dict[str, object] = {"of man": ", ".join(pair.sources), "of the mouse": ", ".join(pair.targets)}
+        for method, found in by_method.items():
+            one = found[i]
+            row[f"{method}: origin, insertion, path [%]"] = (
+                f"{100 * one.origin:.0f}, {100 * one.insertion:.0f}, {100 * one.path:.0f}"
+            )
+        row["open in the alignment: origin, insertion [%]"] = _open(data, pair)
+        yield row
+
+
+RULES = ("joints", "frames", "pelvis by joints")
+
+
+def _open(data: Path, pair: MuscleHomology) -> str:
+    """How far the anatomist's ends move when the alignment is made in the other ways."""
+    ground = on_skeleton(data)
+    ways = [
+        Muscles(anatomist_on_skeleton(data, rule).model, ground) for rule in ("joints", "frames", "pelvis by joints")
+    ]
+    shown = []
+    for which in (0, -1):
+        ends = [one.ends(pair.targets, which) for one in ways]
+        most = max(float(np.linalg.norm(one - ends[0])) for one in ends[1:])
+        shown.append(f"{100 * most / ground.lengths[ways[0].body(pair.targets[0], which)]:.0f}")
+    return ", ".join(shown)
+
+
+def measure_arms(data: Path) -> Iterator[dict[str, object]]:
+    """A row a coordinate and method: do moment arms have the anatomist's sign and order."""
+    if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
+        return
+    for word in on_skeleton(data).coordinates:
+        for method in ("scaling", "SSD", "RBF", "joints alone"):
+            rows = compared(data, method)
+            arms = np.array([one.arms[word] for one in rows])
+            # A mean over the range tells the muscle's place among the others, whatever its sign does at the ends.
+            ours, theirs = arms[:, 0].mean(axis=1), arms[:, 1].mean(axis=1)
+            counts = np.abs(theirs) >= COUNTS * np.abs(theirs).max()
+            same = ours * theirs > 0
+            always = np.mean(arms[counts, 0] * arms[counts, 1] > 0)
+            wrong = [rows[i].name for i in np.flatnonzero(counts & ~same)]
+            spanning = np.abs(arms).max(axis=(1, 2)) > 0
+            yield {
+                "coordinate": word,
+                "map": method,
+                "muscles that count": int(counts.sum()),
+                "same sign": f"{int((counts & same).sum())} of {int(counts.sum())}",
+                "same sign over the range [%]": f"{100 * always:.0f}",
+                "rank correlation": float(spearmanr(ours[spanning], theirs[spanning]).statistic),
+                "slope (ours over theirs)": float(ours[counts] @ theirs[counts] / (theirs[counts] @ theirs[counts])),
+                "other sign": ", ".join(wrong) or "none",
+            }
+
+
+def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
+    """A row a segment: how the anatomist's frames were laid on the bones, and how far that can be trusted."""
+    if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
+        return
+    model, bodies, ground = mouse_hindlimb_model(data / ANATOMIST), mouse(data), on_skeleton(data)
+    laid = Alignment(model, bodies.model)
+    there = Posed(bodies.model, {})
+    feet = tuple(f"mouse__RMetatarsus{i}" for i in range(1, 6))
+    toes = tuple(f"mouse__RBPhalange{i}" for i in (1, 2, 4, 5))
+    whole = {"mouse__RTarsus": feet, "mouse__RBPhalange3": toes}
+    for body, (target, _, far) in SEGMENTS.items():
+        if body == "Torso":
+            continue
+        one = laid.similarity(body)
+        shape = Shape(there.surface((target, *whole.get(target, ())), bodies.surfaces))
+        points = [p.location for m in model.muscles for p in m.path.points if p.body == body]
+        depth = np.abs(shape.signed(one.apply(np.array(points)))) / ground.lengths[target]
+        turned = there.within(target, "mouse").rotation @ one.rotation @ MOUSE_AXES.T
+        angle = np.degrees(np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0)))
+        yield {
+            "segment": body,
+            "laid by": "two joints and the flexion axis" if far else "one joint, the frames and the leg's size",
+            "bone length [mm]": 1e3 * ground.lengths[target],
+            "times the anatomist's": one.scale,
+            "frames differ by [deg]": f"{angle:.1f}" if far else "taken as the same",
+            "muscle points": len(points),
+            "from the bone, median / worst [%]": percent(list(depth)),
+        }
+    yield {
+        "segment": "Pelvis, by both hips and the lumbosacral joint",
+        "laid by": "three joints",
+        "bone length [mm]": 1e3 * ground.lengths["mouse"],
+        "times the anatomist's": Alignment(model, bodies.model, "pelvis by joints").similarity("Pelvis").scale,
+        "frames differ by [deg]": "",
+        "muscle points": "",
+        "from the bone, median / worst [%]": f"joints stay {100 * laid.residual() / ground.lengths['mouse']:.0f} apart",
+    }

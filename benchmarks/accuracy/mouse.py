@@ -1,0 +1,225 @@
+"""Recordings of mice: marker residuals, strides, muscle lengths, plate and tensions; `validation` tabulates them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
+from benchmarks.mouse_motion import (
+    Mouse,
+    alone,
+    clip_fits,
+    held_out,
+    lengths_of,
+    motion_of,
+    mouse,
+    names,
+    part_masses,
+    rms,
+    strides_of,
+)
+from benchmarks.mouse_recordings import KEYPOINTS, LOOSE
+from myomorph.contact.plate_corners import first_corner
+from myomorph.contact.plates import episodes, loaded_samples
+from myomorph.model.series import Series
+from myomorph.morph.mirror.model import with_other_side
+from myomorph.tension.solve import Tension
+
+Row = dict[str, object]
+JOINTS = ("Hip_flexion", "Knee_extension", "Ankle_flexion")
+
+
+def recordings(folder: Path) -> tuple[str, ...]:
+    """Recordings of markers, where the model for them is there too."""
+    return names(folder) if (folder / FILE).is_file() else ()
+
+
+def measure_markers(folder: Path) -> Iterator[Row]:
+    """Marker residuals of every recording on the generic and on the animal's own model."""
+    for name in recordings(folder):
+        one = mouse(folder, name)
+        used = int(one.shown.sum())
+        seen = np.isfinite(one.fit.errors[one.shown]).mean()
+        knees = tuple(LOOSE)
+        yield {
+            "recording": name,
+            "frames": len(one.used),
+            "in crossings": used,
+            "crossings": len(one.spans),
+            "markers seen there [%]": 100.0 * float(seen),
+            "size": one.calibration.size,
+            "generic [mm]": 1e3 * rms(one.generic),
+            "own [mm]": 1e3 * rms(one.fit),
+            "without knees [mm]": 1e3 * rms(one.fit, knees),
+            "other half [mm]": 1e3 * held_out(folder, name),
+            "largest [mm]": 1e3 * float(np.nanmax(one.fit.largest)),
+            "not converged": int((~one.fit.converged & one.shown).sum()),
+            "frames/s": used / one.seconds,
+        }
+
+
+def measure_keypoints(folder: Path) -> Iterator[Row]:
+    """The whole skeleton on clips of keypoints."""
+    if not (folder / KEYPOINTS).is_file():
+        return
+    for k, one in enumerate(clip_fits(folder)):
+        yield {
+            "clip": k + 1,
+            "size": one.size,
+            "points at first places [mm]": 1e3 * one.first,
+            "placed [mm]": 1e3 * one.placed,
+            "another clip [mm]": 1e3 * one.other,
+            "frames/s": one.frames / one.seconds,
+        }
+
+
+def measure_strides(folder: Path) -> Iterator[Row]:
+    """Stride parameters of both hindlimbs, mean and standard deviation."""
+    for name in recordings(folder):
+        strides = strides_of(folder, name)
+        if strides is None or name == "treadmill":
+            continue
+        for limb in strides.strikes:
+            own = strides.of(limb)
+            if not own:
+                continue
+            other = next((values for key, values in strides.phases.items() if key != next(iter(strides.phases))), None)
+            yield {
+                "recording": name,
+                "limb": "right hind" if limb.endswith("_r") else "left hind",
+                "strides": len(own),
+                "duration [s]": _spread([one.duration for one in own]),
+                "length [mm]": _spread([1e3 * one.length for one in own]),
+                "speed [m/s]": _spread([one.speed for one in own]),
+                "duty factor": _spread([one.duty for one in own]),
+                "width [mm]": _spread([1e3 * one.width for one in own]),
+                "left after right": "" if other is None or limb.endswith("_r") else _spread(list(other)),
+            }
+
+
+def _spread(values: list[float]) -> str:
+    """Mean ± population standard deviation of what is known."""
+    known = np.array([one for one in values if np.isfinite(one)])
+    return f"{known.mean():.3g} ± {known.std():.2g}" if len(known) else ""
+
+
+MUSCLES = ("ILI", "RF", "VL", "BFP_cranial", "SM", "ST", "CF", "TA", "LG", "MG", "SOL")
+"""Shown one by one: flexors and extensors of hip, knee and ankle."""
+
+
+def measure_lengths(folder: Path) -> Iterator[Row]:
+    """What muscles do in a stride, right and left, over all mice on the plate."""
+    found = {name: lengths_of(folder, name) for name in recordings(folder) if name != "treadmill"}
+    for muscle in MUSCLES:
+        ranges = [one for each in found.values() for one in each.ranges if one.muscle.removesuffix("_l") == muscle]
+        if not ranges:
+            continue
+        strides = sum(one.strides for one in ranges)
+        scatter = [
+            float(np.nanmean(np.nanstd(each.curves(name), axis=0))) / each.fiber[each.muscles.index(name)]
+            for each in found.values()
+            for name in (muscle, f"{muscle}_l")
+            if len(each.curves(name)) > 1
+        ]
+        yield {
+            "muscle": muscle,
+            "strides": strides,
+            "shortest [% of standing]": _spread([100.0 * one.shortest / one.standing for one in ranges]),
+            "at [% of stride]": _spread([one.shortest_at for one in ranges]),
+            "longest [% of standing]": _spread([100.0 * one.longest / one.standing for one in ranges]),
+            "at [% of stride] ": _spread([one.longest_at for one in ranges]),
+            "excursion [fiber lengths]": _spread([one.excursion for one in ranges]),
+            "fastest shortening [fiber lengths/s]": _spread([one.shortening for one in ranges]),
+            "between strides [fiber lengths]": float(np.mean(scatter)) if scatter else float("nan"),
+        }
+
+
+def measure_plate(folder: Path) -> Iterator[Row]:
+    """Loadings of the plate, and what a paw that is alone on it asks of the muscles."""
+    for name in recordings(folder):
+        if name == "treadmill":
+            continue
+        one, found = mouse(folder, name), alone(folder, name)
+        plate = one.trial.plates[0]
+        pressing = plate.forces[:, 1]
+        spells = episodes(loaded_samples([plate], 1000.0)[0])
+        start, stop = max(spells, key=lambda span: float(pressing[span[0] : span[1]].max()))
+        row: Row = {
+            "recording": name,
+            "on the plate [s]": (stop - start) / 1000.0,
+            "mean force [N]": float(pressing[start:stop].mean()),
+            "largest force [N]": float(pressing[start:stop].max()),
+            **_beside_markers(one),
+        }
+        if found is not None:
+            side = found.side
+            knee = f"Knee_extension_{side}"
+            tension = found.active
+            worst, share = _reserves(found.torques, tension, side)
+            stretched = [one for one in found.passive.overstretched if one.endswith("_l") == (side == "l")]
+            strongest = int(np.argmax(tension.forces.max(axis=0)))
+            row |= {
+                "paw alone": "right" if side == "r" else "left",
+                "frames": len(found.frames),
+                "force then [N]": float(found.wrenches.forces[:, 0, 1].max()),
+                "center of pressure to toes [mm]": 1e3 * float(np.median(found.beside)),
+                **{
+                    f"{joint.split('_')[0].lower()} [N mm]": 1e3 * _largest(found.torques[f"{joint}_{side}"])
+                    for joint in JOINTS
+                },
+                "knee bent [degrees]": float(np.rad2deg(-np.median(motion_of(folder, name)[knee][found.frames]))),
+                "strongest muscle": f"{tension.muscles[strongest]}: {tension.forces[:, strongest].max():.2g} N",
+                "largest reserve [N mm]": worst,
+                "reserves [% of torque]": share,
+                "with passive forces [% of torque]": _reserves(found.torques, found.passive, side)[1],
+                "overstretched": ", ".join(stretched),
+                "optimal": f"{int(tension.optimal.sum())} of {len(tension.time)}",
+            }
+        yield row
+
+
+def _beside_markers(one: Mouse) -> Row:
+    """How far the center of pressure is from the markers' middle, as used and as the file counts the corners."""
+    plate, markers = one.trial.plates[0], one.trial.markers
+    assert markers is not None
+    told = first_corner(plate, one.trial.plate_time, markers)
+    assert told is not None
+    stored = one.trial.plate_recordings[0].corners
+    back = next(k for k in range(4) if np.allclose(np.roll(plate.corners, -k, axis=0), stored))
+    return {
+        "center of pressure to markers [mm]": 1e3 * told.distances[0],
+        "with the file's corners [mm]": 1e3 * told.distances[back],
+    }
+
+
+def measure_masses(folder: Path) -> Iterator[Row]:
+    """Shares of the skeleton's parts in its mass, from its file and from envelopes around its bones."""
+    if not (folder / KEYPOINTS).is_file():
+        return
+    made = part_masses(folder)
+    other = with_other_side(mouse_hindlimb_model(folder / FILE)) if (folder / FILE).is_file() else None
+    for part in next(iter(made.values())):
+        row: Row = {"part": part}
+        for how, masses in made.items():
+            row[f"{how} [%]"] = 100.0 * masses[part] / sum(masses.values())
+        legs = 0.0 if other is None else sum(one.mass for one in other.bodies if one.name[-2:] in ("_r", "_l"))
+        told = other is not None and part == "hindlimbs"
+        row["an anatomist's table [%]"] = 100.0 * legs / other.mass if told and other is not None else ""
+        yield row
+
+
+def _largest(values: np.ndarray) -> float:
+    """The value of the largest size, with its sign."""
+    return float(values[int(np.argmax(np.abs(values)))])
+
+
+def _reserves(torques: Series, tension: Tension, side: str) -> tuple[float, float]:
+    """Largest reserve of the leg's joints [N mm], and root mean square of reserves over that of torques [%]."""
+    joints = [f"{joint}_{side}" for joint in JOINTS]
+    given = np.stack([tension.reserves[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints])
+    asked = np.stack([torques[one] for one in joints])
+    share = float(np.sqrt(np.mean(given**2)) / np.sqrt(np.mean(asked**2)))
+    return 1e3 * float(np.abs(given).max()), 100.0 * share

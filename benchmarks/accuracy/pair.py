@@ -1,0 +1,299 @@
+"""Two simulated fighters whose forces are known: contact forces and tensions together, or one after the other."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from myomorph.contact.pair import action_reaction
+from myomorph.model.contacts import Site
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import inverse_kinematics
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.simulate.bout import FEET, GRIPS
+from myomorph.simulate.fighter import PARTS
+from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
+from myomorph.simulate.plan import Kind
+from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
+
+Row = dict[str, object]
+
+KINDS: tuple[Kind, ...] = ("pull", "sway", "step")
+BOUTS = tuple((kind, seed) for seed in (0, 1) for kind in KINDS)
+CUTOFF = 6.0
+"""Of the low-pass of kinematics, and of the true forces that estimates are compared with [Hz]."""
+WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What an estimate is told beside the motion and which foot stands.
+
+    Attributes
+    ----------
+    plates : fighters under whose feet everything is measured
+    directed : whether the grips are known to pull only, and about where to
+    emg : of "none", "16" channels a fighter, or "all" muscles
+    """
+
+    words: str
+    plates: tuple[str, ...] = ()
+    directed: bool = False
+    emg: str = "none"
+
+
+KNOWN = (
+    Knowledge("motion and which foot stands"),
+    Knowledge("and directions of the grips", directed=True),
+    Knowledge("and 16 EMG channels of each", emg="16"),
+    Knowledge("and directions and 16 channels", directed=True, emg="16"),
+    Knowledge("and directions and EMG of all muscles", directed=True, emg="all"),
+    Knowledge("plates under tori, directions, 16 channels", ("tori",), True, "16"),
+    Knowledge("plates under both, 16 channels", PARTS, False, "16"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Root mean squares over time: of feet that were not measured and of grips [N], activations [1], tensions [N]."""
+
+    feet: float
+    grips: float
+    activations: float
+    tensions: float
+
+
+def bout(options: PairOptions) -> VirtualPair:
+    """Simulate one bout (a name that other processes find)."""
+    return virtual_pair(options, CUTOFF)
+
+
+_MADE: dict[PairOptions, VirtualPair] = {}
+
+
+def simulated(*options: PairOptions) -> tuple[VirtualPair, ...]:
+    """Bouts, simulated on both cores, each once."""
+    missing = [one for one in options if one not in _MADE]
+    if missing:
+        with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+            _MADE.update(zip(missing, pool.imap(bout, missing), strict=True))
+    return tuple(_MADE[one] for one in options)
+
+
+def bouts() -> tuple[VirtualPair, ...]:
+    """All bouts of the main comparison."""
+    return simulated(*(PairOptions(kind, seed) for kind, seed in BOUTS))
+
+
+def recorded_motion(pair: VirtualPair) -> Motion:
+    """Coordinates as the markers tell them."""
+    return differentiate(inverse_kinematics(pair.model, pair.markers).motion, CUTOFF)
+
+
+def estimate(
+    pair: VirtualPair,
+    motion: Motion,
+    known: Knowledge,
+    formulation: str,
+    compliance: float = ContactOptions().compliance,
+) -> Tension:
+    """Contact forces and tensions from what is known."""
+    measured = [pair.plates[part] for part in known.plates]
+    torques = inverse_dynamics(pair.model, motion, _together(measured) if measured else None)
+    sites = open_sites(pair, known)
+    names = tuple(one.name for one in sites)
+    columns = [pair.touching.names.index(name) for name in names]
+    strengths = Series(motion.time, names, pair.touching.values[:, columns])
+    options = ContactOptions(formulation=formulation, compliance=compliance)  # type: ignore[arg-type]
+    task = ContactTask(sites, strengths, options=options)
+    return solve_tension(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
+
+
+def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
+    """The sites whose forces are to be found."""
+    measured = tuple(f"{part}_foot" for part in known.plates)
+    return tuple(one for one in pair_sites(pair.builds, known.directed) if not one.group.startswith(measured or "-"))
+
+
+def emg_target(pair: VirtualPair, channels: str) -> EmgTarget | None:
+    """Recorded envelopes as the estimate takes them."""
+    if channels == "none":
+        return None
+    stems = CHANNELS if channels == "16" else ("",)
+    muscles = [name for name in pair.emg.names if name.split("_", 1)[1].startswith(stems)]
+    return EmgTarget(tuple(muscles), np.array([pair.emg[name] for name in muscles]).T)
+
+
+def errors_of(pair: VirtualPair, found: Tension) -> Errors:
+    """How far an estimate is from the truth."""
+    assert found.contacts is not None
+    squares: dict[str, float] = {}
+    for group in dict.fromkeys(site.group for site in found.contacts.sites):
+        own = [k for k, site in enumerate(found.contacts.sites) if site.group == group]
+        miss = found.contacts.forces[:, own].sum(axis=1) - pair.truth.forces[group]
+        squares[group] = float(np.mean(np.sum(miss**2, axis=1)))
+    feet = [value for group, value in squares.items() if group in FEET]
+    grips = [value for group, value in squares.items() if group in GRIPS]
+    return Errors(
+        float(np.sqrt(np.mean(feet))) if feet else float("nan"),
+        float(np.sqrt(np.mean(grips))),
+        float(np.sqrt(np.mean((found.activations - pair.truth.activations.values) ** 2))),
+        float(np.sqrt(np.mean((found.forces - pair.truth.tensions.values) ** 2))),
+    )
+
+
+def errors_over(
+    pairs: Iterable[VirtualPair], wanted: Sequence[Knowledge], compliance: float = ContactOptions().compliance
+) -> dict[tuple[str, str], list[Errors]]:
+    """Errors of every knowledge and formulation over some bouts."""
+    found: dict[tuple[str, str], list[Errors]] = {}
+    for pair in pairs:
+        motion = recorded_motion(pair)
+        for known in wanted:
+            for formulation in ("sequential", "simultaneous"):
+                errors = errors_of(pair, estimate(pair, motion, known, formulation, compliance))
+                found.setdefault((known.words, formulation), []).append(errors)
+    return found
+
+
+def measure() -> Iterable[Row]:
+    """One row for each knowledge: both formulations, and how much nearer the simultaneous one comes."""
+    errors = errors_over(bouts(), KNOWN)
+    for known in KNOWN:
+        first, both = (errors[known.words, one] for one in ("sequential", "simultaneous"))
+        row: Row = {"known": known.words}
+        for what in ("feet", "grips"):
+            before, after = (np.array([getattr(one, what) for one in some]) for some in (first, both))
+            row[f"{what} [N], contacts first"] = _spread(before)
+            row[f"{what} [N], together"] = _spread(after)
+            row[f"{what} nearer"] = _gain(before, after)
+        for what, words in (("activations", "activations"), ("tensions", "tensions [N]")):
+            means = [np.mean([getattr(one, what) for one in some]) for some in (first, both)]
+            row[f"{words}, first / together"] = " / ".join(f"{one:.3g}" for one in means)
+        yield row
+
+
+TRUTHS: dict[str, dict[str, Any]] = {
+    "as above": {},
+    "half the pull": {"vigor": 0.5},
+    "no tone, all muscles weighted alike": {"tone": (0.0, 0.0), "weight_spread": 0.0},
+    "strengths and EMG known exactly": {"strength_error": 0.0, "emg_gain": 0.0, "emg_noise": 0.0},
+}
+TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
+
+
+def measure_truths() -> Iterable[Row]:
+    """One row for each other truth or better measurement: whether the comparison comes out alike."""
+    for words, changes in TRUTHS.items():
+        pairs = _three(**changes)
+        effort = np.mean([one.truth.activations.values.mean() for one in pairs])
+        yield {
+            "truth": words,
+            "mean activation": round(float(effort), 3),
+            **_beside(errors_over(pairs, [*TOLD.values()])),
+        }
+
+
+def measure_compliance() -> Iterable[Row]:
+    """One row for each cost of contact forces against muscles, at both strengths of pull."""
+    for words in ("as above", "half the pull"):
+        for compliance in (0.1, 1.0, 10.0):
+            errors = errors_over(_three(**TRUTHS[words]), [*TOLD.values()], compliance)
+            yield {"truth": words, "compliance": compliance, **_beside(errors)}
+
+
+def _three(**changes: Any) -> tuple[VirtualPair, ...]:
+    """One bout of each kind."""
+    return simulated(*(PairOptions(kind, 0, **changes) for kind in KINDS))
+
+
+def _beside(errors: dict[tuple[str, str], list[Errors]]) -> Row:
+    """Means of both formulations, and how much nearer the simultaneous one comes."""
+    row: Row = {}
+    for words, known in TOLD.items():
+        first, both = (errors[known.words, one] for one in ("sequential", "simultaneous"))
+        for what in ("feet", "grips"):
+            before, after = (np.array([getattr(one, what) for one in some]) for some in (first, both))
+            row[f"{words}: {what} [N], first / together"] = f"{before.mean():.0f} / {after.mean():.0f}"
+            row[f"{words}: {what} nearer"] = _gain(before, after)
+    return row
+
+
+def measure_bouts() -> Iterable[Row]:
+    """One row for each bout: what truly happened, and that its forces balance."""
+    for pair, (kind, seed) in zip(bouts(), BOUTS, strict=True):
+        motion = recorded_motion(pair)
+        truth = pair.truth
+        effort = truth.activations.values
+        size = np.linalg.norm(truth.forces.values, axis=2)
+        both = action_reaction(pair.model, motion, PARTS, _together([pair.plates[part] for part in PARTS]))
+        passed = 0.5 * (both.passed[:, 0, 3:] - both.passed[:, 1, 3:])
+        total = sum(truth.forces[name] for name in GRIPS)
+        yield {
+            "bout": f"{kind} {seed}",
+            "seconds": round(float(motion.time[-1]), 2),
+            "fighters [kg]": " and ".join(f"{model.mass:.0f}" for model in pair.models.values()),
+            "lapel, mean and most [N]": f"{size[:, 4].mean():.0f}, {size[:, 4].max():.0f}",
+            "sleeve [N]": f"{size[:, 5].mean():.0f}, {size[:, 5].max():.0f}",
+            "a foot, least and most [N]": f"{size[:, :4].min():.0f}, {size[:, :4].max():.0f}",
+            "activations, mean and most": f"{effort.mean():.3f}, {effort.max():.2f}",
+            "action less reaction, plates under both [N]": round(both.force_error, 2),
+            "sum of both grips from the plates, RMS error [N]": round(_rms(passed - total), 2),
+        }
+
+
+def measure_open() -> Iterable[Row]:
+    """With plates under all feet: errors along the one direction that is open, and in what is not."""
+    for formulation in ("sequential", "simultaneous"):
+        true, found, rest = [], [], []
+        for pair in bouts():
+            motion = recorded_motion(pair)
+            contacts = estimate(pair, motion, KNOWN[-1], formulation).contacts
+            assert contacts is not None
+            forces = np.stack([contacts.of(name) for name in GRIPS], axis=1)
+            truth = np.stack([pair.truth.forces[name] for name in GRIPS], axis=1)
+            hands = pair.truth.wrenches.points[:, len(FEET) : len(FEET) + 2]
+            along = hands[:, 0] - hands[:, 1]
+            along = along / np.linalg.norm(along, axis=1, keepdims=True)
+            inner, known = (0.5 * np.sum((one[:, 0] - one[:, 1]) * along, axis=1) for one in (forces, truth))
+            miss = forces - truth - (inner - known)[:, None, None] * np.stack([along, -along], axis=1)
+            true.append(known.mean())
+            found.append(inner.mean())
+            rest.append(np.sqrt(np.mean(np.sum(miss**2, axis=2))))
+        yield {
+            "problem": {"sequential": "contacts first", "simultaneous": "together"}[formulation],
+            "between the hands, truth [N]": _spread(np.array(true)),
+            "between the hands, found [N]": _spread(np.array(found)),
+            "error of the rest of a grip [N]": _spread(np.array(rest)),
+        }
+
+
+def _together(measured: list[Wrenches]) -> Wrenches:
+    """Wrenches whose bodies have the joined model's names already."""
+    force, point, torque = (
+        np.concatenate([getattr(one, what) for one in measured], axis=1) for what in ("forces", "points", "torques")
+    )
+    names, bodies = (tuple(name for one in measured for name in getattr(one, what)) for what in ("names", "bodies"))
+    return Wrenches(measured[0].time, names, bodies, force, point, torque)
+
+
+def _gain(before: np.ndarray, after: np.ndarray) -> str:
+    gain = 1.0 - after.mean() / before.mean()
+    return "" if np.isnan(gain) else f"{100.0 * gain:+.0f} % ({int((after < before).sum())} of {len(before)})"
+
+
+def _spread(values: np.ndarray) -> str:
+    if np.isnan(values).any():
+        return ""
+    return f"{values.mean():.0f} ({values.min():.0f} to {values.max():.0f})"
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=-1))))

@@ -1,0 +1,177 @@
+"""What identified joint and muscle viscosity change in muscle tensions: the shoulder of the data collection.
+
+The values are the means of [S] tables I and II. They belong to limbs of cadavers that swung; here they are put into
+the model of a living subject who lifts an arm, so what is shown is how much they matter, not that they are right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.coordinate_dampers import coordinate_damping
+from myomorph.io.formats import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.model import Model
+from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
+from myomorph.model.series import Motion
+from myomorph.motion.filters import differentiate
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.dynamics import inverse_dynamics, rates_of
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
+from myomorph.viscosity.cohort import MEAN
+from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
+from myomorph.viscosity.specimen.muscles import fig1_muscles
+
+FOLDER = "shoulder-thoracoscapular"
+TRIALS = (("ABD01", "no"), ("ABD21", "2kg"), ("FLX01", "no"), ("FLX21", "2kg"))
+CUTOFF = 3.0
+"""Low-pass filter of the coordinates [Hz]: the recordings end, filtered so, without steps of acceleration."""
+
+TRUNK = 100.0
+"""Optimal force of what holds the trunk [N m], which no muscle of the model does."""
+
+JOINT = ("scapula", "humerus")
+
+
+@dataclass(frozen=True, eq=False)
+class Lift:
+    """A trial: the model that fits it, its motion on the loop and the torques."""
+
+    name: str
+    model: Model
+    motion: Motion
+
+
+def open_lift(folder: Path, trial: str, weight: str) -> Lift:
+    """Read a trial of the shoulder."""
+    model = read_model(folder / FOLDER / f"model_cmc/TSM_subject_CMC_{weight}Weight.osim")
+    recorded = motion_from_table(read_sto(folder / FOLDER / f"ik/{trial}.mot"), model)
+    motion, _ = closed_motion(model, differentiate(recorded, CUTOFF))
+    return Lift(trial, model, motion)
+
+
+def tension_of(lift: Lift, model: Model) -> Tension:
+    """Muscle tensions with the defaults, but a strong hold of the trunk."""
+    torques = inverse_dynamics(model, lift.motion)
+    reserves = [
+        one if "ground" not in one.name else type(one)(one.name, "coordinate", TRUNK, coordinate=one.coordinate)
+        for one in default_reserves(model, 1.0, 10.0)
+    ]
+    return solve_tension(model, lift.motion, torques, actuators=reserves)
+
+
+def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> float:
+    """The d_M with which the muscles' dampers take, over this motion, what d_{M+J} - d_J takes in [S] [N s/m]."""
+    tree = compile_tree(lift.model)
+    coordinates, rates = rates_of(tree, lift.motion)
+    E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
+    omega = np.einsum("fak,fk->fa", E, rates[:, moving])
+    shares = strand_viscosity(dict.fromkeys(strands, 1.0), strands)
+    lengthening = muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities
+    assert lengthening is not None
+    each = np.array([shares.get(name, 0.0) for name in lift.model.muscle_names])
+    whole = (MEAN.total_viscosity - MEAN.joint_viscosity) * float((omega**2).sum())
+    return whole / float((each * lengthening**2).sum())
+
+
+def variants(lift: Lift) -> Iterator[tuple[str, Model]]:
+    """The model with the joint's damping alone, and with muscles of the printed and of the matching d_M."""
+    strands = fig1_muscles(lift.model)
+    bushing = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushing
+    yield f"d_J {MEAN.joint_viscosity:g}", with_passive_dynamics(lift.model, bushings=(bushing,))
+    for value in (matching_viscosity(lift, strands), MEAN.muscle_viscosity):
+        shared = strand_viscosity(dict.fromkeys(strands, value), strands)
+        made = with_passive_dynamics(lift.model, viscosity=shared, bushings=(bushing,))
+        yield f"d_J {MEAN.joint_viscosity:g}, d_M {value:.3g}", made
+
+
+@lru_cache(maxsize=len(TRIALS))
+def solved(folder: Path, trial: str, weight: str) -> tuple[Tension, tuple[tuple[str, Tension], ...]]:
+    """Tensions of a trial without passive dynamics, and with each variant of them."""
+    lift = open_lift(folder, trial, weight)
+    return tension_of(lift, lift.model), tuple((name, tension_of(lift, model)) for name, model in variants(lift))
+
+
+def measure(folder: Path) -> Iterator[dict[str, object]]:
+    """A row for every trial and variant: how tensions differ from those without passive dynamics."""
+    if not (folder / FOLDER).exists():
+        return
+    for trial, weight in TRIALS:
+        plain, thick = solved(folder, trial, weight)
+        for name, tension in thick:
+            yield {"trial": trial, "put in": name, **_difference(plain, tension)}
+
+
+def measure_muscles(folder: Path) -> Iterator[dict[str, object]]:
+    """Change of tension of the muscles that change most, over all trials together."""
+    if not (folder / FOLDER).exists():
+        return
+    plain: list[np.ndarray] = []
+    changes: dict[str, list[np.ndarray]] = {}
+    names: tuple[str, ...] = ()
+    for trial, weight in TRIALS:
+        before, thick = solved(folder, trial, weight)
+        names = before.muscles
+        plain.append(before.forces)
+        kinds = ("d_J", "d_J and fitting d_M", "d_J and printed d_M")
+        for kind, (_, tension) in zip(kinds, thick, strict=True):
+            changes.setdefault(kind, []).append(np.abs(tension.forces - before.forces))
+    pooled = {kind: np.vstack(parts) for kind, parts in changes.items()}
+    forces = np.vstack(plain)
+    order = np.argsort(pooled["d_J and printed d_M"].mean(axis=0))[::-1][:12]
+    for i in order:
+        row: dict[str, object] = {"muscle": names[i], "mean tension [N]": float(forces[:, i].mean())}
+        for kind, change in pooled.items():
+            row[f"{kind}: mean, greatest change [N]"] = f"{change[:, i].mean():.2g}, {change[:, i].max():.2g}"
+        yield row
+
+
+def _difference(plain: Tension, thick: Tension) -> dict[str, object]:
+    change = np.abs(thick.forces - plain.forces)
+    frame, muscle = np.unravel_index(int(np.argmax(change)), change.shape)
+    by_muscle = change.mean(axis=0)
+    most = np.argsort(by_muscle)[::-1][:3]
+    pushing = (thick.forces < 0.0).any(axis=1)
+    return {
+        "mean tension [N]": float(plain.forces.mean()),
+        "mean change [N]": float(change.mean()),
+        "greatest change [N]": f"{change[frame, muscle]:.3g} ({plain.muscles[muscle]}, {plain.time[frame]:.2f} s)",
+        "greatest mean change [N]": ", ".join(f"{plain.muscles[i]} {by_muscle[i]:.3g}" for i in most),
+        "change of effort [%]": 100.0 * float((thick.activations**2).sum() / (plain.activations**2).sum() - 1.0),
+        "frames in which a muscle pushes [%]": 100.0 * float(pushing.mean()),
+        "not optimal": int((~thick.optimal).sum() + (~plain.optimal).sum()),
+    }
+
+
+def measure_forms(folder: Path) -> Iterator[dict[str, object]]:
+    """How much of a ball joint's damping OpenSim's forms express: dampers of coordinates, and one bushing."""
+    if not (folder / FOLDER).exists():
+        return
+    for trial, weight in (*TRIALS, ("SHRUG01", "no")):
+        lift = open_lift(folder, trial, weight)
+        dampers = coordinate_damping(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion)
+        bushing = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion)
+        values = ", ".join(f"{name} {value:.4f}" for name, value in dampers.values.items())
+        yield {
+            "trial": trial,
+            "dampers of coordinates [N m s/rad]": values,
+            "torque they lose [%]": 100.0 * dampers.residual,
+            "torque a bushing loses [%]": 100.0 * bushing.residual,
+            "its greatest middle angle [deg]": float(np.degrees(bushing.middle)),
+        }
+
+
+def run() -> list[dict[str, object]]:
+    """Rows of this comparison alone."""
+    from benchmarks.cases import data_folder
+
+    folder = data_folder()
+    return [*measure(folder), *measure_muscles(folder), *measure_forms(folder)]

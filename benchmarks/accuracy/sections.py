@@ -1,0 +1,389 @@
+"""What is measured for the pages of docs/validation, by page and section."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+from benchmarks import fuzz
+from benchmarks.accuracy import (
+    analyses,
+    calibration,
+    certificates,
+    conditions,
+    emg,
+    groups,
+    hands,
+    hidden_plates,
+    identification,
+    interrupted,
+    kernels,
+    kinematics,
+    live,
+    loop_forces,
+    loops,
+    masspoints,
+    models,
+    mouse,
+    muscles,
+    pair,
+    passive,
+    reaction,
+    regressor,
+    scale,
+    setups,
+    shape,
+    simulated,
+    sound,
+    stairs,
+    strides,
+    tension,
+    transfer,
+)
+from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
+from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
+from benchmarks.cases import FORCE_CASES, MARKER_CASES
+
+Row = dict[str, object]
+Sections: TypeAlias = dict[str, Callable[[], Iterable[Row]]]
+
+
+@dataclass(frozen=True)
+class Page:
+    """One page of docs/validation.
+
+    Attributes
+    ----------
+    name : of its file
+    title, lead : its heading, and one sentence below it
+    sections : what measures each section, by the name of its text
+    """
+
+    name: str
+    title: str
+    lead: str
+    sections: Sections
+
+
+def pages(folder: Path) -> tuple[Page, ...]:
+    """All pages in their order; `folder` holds the recordings."""
+    return (
+        _models(folder),
+        _kinematics_and_dynamics(folder),
+        _opensim_setups(folder),
+        _tensions(folder),
+        _emg_and_sound(folder),
+        _hands(folder),
+        _ground_forces(folder),
+        _two_bodies(folder),
+        _calibration(folder),
+        _identification(folder),
+        _instruments(folder),
+        _viscosity(folder),
+        _bone_maps(folder),
+        _real_bones(folder),
+        _species(folder),
+        _animals(folder),
+        _studies(folder),
+    )
+
+
+def _models(folder: Path) -> Page:
+    return Page(
+        "models",
+        "Models, kernels and muscle paths",
+        "Files that open, kernels against Pinocchio, MuJoCo and OpenSim, lengths and moment arms.",
+        {
+            "models": lambda: models.measure(folder),
+            "kernels": kernels.measure,
+            "curved_knees": lambda: kernels.measure_curved_knee(folder),
+            "muscles": lambda: muscles.measure(folder),
+            "tendons": kernels.measure_tendons,
+            "loops": lambda: loops.measure_constraints(folder),
+            "loops_trees": loops.measure_trees,
+            "loop_arms": lambda: loop_forces.measure_arms(folder),
+        },
+    )
+
+
+def _kinematics_and_dynamics(folder: Path) -> Page:
+    return Page(
+        "kinematics-and-dynamics",
+        "Inverse kinematics and inverse dynamics",
+        "Against OpenSim's tools, and frame by frame against whole recordings.",
+        {
+            "inverse_kinematics": lambda: (
+                kinematics.measure_inverse_kinematics(folder, case) for case in MARKER_CASES
+            ),
+            "loops_inverse_kinematics": lambda: loops.measure_inverse_kinematics(folder),
+            "inverse_dynamics": lambda: (kinematics.measure_inverse_dynamics(folder, case) for case in FORCE_CASES),
+            "loop_torques": lambda: loop_forces.measure_torques(folder),
+            "live": lambda: live.measure(folder),
+            "live_markers": lambda: live.measure_losses(folder),
+        },
+    )
+
+
+def _opensim_setups(folder: Path) -> Page:
+    return Page(
+        "opensim-setups",
+        "Setup files of OpenSim's tools",
+        "Every setup of the collection, run by `myomorph run-tool` and by OpenSim 4.6.",
+        {
+            "scale": lambda: scale.measure(folder),
+            "tools": lambda: scale.measure_tools(folder),
+            "setups": lambda: setups.measure_setups(folder),
+            "analyses": lambda: analyses.measure(folder),
+        },
+    )
+
+
+def _tensions(folder: Path) -> Page:
+    return Page(
+        "tensions",
+        "Muscle tensions and joint reactions",
+        "Against OpenSim's static optimization and joint reactions, and beside published studies.",
+        {
+            "tension": lambda: tension.measure(folder),
+            "loop_static": lambda: loop_forces.measure_static(folder),
+            "reaction": lambda: reaction.measure_same(folder),
+            "reaction_tensions": lambda: reaction.measure_tensions(folder),
+            "reaction_loads": lambda: reaction.measure_loads(folder),
+            "passive": lambda: passive.measure(folder),
+            "passive_muscles": lambda: passive.measure_muscles(folder),
+            "passive_forms": lambda: passive.measure_forms(folder),
+        },
+    )
+
+
+def _emg_and_sound(folder: Path) -> Page:
+    return Page(
+        "emg-and-sound",
+        "EMG and sound",
+        "Channels that are left out and predicted; impacts that are heard.",
+        {
+            "emg_held_out": lambda: emg.measure_held_out(folder),
+            "emg_channels": lambda: emg.measure_channels(folder),
+            "emg_calibration": lambda: emg.measure_calibration(folder),
+            "emg_study": lambda: emg.measure_study(folder),
+            "emg_envelopes": lambda: emg.measure_envelopes(folder),
+            "sound": sound.measure,
+            "sound_motion": sound.measure_motion,
+        },
+    )
+
+
+def _hands(folder: Path) -> Page:
+    return Page(
+        "hands",
+        "Forces of hands, chairs and wheels",
+        "Forces at hands and seat that were measured, hidden and estimated.",
+        {
+            "hands_lift": lambda: hands.measure_lift(folder),
+            "hands_lift_open": lambda: hands.measure_lift_open(folder),
+            "hands_spine": lambda: hands.measure_spine(folder),
+            "hands_spine_point": lambda: hands.measure_spine_point(folder),
+            "hands_rim": lambda: hands.measure_rim(folder),
+            "hands_rim_directions": lambda: hands.measure_rim_directions(folder),
+            "hands_seat": lambda: hands.measure_seat(folder),
+            "hands_seat_open": lambda: hands.measure_seat_open(folder),
+            "hands_seat_times": lambda: hands.measure_seat_times(folder),
+        },
+    )
+
+
+def _ground_forces(folder: Path) -> Page:
+    return Page(
+        "ground-forces",
+        "Ground forces without plates",
+        "Plates that were hidden and estimated, and the intervals that physics leaves.",
+        {
+            "hidden_plates": lambda: hidden_plates.measure(folder),
+            "hidden_plates_parts": lambda: hidden_plates.measure_parts(folder),
+            "hidden_plates_partial": lambda: hidden_plates.measure_partial(folder),
+            "certificates_truth": certificates.measure_truth,
+            "certificates": lambda: certificates.measure(folder),
+            "certificates_programs": lambda: certificates.measure_programs(folder),
+            "certificates_faults": lambda: certificates.measure_faults(folder),
+        },
+    )
+
+
+def _two_bodies(folder: Path) -> Page:
+    return Page(
+        "two-bodies",
+        "Two bodies that pull on each other",
+        "Simulated fighters: every force is known.",
+        {
+            "pair_bouts": pair.measure_bouts,
+            "pair": pair.measure,
+            "pair_open": pair.measure_open,
+            "pair_truths": pair.measure_truths,
+            "pair_compliance": pair.measure_compliance,
+        },
+    )
+
+
+def _calibration(folder: Path) -> Page:
+    return Page(
+        "calibration",
+        "Lengths, markers and body shape",
+        "Calibrated models on motions that calibration did not see, simulated subjects, body shape.",
+        {
+            "calibration": lambda: calibration.measure(folder),
+            "calibration_lengths": lambda: calibration.measure_lengths(folder),
+            "transfer": lambda: transfer.measure(folder),
+            "shape_people": shape.measure_people,
+            "shape_segments": shape.measure_segments,
+            "shape_poses": lambda: shape.measure_poses(folder),
+            "simulated": lambda: simulated.measure(folder),
+        },
+    )
+
+
+def _identification(folder: Path) -> Page:
+    return Page(
+        "identification",
+        "Masses and inertias",
+        "Base parameters, mass points, and identified masses on motion that identification did not see.",
+        {
+            "regressor": lambda: regressor.measure_regressor(folder),
+            "base_parameters": lambda: regressor.measure_base_parameters(folder),
+            "figaroh": regressor.measure_figaroh,
+            "sequential": lambda: regressor.measure_sequential(folder),
+            "deviations": lambda: regressor.measure_deviations(folder),
+            "masspoints": masspoints.measure_solvers,
+            "masspoints_grid": masspoints.measure_grid,
+            "weight_maps": lambda: masspoints.measure_maps(folder),
+            "identification": lambda: identification.measure(folder),
+            "identification_prototype": lambda: identification.measure_prototype(folder),
+            "identification_segments": lambda: identification.measure_segments(folder),
+        },
+    )
+
+
+def _instruments(folder: Path) -> Page:
+    return Page(
+        "instruments",
+        "Plates, clocks, scans and handles",
+        "Where instruments are, and how far their clocks are apart.",
+        {
+            "plates": calibrations.measure_plates,
+            "plates_standing": lambda: calibrations.measure_standing(folder),
+            "clocks": calibrations.measure_clocks,
+            "scans": lambda: calibrations.measure_scans(folder),
+            "scans_persons": lambda: calibrations.measure_persons(folder),
+            "handle": lambda: calibrations.measure_handle(folder),
+        },
+    )
+
+
+def _viscosity(folder: Path) -> Page:
+    return Page(
+        "viscosity",
+        "Viscosity of a joint and of its muscles",
+        "Virtual joints and specimens, a real pendulum, and the tables of [S].",
+        {
+            "tracking_noise": tracking.measure_noise,
+            "tracking_faults": tracking.measure_faults,
+            "viscosity_methods": steps.measure,
+            "passive_laws": trust.measure_laws,
+            "trust_specimens": trust.measure_specimens,
+            "trust_attachments": trust.measure_attachments,
+            "pendulum_inertias": lambda: pendulum.measure_inertias(folder / "pendulum-swing-inertia"),
+            "pendulum_damping": lambda: pendulum.measure_decay(folder / "pendulum-swing-inertia"),
+            "pendulum_period": lambda: pendulum.measure_periods(folder / "pendulum-swing-inertia"),
+            "cohort": cohort.measure,
+            "virtual_joints": virtual.measure_joints,
+            "virtual_cohort": virtual.measure_cohort,
+            "virtual_muscles": virtual.measure_muscles,
+        },
+    )
+
+
+def _bone_maps(folder: Path) -> Page:
+    return Page(
+        "bone-maps",
+        "Maps between bones",
+        "Round surfaces, landmarks, and muscles transferred to bones whose deformation is known.",
+        {
+            "articular_made": articular.measure_made,
+            "articular_centers": lambda: articular.measure_centers(folder),
+            "articular_persons": articular.measure_persons,
+            "landmarks_found": articular.measure_landmarks,
+            "morph_laws": lambda: laws.measure(folder),
+            "morph_shapes": shapes.measure,
+            "morph_shapes_bones": shapes.measure_bones,
+            "morph_shapes_beside": shapes.measure_beside,
+            "morph_demo": demo.measure,
+            "morph_demo_joints": demo.measure_joints,
+        },
+    )
+
+
+def _real_bones(folder: Path) -> Page:
+    return Page(
+        "real-bones",
+        "Real bones",
+        "Muscles in the bones of living persons, and the other side of a model.",
+        {
+            "real_bones": lambda: real_bones.measure(folder),
+            "real_bones_arms": lambda: real_bones.measure_arms(folder),
+            "real_bones_depths": lambda: real_bones.measure_depths(folder),
+            "real_bones_pairs": lambda: real_bones.measure_pairs(folder),
+            "morph_masses": lambda: masses.measure(folder),
+            "mirror": lambda: mirror.measure(folder),
+        },
+    )
+
+
+def _species(folder: Path) -> Page:
+    return Page(
+        "species",
+        "Another species",
+        "A man's muscles on a mouse's bones, beside an anatomist's.",
+        {
+            "species": lambda: species.measure(folder),
+            "species_muscles": lambda: species.measure_muscles(folder),
+            "species_arms": lambda: species.measure_arms(folder),
+            "species_alignment": lambda: species.measure_alignment(folder),
+            "species_arm": lambda: species_arm.measure(folder),
+        },
+    )
+
+
+def _animals(folder: Path) -> Page:
+    return Page(
+        "animals",
+        "Strides and mice",
+        "Foot strikes without plates, mice through every step, stairs that measure force.",
+        {
+            "strides": lambda: strides.measure(folder),
+            "strides_mouse": lambda: strides.measure_mouse(folder),
+            "mouse_markers": lambda: mouse.measure_markers(folder),
+            "mouse_keypoints": lambda: mouse.measure_keypoints(folder),
+            "mouse_strides": lambda: mouse.measure_strides(folder),
+            "mouse_lengths": lambda: mouse.measure_lengths(folder),
+            "mouse_plate": lambda: mouse.measure_plate(folder),
+            "mouse_masses": lambda: mouse.measure_masses(folder),
+            "stairs": lambda: stairs.measure(folder),
+        },
+    )
+
+
+def _studies(folder: Path) -> Page:
+    return Page(
+        "studies",
+        "Groups, outliers and whole studies",
+        "How often differences are found that are none; interrupted studies; wrong files.",
+        {
+            "groups_false": groups.measure_false,
+            "groups_power": groups.measure_power,
+            "conditions_within": conditions.measure_within,
+            "outliers": conditions.measure_outliers,
+            "interrupted": interrupted.measure,
+            "wrong_files": fuzz.run,
+        },
+    )

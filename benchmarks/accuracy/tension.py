@@ -1,0 +1,274 @@
+"""Muscle tensions without passive force against OpenSim's static optimization, on the same frames.
+
+OpenSim gets every coordinate in its file: where one is missing, AnalyzeTool 4.6 takes accelerations
+from the wrong columns (residual forces of hundreds of newtons in a walk that needs ten).
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.opensim_static import StaticResult, static_optimization, write_actuators
+from myomorph.io.formats import read_model
+from myomorph.io.loads import read_external_loads
+from myomorph.io.osim.actuators import read_actuators
+from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
+
+
+@dataclass(frozen=True)
+class TensionCase:
+    """A model, a motion and loads, every `interval`-th frame of [start, end] seconds.
+
+    Attributes
+    ----------
+    loads : an external loads file, or a table of forces with `feet`
+    feet : (body, force, point, torque) name beginnings of each force in the table
+    actuators : an actuator file; "" for default reserves, "none" for nothing
+    kind : class that all muscles are turned into, "" for their own
+    """
+
+    name: str
+    model: str
+    motion: str
+    loads: str = ""
+    feet: tuple[tuple[str, str, str, str], ...] = ()
+    start: float = 0.0
+    end: float = 1.0
+    interval: int = 1
+    cutoff: float | None = None
+    actuators: str = ""
+    kind: str = ""
+
+
+FEET = (
+    ("calcn_r", "ground_force_v", "ground_force_p", "ground_torque_"),
+    ("calcn_l", "1_ground_force_v", "1_ground_force_p", "1_ground_torque_"),
+)
+LEFT_FIRST = (
+    ("calcn_l", "l_ground_force_v", "l_ground_force_p", "l_ground_torque_"),
+    ("calcn_r", "ground_force_v", "ground_force_p", "ground_torque_"),
+)
+ARM = "opensim-reference-small/arm26"
+GAIT10 = "opensim-gait-subject01/ref_so_10dof18musc/"
+
+CASES = (
+    *(
+        TensionCase(
+            f"arm26, 6 {kind}",
+            f"{ARM}_bounds.osim",
+            f"{ARM}_InverseKinematics.mot",
+            interval=4,
+            cutoff=6.0,
+            actuators="none",
+            kind=kind,
+        )
+        for kind in (
+            "Thelen2003Muscle",
+            "Thelen2003Muscle_Deprecated",
+            "Millard2012EquilibriumMuscle",
+            "Millard2012AccelerationMuscle",
+        )
+    ),
+    TensionCase(
+        "walk, 18 muscles, ankle spring",
+        f"{GAIT10}subject01_adjusted_spring.osim",
+        f"{GAIT10}walk_subject01_Kinematics_q.sto",
+        "opensim-gait-subject01/ref_rra/subject01_walk1_grf.mot",
+        LEFT_FIRST,
+        0.5,
+        1.3,
+        20,
+        actuators=f"{GAIT10}gait10dof_Actuators_weak.xml",
+    ),
+    TensionCase(
+        "walk, Rajagopal, 80 muscles",
+        "rajagopal-walk-emg/subject_walk_scaled.osim",
+        "rajagopal-walk-emg/coordinates.sto",
+        "rajagopal-walk-emg/grf_walk.xml",
+        (),
+        0.6,
+        1.6,
+        50,
+    ),
+    TensionCase(
+        "treadmill walk, 80 muscles, no arms",
+        "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
+        "walk-so-jointload-emg/results_ik.sto",
+        "walk-so-jointload-emg/walking_baseline1_forces.mot",
+        FEET,
+        10.9,
+        11.7,
+        3,
+        6.0,
+    ),
+    TensionCase(
+        "treadmill walk, gait2392, 92 muscles",
+        "ceinms-emg-walk/model/gait2392.osim",
+        "ceinms-emg-walk/walk36/ik.sto",
+        "ceinms-emg-walk/walk36/XLD.mot",
+        LEFT_FIRST,
+        10.0,
+        11.2,
+        10,
+        6.0,
+    ),
+    TensionCase(
+        "walk, OpenCap, 80 muscles",
+        "opencap-subject4-multitask/models/manually_scaled.osim",
+        "opencap-subject4-multitask/ik_manual_scaling/walking1_ik.mot",
+        "opencap-subject4-multitask/grf/walking1_external_forces.xml",
+        (),
+        0.3,
+        1.2,
+        6,
+        6.0,
+    ),
+)
+
+LOADS = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000"><ExternalLoads name="loads"><objects>{entries}</objects>
+<datafile>{data}</datafile></ExternalLoads></OpenSimDocument>
+"""
+ENTRY = """<ExternalForce name="{body}_force"><applied_to_body>{body}</applied_to_body>
+<force_expressed_in_body>ground</force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body>
+<force_identifier>{force}</force_identifier><point_identifier>{point}</point_identifier>
+<torque_identifier>{torque}</torque_identifier></ExternalForce>
+"""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A case with files that both programs read."""
+
+    case: TensionCase
+    model: Model
+    model_path: Path
+    motion: Motion
+    motion_path: Path
+    loads: Path | None
+    actuators: tuple[Actuator, ...]
+    actuator_path: Path | None
+
+
+def prepare(folder: Path, case: TensionCase, work: Path) -> Prepared:
+    """Model, complete motion, loads and actuators of a case, as values and as files in `work`."""
+    model_path = folder / case.model
+    if case.kind:
+        text = model_path.read_text().replace("Thelen2003Muscle", case.kind)
+        model_path = work / "model.osim"
+        model_path.write_text(text)
+    model = read_model(model_path)
+    given = motion_from_table(read_sto(folder / case.motion), model)
+    motion = Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
+    motion_path = work / "motion.sto"
+    write_sto(table_from_motion(motion, model, degrees=False), motion_path)
+    loads = folder / case.loads if case.loads else None
+    if case.feet:
+        entries = (ENTRY.format(body=b, force=f, point=p, torque=t) for b, f, p, t in case.feet)
+        loads = work / "loads.xml"
+        loads.write_text(LOADS.format(entries="".join(entries), data=folder / case.loads))
+    actuators: tuple[Actuator, ...] = ()
+    path: Path | None = None
+    if case.actuators and case.actuators != "none":
+        path = folder / case.actuators
+        actuators = read_actuators(path, model)
+    elif not case.actuators:
+        actuators, path = default_reserves(model, 10.0, 100.0), work / "actuators.xml"
+        write_actuators(actuators, path)
+    return Prepared(case, model, model_path, motion, motion_path, loads, actuators, path)
+
+
+def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
+    """Myomorph's tensions on the frames nearest to the times `at`, or on all frames of the case."""
+    case = prepared.case
+    whole = differentiate(prepared.motion, case.cutoff)
+    if at is None:
+        keep = np.flatnonzero((whole.time >= case.start) & (whole.time <= case.end))
+    else:
+        keep = np.abs(whole.time[:, None] - at[None]).argmin(axis=0)
+    assert whole.velocities is not None
+    assert whole.accelerations is not None
+    motion = Motion(
+        whole.time[keep],
+        whole.names,
+        whole.values[keep],
+        velocities=whole.velocities[keep],
+        accelerations=whole.accelerations[keep],
+    )
+    wrenches = None
+    if prepared.loads is not None:
+        wrenches = resample_wrenches(read_external_loads(prepared.loads), motion.time)
+    torques: Series = inverse_dynamics(prepared.model, motion, wrenches)
+    return solve_tension(prepared.model, motion, torques, TensionOptions(passive=False), prepared.actuators)
+
+
+def theirs(prepared: Prepared) -> StaticResult:
+    """OpenSim's static optimization of the case."""
+    case = prepared.case
+    return static_optimization(
+        prepared.model_path,
+        prepared.motion_path,
+        prepared.loads,
+        case.start,
+        case.end,
+        prepared.actuator_path,
+        -1.0 if case.cutoff is None else case.cutoff,
+        case.interval,
+        tolerance=1e-5,
+    )
+
+
+def measure_case(folder: Path, case: TensionCase) -> dict[str, object]:
+    """Distances of activations and reserves, and milliseconds a frame from coordinates to activations."""
+    with tempfile.TemporaryDirectory() as work:
+        prepared = prepare(folder, case, Path(work))
+        reference = theirs(prepared)
+        found = ours(prepared, reference.time)
+        ours(prepared)
+        began = time.perf_counter()
+        frames = len(ours(prepared))
+        seconds = time.perf_counter() - began
+    columns = [reference.names.index(name) for name in found.muscles]
+    difference = found.activations - reference.activations[:, columns]
+    rms = np.sqrt(np.mean(difference**2, axis=0))
+    helpers = [reference.names.index(name) for name in found.reserve_names]
+    apart = np.abs(found.reserves - reference.forces[:, helpers])
+    return {
+        "case": case.name,
+        "frames": len(reference.time),
+        "RMS of activations": float(np.sqrt(np.mean(difference**2))),
+        "worst muscle's RMS": float(rms.max()),
+        "worst muscle": found.muscles[int(rms.argmax())],
+        "largest difference": float(np.abs(difference).max()),
+        "reserves apart [N, N m], 95 %": float(np.percentile(apart, 95)) if apart.size else 0.0,
+        "optimal": float(found.optimal.mean()),
+        "ours [ms/frame]": 1e3 * seconds / frames,
+        "OpenSim [ms/frame]": 1e3 * reference.seconds / len(reference.time),
+    }
+
+
+def measure(folder: Path) -> Iterator[dict[str, object]]:
+    """Rows of all cases."""
+    for case in CASES:
+        yield measure_case(folder, case)
+
+
+def run() -> list[dict[str, object]]:
+    """Rows of all cases of the data collection."""
+    from benchmarks.cases import data_folder
+
+    return list(measure(data_folder()))

@@ -1,0 +1,150 @@
+"""A lower model's lengths, markers and masses in models with more joints: what they reproduce of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.identify.body.regions import centers_of, regions_of
+from myomorph.identify.transfer import Transfer, transfer
+from myomorph.io.formats import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.model.model import Marker, Model
+from myomorph.model.series import Markers, Motion
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.regressor import base_regressor
+from myomorph.rigid.tree import compile_tree
+
+LOWER = "rajagopal-walk-emg/subject_walk_scaled.osim"
+MOTION = "rajagopal-walk-emg/coordinates.sto"
+CYCLIST = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
+CUTOFF = 6.0
+"""Of the motions of both models [Hz]."""
+STEP = 10
+"""Every so many frames of the motion, which has 1000 a second."""
+
+
+def higher_models(data: Path) -> dict[str, Path]:
+    """The models that take the lower one's body: 171 coordinates, and MyoFullBody where it is installed."""
+    found = {"cyclistFullBodyMuscle": data / CYCLIST}
+    spec = find_spec("musclemimic_models")
+    if spec is not None and spec.origin is not None:
+        found["MyoFullBody"] = Path(spec.origin).parent / "model" / "body" / "myofullbody.xml"
+    return found
+
+
+def with_centers(model: Model, keys: tuple[str, ...]) -> Model:
+    """The model with its joint centers as markers."""
+    centers = centers_of(model, regions_of(model))
+    virtual = tuple(Marker(f"center {key}", centers[key].joint.child, centers[key].location) for key in keys)
+    return replace(model, markers=(*model.markers, *virtual))
+
+
+def marker_motion(model: Model, motion: Motion) -> Markers:
+    """Where a model's markers are during a motion."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_index[one.body] for one in model.markers])
+    places = poses.points(bodies, np.array([one.location for one in model.markers]))
+    return Markers(motion.time, model.marker_names, places)
+
+
+def same_movement(lower: Model, motion: Motion, found: Transfer) -> tuple[Motion, np.ndarray]:
+    """The higher model's motion that follows the lower one's markers and joint centers, and marker errors [m]."""
+    keys = tuple(found.joint_errors)
+    seen = marker_motion(with_centers(lower, keys), motion)
+    names = set(found.model.marker_names) | {f"center {key}" for key in keys}
+    kept = [i for i, name in enumerate(seen.names) if name in names]
+    seen = Markers(seen.time, tuple(seen.names[i] for i in kept), seen.values[:, kept] @ found.rotation.T)
+    fit = inverse_kinematics(with_centers(found.model, keys), seen, InverseKinematicsOptions())
+    return fit.motion, fit.rms
+
+
+def wrench(model: Model, motion: Motion, points: np.ndarray) -> np.ndarray:
+    """(frames, 6) external wrench about points (frames, 3) that a motion needs [N m, N]."""
+    rows = base_regressor(model, motion, np.zeros(3))
+    needed = np.einsum("fij,j->fi", rows, inertial_parameters(model).ravel())
+    needed[:, :3] -= np.cross(points, needed[:, 3:])
+    return needed
+
+
+def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
+    """What one higher model reproduces of the lower one."""
+    lower, higher = read_model(data / LOWER), read_model(path)
+    found = transfer(lower, higher)
+    whole = motion_from_table(read_sto(data / MOTION), lower)
+    motion = Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
+    followed, rms = same_movement(lower, motion, found)
+    inside = slice(10, -10)
+    tree = compile_tree(lower)
+    pelvis = forward_kinematics(tree, tree.coordinates_of(motion)).origins[:, 1]
+    needed = wrench(lower, differentiate(motion, CUTOFF), pelvis)
+    turn, turned = np.kron(np.eye(2), found.rotation), pelvis @ found.rotation.T
+    given = {
+        "transferred": wrench(found.model, differentiate(followed, CUTOFF), turned),
+        "generic": wrench(_masses_of(higher, found), differentiate(followed, CUTOFF), turned),
+    }
+    weight = lower.mass * float(np.linalg.norm(lower.gravity))
+    row: dict[str, object] = {
+        "model": name,
+        "joint centers": len(found.joint_errors),
+        "joint centers apart [mm]": 1000.0 * max(found.joint_errors.values()),
+        "joints moved by [mm]": 1000.0 * max(found.joint_shifts.values()),
+        "lengths apart [mm]": 1000.0 * max(abs(one.higher - one.lower) for one in found.lengths),
+        "mass apart [kg]": abs(found.model.mass - lower.mass),
+        "region mass centers apart [mm]": 1000.0 * max(one.center_error for one in found.masses),
+        "regions without inertia": sum(bool(one.note) for one in found.masses),
+        "least eigenvalue ratio": _least_ratio(higher, found.model),
+        "walk: marker RMS [mm]": 1000.0 * float(np.mean(rms)),
+    }
+    for kind, values in given.items():
+        apart = values[inside] - needed[inside] @ turn.T
+        row[f"walk: force RMS, {kind} [% of weight]"] = 100.0 * _rms(apart[:, 3:]) / weight
+        row[f"walk: moment RMS, {kind} [N m]"] = _rms(apart[:, :3])
+    return row
+
+
+def _masses_of(higher: Model, found: Transfer) -> Model:
+    """The transferred model with the generic masses, grown to the same total: what lengths alone would give."""
+    growth = found.model.mass / higher.mass
+    bodies = tuple(
+        replace(
+            body,
+            mass=higher.body(body.name).mass * growth,
+            mass_center=higher.body(body.name).mass_center * found.factors[body.name],
+            inertia=higher.body(body.name).inertia * growth * float(np.prod(found.factors[body.name])) ** (2.0 / 3.0),
+        )
+        for body in found.model.bodies
+    )
+    return replace(found.model, bodies=bodies)
+
+
+def _least_ratio(before: Model, after: Model) -> float:
+    """Least eigenvalue of any body's pseudo-inertia relative to before, of bodies that were possible before."""
+    least = [np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0] for model in (before, after)]
+    possible = least[0] > 1e-12
+    return float((least[1][possible] / least[0][possible]).min())
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+
+
+def measure(data: Path) -> Iterator[dict[str, object]]:
+    """Rows of all higher models."""
+    for name, path in higher_models(data).items():
+        yield measure_model(data, name, path)
+
+
+def run() -> list[dict[str, object]]:
+    """Rows of all higher models, on the data collection."""
+    from benchmarks.cases import data_folder
+
+    return list(measure(data_folder()))

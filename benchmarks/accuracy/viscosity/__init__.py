@@ -1,0 +1,1 @@
+"""Accuracy of the experiment with swinging limbs, and of the instruments it needs."""

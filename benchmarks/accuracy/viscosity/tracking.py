@@ -1,0 +1,154 @@
+"""Bones of a virtual specimen from clusters of three markers: noise, and what goes wrong with markers and wires."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+Row = dict[str, object]
+
+ARMS = (0.03, 0.04, 0.05)
+CUTOFF = 8.0
+NOISE = 3e-4
+SECONDS = 12.0
+SLIP = {"elbow_flexion_r": np.deg2rad(5.0)}
+
+
+@lru_cache(maxsize=1)
+def _virtual() -> Any:
+    """Specimen 1 of [S], three releases without muscles, its plate exact and on the markers' clock."""
+    from myomorph.simulate.laboratory import Noise
+    from myomorph.simulate.shoulder import virtual_specimen
+
+    return virtual_specimen(1, seconds=SECONDS, noise=Noise(0.0, 0.0, 0.0))
+
+
+def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -> tuple[Any, list[Any], list[Any]]:
+    """The specimen with clusters of an arm [m], its trials with noise [m], and what is true of each.
+
+    `slip` is added to what the wires hold [rad].
+    """
+    from myomorph.simulate.laboratory import Noise, measured_markers
+    from myomorph.simulate.limb import HeldLimb
+    from myomorph.simulate.marker_clusters import with_clusters
+    from myomorph.simulate.shoulder import HELD
+    from myomorph.viscosity.specimen.model import SwingTrial
+
+    virtual, random = _virtual(), np.random.default_rng(7)
+    specimen = with_clusters(virtual.specimen, arm)
+    held = HELD | {name: HELD.get(name, 0.0) + more for name, more in (slip or {}).items()}
+    on_base, on_limb = HeldLimb(specimen, held).markers()
+    stand, center = specimen.stand, specimen.center_in_ground
+    at_base = {name: center + stand.rotation @ place for name, place in on_base.items()}
+    trials = [
+        SwingTrial(
+            one.name,
+            measured_markers(one.exact, center, at_base, on_limb, Noise(marker=noise), random),
+            one.wrenches,
+        )
+        for one in virtual.without.trials
+    ]
+    return specimen, trials, [one.exact for one in virtual.without.trials]
+
+
+def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its axes."""
+    from myomorph.viscosity.tracking.rows import swing_recordings
+
+    turns, rates = [], []
+    for one, truth in zip(swing_recordings(tracked, cutoff, muscles=False), exact, strict=True):
+        true = truth.every(round((one.time[1] - one.time[0]) / (truth.time[1] - truth.time[0])))
+        use = one.used
+        apart = np.einsum("fji,fjk->fik", true.rotations[use], one.rotations[use])
+        turns.append(np.degrees(Rotation.from_matrix(apart).as_rotvec()))
+        rates.append((one.rates - true.rates)[use])
+    return np.concatenate(turns), np.concatenate(rates)
+
+
+def measure_noise() -> Iterable[Row]:
+    """A row a size of cluster: errors of a frame by itself and through the filter; root mean squares."""
+    from myomorph.simulate.shoulder import HELD
+    from myomorph.viscosity.tracking.track import TrackingOptions, track
+
+    for arm in ARMS:
+        specimen, trials, exact = _trials(arm, NOISE)
+        tracked = track(specimen, trials, TrackingOptions(clock=False))
+        row: Row = {"longest arm of the clusters": f"{1000 * arm:.0f} mm"}
+        # The humerus' second axis is its length.
+        for word, cutoff in (("a frame", None), (f"at {CUTOFF:.0f} Hz", CUTOFF)):
+            turn, rate = (np.sqrt(np.mean(one**2, axis=0)) for one in _errors(tracked, exact, cutoff))
+            row[f"twist, {word} [deg]"] = float(turn[1])
+            row[f"other axes, {word} [deg]"] = float(turn[[0, 2]].max())
+        row["rates at 8 Hz: twist [rad/s]"], row["others [rad/s]"] = float(rate[1]), float(rate[[0, 2]].max())
+        held = [tracked.held[name] - HELD.get(name, 0.0) for name in tracked.held]
+        row["held angles, largest [deg]"] = float(np.degrees(np.abs(held).max()))
+        center = tracked.specimen.center_in_ground - specimen.center_in_ground
+        row["joint's center [mm]"] = 1000 * float(np.linalg.norm(center))
+        yield row
+
+
+def _hidden(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
+    values[(time > 3.0) & (time < 9.0), column["humerus_r_2"]] = np.nan
+
+
+def _lost(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
+    for i in (1, 2, 3):
+        values[(time > 3.0) & (time < 9.0), column[f"humerus_r_{i}"]] = np.nan
+
+
+def _exchange(one: str, other: str) -> Callable[[np.ndarray, dict[str, int], np.ndarray], None]:
+    def change(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
+        part, pair = time > 5.0, [column[one], column[other]]
+        values[np.ix_(part, pair)] = values[np.ix_(part, pair[::-1])]
+
+    return change
+
+
+def _knocked(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
+    values[time > 6.0, column["radius_r_1"]] += 0.02
+
+
+def _base(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
+    values[time > 6.0] += [0.0, 0.003, 0.0]
+
+
+FAULTS: dict[str, Callable[[np.ndarray, dict[str, int], np.ndarray], None] | None] = {
+    "none": None,
+    "a marker of the humerus unseen for 6 s": _hidden,
+    "all of the humerus unseen for 6 s": _lost,
+    "two of the humerus exchanged after 5 s": _exchange("humerus_r_1", "humerus_r_3"),
+    "ulna and radius exchange one after 5 s": _exchange("ulna_r_1", "radius_r_2"),
+    "one of the radius knocked by 35 mm after 6 s": _knocked,
+    "the base moves by 3 mm at 6 s": _base,
+}
+
+
+def measure_faults() -> Iterable[Row]:
+    """A row a fault, made in the first of three trials: the worst frame's error, and what is said."""
+    from myomorph.viscosity.tracking.track import TrackingOptions, track
+
+    specimen, trials, exact = _trials(0.04, NOISE)
+    slipped = _trials(0.04, NOISE, SLIP)[1][0].markers.values
+
+    def slip(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
+        values[time > 6.0] = slipped[time > 6.0]
+
+    for fault, change in (*FAULTS.items(), ("the elbow's wire slips by 5 degrees at 6 s", slip)):
+        first = trials[0]
+        if change is not None:
+            values = np.array(first.markers.values)
+            change(values, {name: i for i, name in enumerate(first.markers.names)}, first.markers.time)
+            first = replace(first, markers=replace(first.markers, values=values))
+        tracked = track(specimen, [first, *trials[1:]], TrackingOptions(clock=False))
+        turn, _ = _errors(tracked, exact, CUTOFF)
+        yield {
+            "fault": fault,
+            "root mean square at 8 Hz [deg]": float(np.sqrt(np.mean(np.sum(turn**2, axis=1)))),
+            "worst frame at 8 Hz [deg]": float(np.linalg.norm(turn, axis=1).max()),
+            "said": "; ".join(note.split(": ", 1)[1] for note in tracked.trials[0].notes) or "nothing",
+        }

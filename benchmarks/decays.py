@@ -1,0 +1,237 @@
+"""Frequency, damping and inertia of a body from the decay of its free swing: one signal, one axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from scipy.signal import periodogram
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.viscosity.trust.law import effective_samples
+
+DAMPINGS = ("viscous", "coulomb", "quadratic")
+LAWS: tuple[tuple[str, ...], ...] = (
+    ("viscous",),
+    ("coulomb",),
+    ("quadratic",),
+    ("viscous", "coulomb"),
+    ("viscous", "quadratic"),
+    ("viscous", "coulomb", "quadratic"),
+)
+STEPS = 40
+"""Steps a period in which the amplitude is integrated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decay:
+    """A decaying oscillation: signal = offset + A cos(phase), slowly changing.
+
+        A' = -(viscous A + coulomb + quadratic A^2),   phase' = 2 pi / period (1 - bend A^2)
+
+    which is the first order of averaging for resistance that is constant, linear or quadratic in the rate
+    (Nayfeh and Mook 1979, section 2.3). A pendulum's bend is 1 / 16 over the square of signal per radian.
+
+    Attributes
+    ----------
+    terms : of the law of damping
+    offset, amplitude, phase : in the signal's unit, of A at the first sample, and there [rad]
+    period : at small amplitudes [s]
+    period_sd : its standard error, residuals of each period taken as one observation [s]
+    period_sd_white : the same were all residuals independent [s]
+    viscous : [1/s], coulomb : [unit/s], quadratic : [1/(unit s)]
+    viscous_sd : standard error of `viscous`, as `period_sd` [1/s]
+    bend : [1/unit^2]
+    residual : root mean square, in the signal's unit
+    effective : independent samples of the residual
+    free : number of parameters
+    """
+
+    terms: tuple[str, ...]
+    offset: float
+    amplitude: float
+    phase: float
+    period: float
+    period_sd: float
+    period_sd_white: float
+    viscous: float
+    coulomb: float
+    quadratic: float
+    viscous_sd: float
+    bend: float
+    residual: float
+    effective: float
+    free: int
+
+    def judged(self, samples: float) -> Decay:
+        """The same with another number of independent samples, that of the law it is compared with."""
+        return replace(self, effective=samples)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion; only differences between laws of one signal, judged by one number, tell anything."""
+        return 2.0 * (self.effective * float(np.log(self.residual)) + self.free)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion, likewise."""
+        return 2.0 * self.effective * float(np.log(self.residual)) + float(np.log(self.effective)) * self.free
+
+    @property
+    def damping_ratio(self) -> float:
+        """Of the viscous part, over critical damping."""
+        omega = 2.0 * np.pi / self.period
+        return float(self.viscous / np.hypot(self.viscous, omega))
+
+    def decrement(self, amplitude: float) -> float:
+        """Logarithmic decrement of one period from an amplitude on."""
+        return float((self.viscous + self.coulomb / amplitude + self.quadratic * amplitude) * self.period)
+
+    def viscosity(self, inertia: float) -> float:
+        """The d of I theta'' = -d theta' that makes the viscous part, inertia about the axis [N m s/rad]."""
+        return 2.0 * self.viscous * inertia
+
+    def friction(self, stiffness: float) -> float:
+        """Torque of constant friction that makes the Coulomb part of a pendulum of stiffness m g l [N m].
+
+        A swing loses 4 torque / stiffness of its angle every period.
+        """
+        return self.coulomb / self.signal_per_radian() * stiffness * self.period / 4.0
+
+    def signal_per_radian(self) -> float:
+        """The signal's amplitude at a swing of 1 rad, if the bend is that of a pendulum; infinite without."""
+        return float(0.25 / np.sqrt(self.bend)) if self.bend > 0.0 else float("inf")
+
+
+def fit_decay(time: Array, signal: Array, terms: Sequence[str] = ("viscous",), bend: bool = True) -> Decay:
+    """Least squares of a decaying oscillation to a signal of an angle or a rate.
+
+    Parameters
+    ----------
+    time : (frames,) at equal steps [s], signal : (frames,) in any unit
+    terms : among `DAMPINGS`, coefficients of at least 0
+    bend : let the period depend on the amplitude
+
+    Raises
+    ------
+    BadData
+        fewer than three periods
+    UnknownName
+        a term that does not exist
+    """
+    for term in terms:
+        if term not in DAMPINGS:
+            raise UnknownName("term", term, DAMPINGS, "the decay of a pendulum")
+    since = time - time[0]
+    start, period = _start(since, signal)
+    if not since[-1] > 3.0 * period:
+        raise BadData(f"a decay needs three periods or more, but the signal holds {since[-1] / period:.1f}")
+    free = [True, True, True, True, *(name in terms for name in DAMPINGS), bend]
+    chosen = np.flatnonzero(free)
+    size = float(np.std(signal))
+    unit = np.array([size, size, 1.0, 2.0 * np.pi / period / 100.0, 0.01, 0.01 * size, 0.01 / size, 1e-3 / size**2])
+
+    def whole(x: Array) -> Array:
+        full = np.zeros(8)
+        full[chosen] = x * unit[chosen]
+        return full
+
+    lower = np.where(np.arange(8) < 4, -np.inf, 0.0)[chosen]
+    fit = least_squares(
+        lambda x: _signal(since, whole(x)) - signal,
+        np.maximum((start / unit)[chosen], lower + 1e-6),
+        bounds=(lower, np.inf),
+        x_scale="jac",
+    )
+    offset, amplitude, phase, omega, *damping, bent = whole(fit.x).tolist()
+    inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
+    blocks = np.floor(since / period).astype(int)
+    scores = np.stack([(fit.jac[blocks == i] * fit.fun[blocks == i, None]).sum(axis=0) for i in np.unique(blocks)])
+    free_count = len(chosen)
+    sandwich = inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free_count, 1)
+    white = inverse * float(fit.fun @ fit.fun) / (len(signal) - free_count)
+    deviations, plain = (np.zeros(8) for _ in range(2))
+    deviations[chosen] = np.sqrt(np.diag(sandwich)) * unit[chosen]
+    plain[chosen] = np.sqrt(np.diag(white)) * unit[chosen]
+    found = 2.0 * np.pi / omega
+    return Decay(
+        terms=tuple(terms),
+        offset=offset,
+        amplitude=amplitude,
+        phase=phase,
+        period=found,
+        period_sd=float(found * deviations[3] / omega),
+        period_sd_white=float(found * plain[3] / omega),
+        viscous=damping[0],
+        coulomb=damping[1],
+        quadratic=damping[2],
+        viscous_sd=float(deviations[4]),
+        bend=bent,
+        residual=float(np.sqrt(np.mean(np.square(fit.fun)))),
+        effective=effective_samples([fit.fun[:, None]]),
+        free=free_count,
+    )
+
+
+def compare_decays(time: Array, signal: Array, laws: Sequence[tuple[str, ...]] = LAWS) -> tuple[Decay, ...]:
+    """Every law of damping fitted; criteria count the independent samples of the best law's residual."""
+    fits = [fit_decay(time, signal, terms) for terms in laws]
+    samples = min(fits, key=lambda one: one.residual).effective
+    return tuple(one.judged(samples) for one in fits)
+
+
+def compound_inertia(mass: float, gravity: float, distance: float, period: float) -> float:
+    """Inertia about the mass center of a body that swings about an axis at a distance from it [kg m^2].
+
+    I = m g l (T / 2 pi)^2 - m l^2, T the period at small amplitudes without damping.
+    """
+    return mass * gravity * distance * (period / (2.0 * np.pi)) ** 2 - mass * distance**2
+
+
+def torsional_inertia(rod: float, rod_period: float, period: float) -> float:
+    """Inertia about the wire of a body on the wire on which a rod of known inertia had a known period [kg m^2]."""
+    return rod * (period / rod_period) ** 2
+
+
+def _signal(since: Array, parameters: Array) -> Array:
+    """The signal (frames,) of (8,) offset, amplitude, phase, angular frequency, three dampings, bend."""
+    offset, amplitude, phase, omega, a, b, q, bend = parameters
+    count = 2 * max(int(np.ceil(since[-1] * omega / (2.0 * np.pi) * STEPS / 2.0)), 4) + 1
+    grid = np.linspace(0.0, since[-1], count)
+    A = _amplitudes(amplitude, a, b, q, grid)
+    turned = CubicSpline(grid, omega * (1.0 - bend * A**2)).antiderivative()(since)
+    return offset + CubicSpline(grid, A)(since) * np.cos(phase + turned)
+
+
+def _amplitudes(first: float, a: float, b: float, q: float, grid: Array) -> Array:
+    """A on a grid of even times, at least 0: Runge-Kutta of order 4."""
+    h, A = float(grid[1] - grid[0]), abs(first)
+    found = np.empty(len(grid))
+    for i in range(len(grid)):
+        found[i] = A
+        k1 = b + A * (a + q * A)
+        x = A - 0.5 * h * k1
+        k2 = b + x * (a + q * x)
+        x = A - 0.5 * h * k2
+        k3 = b + x * (a + q * x)
+        x = A - h * k3
+        A = max(A - h / 6.0 * (k1 + 2.0 * (k2 + k3) + b + x * (a + q * x)), 0.0)
+    return np.copysign(found, first)
+
+
+def _start(since: Array, signal: Array) -> tuple[Array, float]:
+    """First (8,) parameters, and the period, from the spectrum and its first periods."""
+    frequency, power = periodogram(signal - signal.mean(), 1.0 / float(since[1] - since[0]), "hann")
+    peak = int(power.argmax())
+    near = slice(max(peak - 1, 1), peak + 2)
+    omega = 2.0 * np.pi * float(np.average(frequency[near], weights=power[near]))
+    early = since < 6.0 * np.pi / omega
+    columns = np.stack([np.ones(early.sum()), np.cos(omega * since[early]), np.sin(omega * since[early])], axis=1)
+    offset, x, y = np.linalg.lstsq(columns, signal[early], rcond=None)[0]
+    decay = 0.01 * omega / (2.0 * np.pi)
+    start = [offset, np.hypot(x, y), np.arctan2(-y, x), omega, decay, 0.1 * decay * np.hypot(x, y), 0.0, 0.0]
+    return np.array(start), 2.0 * np.pi / omega

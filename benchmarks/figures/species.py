@@ -1,0 +1,113 @@
+"""The figure of docs/morphing.md: a man's leg and a mouse's with homologous muscles in one color.
+
+`python -m benchmarks.figures.species [FILE]`
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+
+from benchmarks.cases import data_folder
+from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.morph.species.counterparts import Posed
+from myomorph.muscles.path import compile_paths
+from myomorph.study.subject.species_table import read_species
+
+FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "species-leg.svg"
+METHOD = "SSD"
+BENT = 0.5 * np.pi
+POSTURES = {
+    "man": {"hip_flexion_r": BENT, "knee_angle_r": BENT},
+    "mouse": {"mouse__RKnee_flexion": -BENT},
+}
+MAN = ("pelvis", "femur_r", "tibia_r", "patella_r", "talus_r", "calcn_r", "toes_r")
+MOUSE = ("mouse", "mouse__RFemur", "mouse__RTibia", "mouse__RTarsus")
+FEET = tuple(f"mouse__R{part}{i}" for part in ("Metatarsus", "BPhalange") for i in range(1, 6))
+SIDES = {"man": np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]), "mouse": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])}
+"""Rows across and up the page, in the pelvis's frame: both are on all fours and look to the left."""
+SHOWN = {
+    "glmed2_r": "gluteus medius",
+    "iliacus_r": "iliacus",
+    "semimem_r": "semimembranosus",
+    "bflh_r": "biceps femoris",
+    "grac_r": "gracilis",
+    "recfem_r": "rectus femoris",
+    "vaslat_r": "vastus lateralis",
+    "gasmed_r": "gastrocnemius, medial",
+    "soleus_r": "soleus",
+    "tibant_r": "tibialis anterior",
+    "edl_r": "extensor digitorum longus",
+    "fdl_r": "flexor digitorum longus",
+    "perlong_r": "peroneus longus",
+}
+
+
+def draw(file: Path) -> None:
+    """Man's own leg, the mouse's with the man's muscles, and with the anatomist's."""
+    data = data_folder()
+    ours, theirs = man(data), mouse(data)
+    moved, anatomist = from_man(data, METHOD).model, anatomist_on_skeleton(data).model
+    homologues = {name: read_species("human-mouse").homologous(name) for name in SHOWN}
+    colors = dict(zip(SHOWN, plt.get_cmap("tab20").colors, strict=False))
+    plt.rcParams.update({"svg.hashsalt": "species", "svg.fonttype": "none", "font.size": 9})
+    figure, axes = plt.subplots(1, 3, figsize=(9.6, 4.6))
+    one = {name: (name,) for name in SHOWN}
+    _leg(axes[0], ours, ours.model, MAN, "man", one, colors)
+    _leg(axes[1], theirs, moved, (*MOUSE, *FEET), "mouse", one, colors)
+    _leg(axes[2], theirs, anatomist, (*MOUSE, *FEET), "mouse", homologues, colors)
+    for shown, title in zip(
+        axes, ("man", f"mouse, the man's muscles ({METHOD})", "mouse, the anatomist's"), strict=True
+    ):
+        shown.set_title(title, fontsize=9)
+        shown.set_aspect("equal")
+        shown.axis("off")
+    handles = [plt.Line2D([], [], color=colors[name], lw=2, label=word) for name, word in SHOWN.items()]
+    figure.legend(handles=handles, loc="lower center", ncols=5, frameon=False, fontsize=8)
+    figure.tight_layout(rect=(0.0, 0.14, 1.0, 1.0))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, metadata={"Date": None}, dpi=150)
+
+
+def _leg(
+    axes: Axes,
+    bones: Bodies,
+    model: Model,
+    bodies: tuple[str, ...],
+    species: str,
+    wanted: Mapping[str, tuple[str, ...]],
+    colors: Mapping[str, tuple[float, float, float]],
+) -> None:
+    posture, side, root = POSTURES[species], SIDES[species], bodies[0]
+    posed = Posed(model, posture)
+    for body in bodies:
+        if body in bones.surfaces:
+            surface = bones.surfaces[body]
+            flat = posed.within(body, root).apply(surface.vertices) @ side.T
+            axes.add_collection(PolyCollection(flat[surface.faces], facecolor="#e3ddd0", rasterized=True))
+    names = tuple(posture)
+    at = Motion(np.zeros(1), names, np.array([[posture[one] for one in names]]))
+    paths = compile_paths(model)
+    nodes = paths.nodes(paths.tree.coordinates_of(at))[0, :, :, :3]
+    root_pose = posed.within("ground", root)
+    for name, parts in wanted.items():
+        for part in parts:
+            points = nodes[model.muscle_names.index(part)]
+            flat = root_pose.apply(points[np.isfinite(points[:, 0])]) @ side.T
+            axes.plot(flat[:, 0], flat[:, 1], color=colors[name], lw=1.6, solid_capstyle="round")
+    axes.autoscale_view()
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)

@@ -1,0 +1,384 @@
+"""A mechanical joint whose inertia, damping and stiffness are known, swung in MuJoCo: an engine that is not ours.
+
+A bent limb about as large as an arm hangs on a base by a hinge or a ball joint with a damper and a spring,
+is let go several times, and is seen as a laboratory sees it: markers and the wrench on the base, each with
+noise and on its own clock. [S] names this experiment as the check that it lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertia_matrices
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.model.spatial import axis_rotation
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.simulate.laboratory import (
+    SENSORS,
+    Noise,
+    Sampled,
+    VirtualTrial,
+    inertial,
+    measured_markers,
+    measured_wrench,
+    simulate,
+    words,
+)
+from myomorph.viscosity.swings.motion import angular_motion, continuous
+from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
+
+
+def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
+    """Quaternions (frames, 4) that turn places (markers, 3) onto what was seen (frames, markers, 3)."""
+    if axis is not None:
+        angle = np.arctan2(
+            np.einsum("fmi,mi->f", seen, np.cross(axis, places)),
+            np.einsum("fmi,mi->f", seen, places - np.outer(places @ axis, axis)),
+        )
+        half = 0.5 * np.unwrap(angle)[:, None]
+        return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
+    left, _, right = np.linalg.svd(np.einsum("fmi,mj->fij", seen, places))
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+    return continuous(Rotation.from_matrix(left @ right).as_quat(scalar_first=True))
+
+
+def moment_rows(rotations: Array, rates: Array, accelerations: Array, gravity: Array) -> tuple[Array, Array]:
+    """(frames, 3, 10) moment about a fixed point of the body and force that unit parameters need, in its axes.
+
+    n = I alpha + omega x I omega - m c x g,  f = -m g + alpha x m c + omega x (omega x m c).
+    """
+    weight = np.einsum("fji,j->fi", rotations, gravity)
+    moment, force = np.zeros((2, len(rates), 3, PARAMETERS))
+    turning = _skew(rates)
+    moment[:, :, 1:4] = _skew(weight)
+    moment[:, :, 4:] = _inertia_columns(accelerations) + turning @ _inertia_columns(rates)
+    force[:, :, 0] = -weight
+    force[:, :, 1:4] = _skew(accelerations) + turning @ turning
+    return moment, force
+
+
+def _skew(vectors: Array) -> Array:
+    """Matrices (frames, 3, 3) that cross these vectors (frames, 3) with others."""
+    table = np.zeros((len(vectors), 3, 3))
+    table[:, 2, 1], table[:, 0, 2], table[:, 1, 0] = vectors.T
+    return table - np.swapaxes(table, 1, 2)
+
+
+def _inertia_columns(vectors: Array) -> Array:
+    """(frames, 3, 6) with columns I_xx, I_yy, I_zz, I_yz, I_zx, I_xy of I @ vector."""
+    x, y, z = vectors.T
+    table = np.zeros((len(vectors), 3, 6))
+    table[:, 0, 0], table[:, 1, 1], table[:, 2, 2] = x, y, z
+    table[:, 1, 3], table[:, 2, 3] = z, y
+    table[:, 2, 4], table[:, 0, 4] = x, z
+    table[:, 0, 5], table[:, 1, 5] = y, x
+    return table
+
+
+Kind = Literal["hinge", "ball"]
+GRAVITY = np.array([0.0, 0.0, -9.81])
+CENTER = np.array([0.1, -0.2, 1.4])
+"""Of the joint, in ground [m]."""
+PLATE = np.array([0.1, -0.2, 1.7])
+"""Origin of the plate that carries the base, in ground [m]."""
+BASE_MARKERS: Mapping[str, Array] = MappingProxyType(
+    {f"base_{i}": np.array(one) for i, one in enumerate(((0.06, 0.0, 0.08), (-0.04, 0.05, 0.1), (-0.04, -0.05, 0.06)))}
+)
+"""From the joint's center, in ground [m]."""
+LIMB_MARKERS: Mapping[str, Array] = MappingProxyType(
+    {
+        f"limb_{i}": np.array(one)
+        for i, one in enumerate(
+            (
+                (0.08, 0.0, -0.12),
+                (-0.04, 0.07, -0.15),
+                (-0.04, -0.07, -0.09),
+                (0.12, 0.02, -0.5),
+                (0.0, 0.08, -0.55),
+                (0.02, -0.07, -0.45),
+            )
+        )
+    }
+)
+"""Two clusters of three, from the joint's center, in the limb's frame [m]."""
+FREE = '<freejoint name="base"/><inertial pos="0 0 0.05" mass="1" diaginertia="0.003 0.003 0.003"/>'
+STEP = 1e-3
+"""Of the integrator [s]: what the damper takes is what the energy loses, to 1e-5 of it (tests)."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointTruth:
+    """What the virtual joint is made of.
+
+    Attributes
+    ----------
+    damping : of each axis [N m s/rad]
+    stiffness : of each axis [N m/rad]
+    rest : (axes,) where the spring is slack, angle or rotation vector from hanging [rad]
+    axis : (3,) of a hinge in the limb's frame; None of a ball joint
+    parameters : (10,) inertial parameters of the limb about the joint's center, in the limb's frame
+    """
+
+    kind: Kind
+    damping: float
+    stiffness: float
+    rest: Array
+    axis: Array | None
+    parameters: Array
+
+    @property
+    def mass(self) -> float:
+        """[kg]."""
+        return float(self.parameters[0])
+
+    @property
+    def mass_center(self) -> Array:
+        """(3,) in the limb's frame, from the joint's center [m]."""
+        return self.parameters[1:4] / self.parameters[0]
+
+    @property
+    def com(self) -> float:
+        """Distance of the mass center from the joint's center [m]."""
+        return float(np.linalg.norm(self.mass_center))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the free axes."""
+        return ("x", "y", "z") if self.axis is None else ("hinge",)
+
+    @property
+    def directions(self) -> Array:
+        """(axes, 3) free axes in the limb's frame."""
+        return np.eye(3) if self.axis is None else self.axis[None]
+
+    def angles(self, rotations: Array) -> Array:
+        """(frames, axes) rotation vector or angle from hanging of rotations (frames, 3, 3) [rad]."""
+        vectors = Rotation.from_matrix(rotations).as_rotvec()
+        return vectors if self.axis is None else np.unwrap(vectors @ self.axis)[:, None]
+
+    def passive_torque(self, angles: Array, rates: Array) -> Array:
+        """(frames, axes) torque of damper and spring [N m].
+
+        A ball joint's spring pulls along the rotation vector from its rest, here equal to `angles - rest`
+        only where the rest is hanging.
+        """
+        return -self.damping * rates - self.stiffness * (angles - self.rest)
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualJoint:
+    """A virtual joint and its recordings.
+
+    Attributes
+    ----------
+    places : (3,) of each of the limb's markers in its frame, from the joint's center [m]
+    """
+
+    truth: JointTruth
+    trials: tuple[VirtualTrial, ...]
+    noise: Noise
+    mjcf: str
+    places: Mapping[str, Array]
+
+    @cached_property
+    def model(self) -> Model:
+        """The same joint as a model: the base free in ground, markers on base and limb."""
+        text = self.mjcf.replace("<!--free-->", FREE)
+        return model_from_mujoco(
+            mujoco.MjModel.from_xml_string(text), name="virtual joint", marker_sites=r"(base|limb)_\d"
+        )
+
+    def swings(self, cutoff: float = 10.0) -> tuple[SwingRecording, ...]:
+        """Every trial as equations, from noisy markers and wrench, with the joint's center known."""
+        return tuple(self._swing(trial, cutoff) for trial in self.trials)
+
+    def exact_swings(self, rate: float = 200.0) -> tuple[SwingRecording, ...]:
+        """Every trial as equations, without noise, filter or difference quotient."""
+        every = round(1.0 / (STEP * rate))
+        return tuple(_equations(trial.name, self.truth, trial.exact.every(every)) for trial in self.trials)
+
+    def _swing(self, trial: VirtualTrial, cutoff: float) -> SwingRecording:
+        time = trial.markers.time
+        seen = np.stack([trial.markers[name] for name in self.places], axis=1) - CENTER
+        quaternions = poses_of(seen, np.array(list(self.places.values())), self.truth.axis)
+        motion = differentiate(Motion(time, ("w", "x", "y", "z"), quaternions), cutoff)
+        assert motion.velocities is not None
+        assert motion.accelerations is not None
+        turns, rates, accelerations = angular_motion(motion.values, motion.velocities, motion.accelerations)
+        found = resample_wrenches(self.noise.on_true_clock(trial.wrenches), time, cutoff)
+        force = found.forces[:, 0]
+        moment = found.torques[:, 0] + np.cross(found.points[:, 0] - CENTER, force)
+        wrench = np.concatenate([moment, force], axis=1)
+        seen = Sampled(time, turns.as_matrix(), rates, accelerations, wrench, np.zeros((len(time), 0)))
+        return _equations(trial.name, self.truth, seen, 2.0 / cutoff)
+
+
+def mechanical_joint(
+    kind: Kind,
+    damping: float,
+    stiffness: float,
+    seed: int = 0,
+    *,
+    seconds: float = 30.0,
+    trials: int = 2,
+    rest: ArrayLike | None = None,
+    noise: Noise | None = None,
+    swing: float = 1.0,
+) -> VirtualJoint:
+    """A virtual mechanical joint, released several times.
+
+    Parameters
+    ----------
+    kind : "hinge" (level axis) or "ball"
+    damping : of every axis [N m s/rad]
+    stiffness : of the spring towards `rest`, every axis [N m/rad]
+    seed : of the limb's shape, the releases and the noise
+    seconds : length of a trial [s]
+    rest : (axes,) angle or rotation vector from hanging at which the spring is slack [rad]; hanging itself
+        by default
+    swing : size of the releases; 1 for 0.5 to 1.1 rad
+
+    Raises
+    ------
+    BadData : damping or stiffness is negative, or the kind is unknown
+    """
+    if kind not in ("hinge", "ball"):
+        raise BadData(f"a virtual joint of kind '{kind}': try 'hinge' or 'ball'")
+    if damping < 0.0 or stiffness < 0.0:
+        raise BadData(f"damping {damping} and stiffness {stiffness} of a virtual joint must not be negative")
+    random = np.random.default_rng(seed)
+    noise = noise or Noise()
+    limb = _limb(random)
+    axis = _level(random) if kind == "hinge" else None
+    slack = np.zeros(3 if axis is None else 1) if rest is None else np.asarray(rest, dtype=np.float64)
+    truth = JointTruth(kind, float(damping), float(stiffness), slack, axis, limb)
+    text = _mjcf(truth, BASE_MARKERS, LIMB_MARKERS)
+    compiled = mujoco.MjModel.from_xml_string(text)
+    if axis is None:
+        compiled.qpos_spring[:] = Rotation.from_rotvec(slack).as_quat(scalar_first=True)
+    at_base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
+    made = []
+    for number in range(trials):
+        start, rates = _release(truth, swing, random)
+        qpos = Rotation.from_rotvec(start).as_quat(scalar_first=True) if axis is None else start
+        exact = simulate(compiled, qpos, rates, seconds, STEP)
+        made.append(
+            VirtualTrial(
+                f"release {number + 1}",
+                measured_markers(exact, CENTER, at_base, LIMB_MARKERS, noise, random),
+                measured_wrench(exact, CENTER, PLATE, "base", noise, random),
+                exact,
+            )
+        )
+    return VirtualJoint(truth, tuple(made), noise, text, LIMB_MARKERS)
+
+
+def _limb(random: np.random.Generator) -> Array:
+    """Inertial parameters (10,) of two thick rods, upper arm and bent forearm, hanging: the mass center below."""
+    bend = np.deg2rad(random.uniform(30.0, 70.0))
+    turn = axis_rotation((0.0, 0.0, 1.0), random.uniform(0.0, 2.0 * np.pi))
+    upper, fore = np.array([0.0, 0.0, -1.0]), turn @ np.array([np.sin(bend), 0.0, -np.cos(bend)])
+    lengths = random.uniform((0.28, 0.36), (0.34, 0.44))
+    masses, radius = random.uniform((1.0, 0.8), (1.3, 1.1)), 0.04
+    centers = np.stack([0.5 * lengths[0] * upper, lengths[0] * upper + 0.5 * lengths[1] * fore])
+    first = masses @ centers
+    level = _turn_onto(first, upper)
+    inertia = np.zeros((3, 3))
+    for mass, center, along, length in zip(masses, centers, (upper, fore), lengths, strict=True):
+        thin, thick = 0.5 * mass * radius**2, mass * (radius**2 / 4.0 + length**2 / 12.0)
+        inertia += thick * np.eye(3) + (thin - thick) * np.outer(along, along)
+        inertia += mass * (center @ center * np.eye(3) - np.outer(center, center))
+    inertia, first = level @ inertia @ level.T, level @ first
+    off = (inertia[1, 2], inertia[2, 0], inertia[0, 1])
+    return np.array([masses.sum(), *first, *np.diag(inertia), *off])
+
+
+def _turn_onto(vector: Array, unit: Array) -> Array:
+    """The shortest rotation that turns a vector onto a unit vector."""
+    start = vector / np.linalg.norm(vector)
+    axis = np.cross(start, unit)
+    sine = float(np.linalg.norm(axis))
+    return axis_rotation(axis / sine, float(np.arctan2(sine, start @ unit))) if sine > 1e-12 else np.eye(3)
+
+
+def _level(random: np.random.Generator) -> Array:
+    azimuth = random.uniform(0.0, 2.0 * np.pi)
+    return np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+
+
+def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tuple[Array, Array]:
+    """Where and how fast the limb is let go: (axes,) angle or rotation vector and rates along the limb's axes.
+
+    A ball joint gets a push across the swing, which makes it conical, and one about its long axis.
+    """
+    size = swing * random.uniform(0.5, 1.1) * random.choice((-1.0, 1.0))
+    if truth.axis is not None:
+        return np.array([size]), np.zeros(1)
+    along = _level(random)
+    push = swing * random.uniform(0.5, 1.5) * np.cross((0.0, 0.0, 1.0), along)
+    twist = swing * np.array([0.0, 0.0, random.uniform(3.0, 6.0) * random.choice((-1.0, 1.0))])
+    return size * along + 0.1 * twist, push + twist
+
+
+def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array]) -> str:
+    """The joint as MJCF; the base is fixed, and free where `<!--free-->` becomes a joint."""
+    hinge = "" if truth.axis is None else f'axis="{words(truth.axis)}" springref="{words(np.rad2deg(truth.rest))}"'
+    sites = [
+        [f'<site name="{name}" pos="{words(place)}" size="0.0045"/>' for name, place in places.items()]
+        for places in (base, limb)
+    ]
+    return f"""<mujoco model="virtual joint">
+  <option gravity="{words(GRAVITY)}"/>
+  <worldbody>
+    <body name="base" pos="{words(CENTER)}"><!--free-->
+      <site name="plate"/>
+      {"".join(sites[0])}
+      <body name="limb">
+        <joint name="joint" type="{truth.kind}" damping="{truth.damping!r}" stiffness="{truth.stiffness!r}" {hinge}/>
+        {inertial(truth.parameters)}
+        <site name="center"/>
+        {"".join(sites[1])}
+      </body>
+    </body>
+  </worldbody>{SENSORS.format(body="limb")}
+</mujoco>"""
+
+
+def _equations(name: str, truth: JointTruth, seen: Sampled, ends: float = 0.0) -> SwingRecording:
+    """A swing as the linear equations of its limb's parameters; so many seconds at its `ends` are not used."""
+    moment, force = moment_rows(seen.rotations, seen.rates, seen.accelerations, GRAVITY)
+    rows = [np.einsum("fij,fjp->fip", seen.rotations, one) for one in (moment, force)]
+    p, along = truth.parameters, truth.directions
+    about = along @ inertia_matrices(p) @ along.T
+    rate = np.sqrt((truth.mass * truth.com * -GRAVITY[2] + truth.stiffness) / about[0, 0])
+    number = np.floor((seen.time - seen.time[0]) * rate / (2.0 * np.pi)).astype(np.int64)
+    number[(seen.time < seen.time[0] + ends) | (seen.time > seen.time[-1] - ends)] = -1
+    return SwingRecording(
+        name,
+        seen.time,
+        np.concatenate(rows, axis=1),
+        seen.wrench,
+        np.einsum("ai,fip->fap", along, moment),
+        seen.rates @ along.T,
+        truth.angles(seen.rotations),
+        truth.axes,
+        (),
+        np.zeros((len(seen.time), 0, len(along))),
+        seen.rotations,
+        GRAVITY,
+        number,
+    )

@@ -1,0 +1,88 @@
+"""Kinematic identification of 50, 500 and 2,000 frames of a 39-coordinate model: seconds and peak memory.
+
+The motion is simulated, so that the frames are as many as wanted: every coordinate of a scaled Rajagopal model
+that may move swings within its range, its markers are seen with 0.3 mm of noise, and the lengths are those of
+another body. The target is 10 s for 500 frames of a 40-coordinate model.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+
+import numpy as np
+
+from benchmarks.cases import data_folder
+from benchmarks.speed.size import MEGABYTE, peak, resident
+from myomorph.io.formats import read_model
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers
+from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.lengths import factors_of, lengths_of
+from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+SIZES = (50, 500, 2000)
+NOISE = 3e-4
+
+
+def run() -> list[dict[str, object]]:
+    """A row for each number of frames, in a process of its own so that memory is theirs alone."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(_rows)
+
+
+def _rows() -> list[dict[str, object]]:
+    generic = read_model(data_folder() / "rajagopal-walk-emg/raw/Rajagopal2016.osim")
+    markers = simulated(generic, max(SIZES))
+    calibrate(generic, [markers], CalibrationOptions(frames=20))
+    rows = []
+    for frames in SIZES:
+        before, began, cpu = resident(), time.perf_counter(), time.process_time()
+        part = Markers(markers.time[:frames], markers.names, markers.values[:frames])
+        found = calibrate(generic, [part], CalibrationOptions(frames=frames))
+        seconds = time.perf_counter() - began
+        used = sum(len(one) for one in found.frames)
+        rows.append(
+            {
+                "frames": used,
+                "coordinates": len(generic.coordinates),
+                "lengths": len(found.lengths),
+                "markers": len(found.markers),
+                "seconds": seconds,
+                "CPU seconds": time.process_time() - cpu,
+                "ms/frame": 1e3 * seconds / used,
+                "steps of the last stage": len(found.costs),
+                "converged": found.converged,
+                "RMSE before [mm]": 1e3 * found.rms_before,
+                "after [mm]": 1e3 * found.rms_after,
+                "peak beyond start [MB]": (peak() - before) / MEGABYTE,
+            }
+        )
+    return rows
+
+
+def simulated(generic: Model, frames: int) -> Markers:
+    """Markers of a moving body whose lengths differ from the model's by about 5 %, with noise."""
+    rng = np.random.default_rng(0)
+    lengths = lengths_of(generic, symmetric=True)
+    person = scale(generic, factors_of(lengths, rng.normal(1.03, 0.05, len(lengths))))
+    tree = compile_tree(person)
+    clock = np.arange(frames) / 20.0
+    values = np.tile(tree.defaults, (frames, 1))
+    for j in tree.independent:
+        coordinate = person.coordinates[j]
+        if coordinate.locked:
+            continue
+        low, high = coordinate.range if coordinate.clamped else (-np.inf, np.inf)
+        middle, swing = tree.defaults[j], 0.4 if coordinate.motion == "rotational" else 0.2
+        if np.isfinite(high - low):
+            swing = min(swing, 0.45 * (high - low))
+            middle = min(max(middle, low + swing), high - swing)
+        values[:, j] = middle + swing * np.sin(rng.uniform(0.5, 5) * clock + rng.uniform(0, 6))
+    couple_frames(tree.arrays, values)
+    bodies = np.array([tree.body_index[one.body] for one in person.markers])
+    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in person.markers]))
+    return Markers(clock, person.marker_names, places + NOISE * rng.normal(size=places.shape))

@@ -1,0 +1,143 @@
+"""Base parameters of 36,000 frames: seconds and peak memory of the batch, frames a second of the recursion.
+
+The bodies are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real one of 80
+bodies and 171 coordinates. Their motions are simulated, with the wrench that a body of other masses needs and
+noise of 0.5 N and 0.5 N m.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.cases import data_folder
+from benchmarks.speed.size import MEGABYTE, peak, resident
+from myomorph.identify.base import Recording, base_parameters, fit_base
+from myomorph.identify.sequential import SequentialFit
+from myomorph.io.formats import read_model
+from myomorph.model.functions import linear
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Axis, Coordinate, Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.rigid.couplers import couple_rates_frames
+from myomorph.rigid.regressor import regressor_blocks
+from myomorph.rigid.tree import compile_tree
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "tests")]
+
+from trees import floating_tree  # noqa: E402
+
+FRAMES = 36_000
+RATE = 200.0
+NOISE = 0.5
+SEQUENTIAL = 4_000
+
+
+def run() -> list[dict[str, object]]:
+    """A row a model, each measured in a process of its own so that memory is its alone."""
+    rows = []
+    for name in ("53 links, 155 DOF (synthetic tree)", "80 links, 171 coordinates (real model)"):
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            rows.append(pool.apply(measure, (name,)))
+    return rows
+
+
+def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
+    """Batch and recursion on one model."""
+    model = of_the_papers_size() if name.startswith("53") else real_model()
+    # Kernels compile first, on a few frames.
+    fit_base(model, [simulated(model, 40)])
+    given = simulated(model, frames)
+    began = time.perf_counter()
+    base = base_parameters(model)
+    structural = time.perf_counter() - began
+    before = resident()
+    began, busy = time.perf_counter(), time.process_time()
+    fit = fit_base(model, [given], base)
+    batch, cpu = time.perf_counter() - began, time.process_time() - busy
+    most = peak()
+    truth = base.of(other_masses(model))
+    fold, cpu_fold = recursion(model, base, given, min(SEQUENTIAL, frames))
+    return {
+        "model": name,
+        "frames": frames,
+        "base parameters": len(base),
+        "structure [s]": structural,
+        "batch [s]": batch,
+        "batch CPU [s]": cpu,
+        "peak [MB]": most / MEGABYTE,
+        "of it the recording and Python before [MB]": before / MEGABYTE,
+        "recursion [frames/s]": fold,
+        "recursion [frames/s of CPU]": cpu_fold,
+        "within 3 SD": float(np.mean(np.abs(fit.estimate - truth) < 3.0 * fit.sd)),
+    }
+
+
+def recursion(model: Model, base, given: Recording, frames: int) -> tuple[float, float]:
+    """Frames folded in a second, by the clock and by the processor; the regressor's rows are there already."""
+    fit = SequentialFit.start(model, base, NOISE)
+    wrench = np.concatenate([given.wrenches.torques[:, 0], given.wrenches.forces[:, 0]], axis=1)
+    seconds = busy = 0.0
+    for block in regressor_blocks(model, given.motion, np.zeros(3), 500):
+        measured = wrench[block.frames]
+        began, used = time.perf_counter(), time.process_time()
+        for rows, one in zip(block.rows, measured, strict=True):
+            fit.update(rows, one)
+        seconds, busy = seconds + time.perf_counter() - began, busy + time.process_time() - used
+        if fit.frames >= frames:
+            break
+    return fit.frames / seconds, fit.frames / busy
+
+
+def of_the_papers_size() -> Model:
+    """53 links and 155 degrees of freedom: 6 of the base, 45 joints of three, 7 of two."""
+    model = floating_tree(0, 53)
+    joints, coordinates = [model.joints[0]], list(model.coordinates[:6])
+    for i, joint in enumerate(model.joints[1:]):
+        names = tuple(f"{joint.name}_{k}" for k in range(3 if i < 45 else 2))
+        axes = tuple(Axis("rotation", np.eye(3)[k], linear(1.0), (name,)) for k, name in enumerate(names))
+        joints.append(replace(joint, axes=axes, coordinates=names))
+        coordinates += [Coordinate(name) for name in names]
+    return replace(model, joints=tuple(joints), coordinates=tuple(coordinates))
+
+
+def real_model() -> Model:
+    """The full body of 520 muscles."""
+    return read_model(data_folder() / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
+
+
+def other_masses(model: Model) -> np.ndarray:
+    """(bodies, 10) the body that moves: the model's parameters changed by up to a fifth."""
+    return inertial_parameters(model) * np.random.default_rng(1).uniform(0.8, 1.2, (len(model.bodies), 10))
+
+
+def simulated(model: Model, frames: int) -> Recording:
+    """Every free coordinate swings by itself; exact derivatives."""
+    rng = np.random.default_rng(0)
+    tree = compile_tree(model)
+    t = np.arange(frames) / RATE
+    shape = (frames, len(model.coordinates))
+    values, velocities, accelerations = np.tile(tree.defaults, (frames, 1)), np.zeros(shape), np.zeros(shape)
+    for j in tree.independent:
+        if model.coordinates[j].locked:
+            continue
+        size, rate, phase = rng.uniform(0.1, 0.4), rng.uniform(1.0, 9.0), rng.uniform(0.0, 6.0)
+        values[:, j] += size * np.sin(rate * t + phase)
+        velocities[:, j] = size * rate * np.cos(rate * t + phase)
+        accelerations[:, j] = -size * rate**2 * np.sin(rate * t + phase)
+    values = tree.coordinates_of(Motion(t, model.coordinate_names, values))
+    couple_rates_frames(tree.arrays, values, velocities, accelerations)
+    motion = Motion(t, model.coordinate_names, values, velocities, accelerations)
+    truth = other_masses(model).ravel()
+    wrench = np.empty((frames, 6))
+    for block in regressor_blocks(model, motion, np.zeros(3)):
+        wrench[block.frames] = block.rows @ truth
+    wrench += NOISE * rng.normal(size=wrench.shape)
+    zero = np.zeros((frames, 1, 3))
+    plate = Wrenches(t, ("plate",), (model.body_names[0],), wrench[:, None, 3:], zero, wrench[:, None, :3])
+    return Recording(motion, plate)

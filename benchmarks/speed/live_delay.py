@@ -1,0 +1,173 @@
+"""How late `live` is: from a frame's being there to its result, on recordings played at their own speed.
+
+`python -m benchmarks live-delay`: a walk (80 muscles) and two runs (92 muscles, the generic model as it is) at the
+100 Hz of the recordings and at 200 Hz, frames between by lines; then the walk over streams of the Lab Streaming Layer
+from another process, results sent as a stream, and with the page open. Recordings are short, so each is played several
+times. The filter's delay comes on top, and is told beside.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from benchmarks.cases import data_folder
+from myomorph.identify.online import total_wrench
+from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
+from myomorph.live.loop import Delays, Output, Spread, follow
+from myomorph.live.page import LivePage
+from myomorph.live.sources import Replay, Source, open_recording
+from myomorph.live.streams import LabOutlet, LabStreams
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Wrenches
+from myomorph.study.trial.inputs import open_model
+
+SECONDS = 12.0
+"""Time that each recording is played for, at least [s]."""
+
+CASES = (
+    ("walk", "rajagopal-walk-emg/subject_walk_scaled.osim", "rajagopal-walk-emg/markers_walk.trc", "grf_walk.xml"),
+    ("run, 2 m/s", "hamner-run-subject04/unscaled_generic.osim", "hamner-run-subject04/run200/markers.trc", "grf.mot"),
+    ("run, 5 m/s", "hamner-run-subject04/unscaled_generic.osim", "hamner-run-subject04/run500/markers.trc", "grf.mot"),
+)
+PORT = 8189
+
+Row = dict[str, object]
+
+
+def run() -> list[Row]:
+    """One row a recording, rate and way."""
+    return list(_rows())
+
+
+def _rows() -> Iterator[Row]:
+    data = data_folder()
+    walk: tuple[Model, Markers, Wrenches] | None = None
+    for name, model_path, path, loads in CASES:
+        model = open_model(data / model_path)
+        markers, wrenches = open_recording(model, data / path, (data / path).with_name(loads))
+        assert isinstance(markers, Markers)
+        assert wrenches is not None
+        for recording in (markers, doubled(markers)):
+            plays = max(1, round(SECONDS / (recording.time[-1] - recording.time[0])))
+            yield measured(name, model, [Replay(recording, wrenches) for _ in range(plays)])
+        if name == "walk":
+            walk = model, doubled(markers), wrenches
+    assert walk is not None
+    yield with_page(*walk)
+    yield over_streams(*walk)
+
+
+def doubled(markers: Markers) -> Markers:
+    """Twice as many frames, those between halfway between their neighbours."""
+    values = np.empty((2 * len(markers) - 1, *markers.values.shape[1:]))
+    values[::2], values[1::2] = markers.values, 0.5 * (markers.values[1:] + markers.values[:-1])
+    clock = np.empty(len(values))
+    clock[::2], clock[1::2] = markers.time, 0.5 * (markers.time[1:] + markers.time[:-1])
+    return Markers(clock, markers.names, values)
+
+
+def measured(
+    name: str, model: Model, sources: Sequence[Source], outputs: Sequence[Output] = (), late: Sequence[Output] = ()
+) -> Row:
+    """Play all sources, each with a new chain, and put their delays together."""
+    sessions = []
+    for source in sources:
+        chain = LiveChain(model, source, ChainOptions())
+        sessions.append(follow(chain, source, outputs, late))
+    return row_of(name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay)
+
+
+def row_of(name: str, model: Model, rate: float, delays: Sequence[Delays], filter_delay: float) -> Row:
+    """What some plays say."""
+    table = np.concatenate([one.table for one in delays])
+    ages, busy = Spread.of(table[:, 2]), Spread.of(table[:, 3])
+    return {
+        "recording": name,
+        "frames a second": rate,
+        "muscles": len(model.muscles),
+        "coordinates": len(model.coordinates),
+        "frames": len(table),
+        "dropped": sum(one.dropped for one in delays),
+        "solved [%]": 100.0 * float(np.mean(table[:, 4] == SOLVED)),
+        "median [ms]": 1e3 * ages.median,
+        "99 % [ms]": 1e3 * ages.late,
+        "worst [ms]": 1e3 * ages.worst,
+        "computation [ms]": 1e3 * busy.median,
+        "filter [ms]": 1e3 * filter_delay,
+    }
+
+
+def with_page(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
+    """The same while a page draws it in another process."""
+    plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
+    sources = [Replay(markers, wrenches) for _ in range(plays)]
+    page = LivePage(model, LiveChain(model, sources[0]), None, PORT, Delays())
+    try:
+        return measured("walk, page open", model, sources, late=[page])
+    finally:
+        page.close()
+
+
+def over_streams(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
+    """The walk sent from another process, results sent on: from the sender's time stamp to the result's being sent."""
+    name = f"myomorph-benchmark-{time.time_ns()}"
+    context = multiprocessing.get_context("spawn")
+    plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
+    sender = context.Process(target=_send, args=(name, markers, wrenches, plays), daemon=True)
+    sender.start()
+    try:
+        source = LabStreams(f"{name}-markers", f"{name}-plates", wait=60.0)
+        chain = LiveChain(model, source, ChainOptions())
+        outlet = LabOutlet(f"{name}-results", chain, source)
+        with contextlib.closing(outlet):
+            session = follow(chain, source, [outlet])
+    finally:
+        sender.terminate()
+    return row_of("walk, over streams", model, source.rate, [session.delays], session.filter_delay)
+
+
+def _send(name: str, markers: Markers, wrenches: Wrenches, plays: int) -> None:
+    """Send a recording several times over, on time."""
+    import pylsl
+
+    outlets = []
+    layouts = (
+        ("markers", markers.rate, [f"{one}_{axis}" for one in markers.names for axis in "xyz"]),
+        ("plates", 2000.0, [f"{plate}_{a}{b}" for plate in ("one", "two") for a in "FM" for b in "xyz"]),
+    )
+    for what, rate, labels in layouts:
+        info = pylsl.StreamInfo(f"{name}-{what}", "Mocap", len(labels), rate, "double64", f"{name}-{what}")
+        channels = info.desc().append_child("channels")
+        for label in labels:
+            channels.append_child("channel").append_child_value("label", label)
+        outlets.append(pylsl.StreamOutlet(info))
+    while not all(one.have_consumers() for one in outlets):
+        time.sleep(0.01)
+    first, length = float(markers.time[0]), float(markers.time[-1] - markers.time[0]) + 1.0 / markers.rate
+    each = total_wrench(*(one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques)))
+    played = (wrenches.time >= first) & (wrenches.time < first + length)
+    force_time = wrenches.time[played]
+    rows = each[played][:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 12)
+    began = pylsl.local_clock() + 1.0
+    for _ in range(plays):
+        sample = 0
+        for moment, row in zip(markers.time, markers.values, strict=True):
+            due = began + float(moment) - first
+            time.sleep(max(due - pylsl.local_clock(), 0.0))
+            while sample < len(rows) and force_time[sample] <= moment:
+                outlets[1].push_sample(rows[sample], began + force_time[sample] - first)
+                sample += 1
+            outlets[0].push_sample(row.ravel(), due)
+        began += length
+    time.sleep(30.0)
+
+
+if __name__ == "__main__":
+    from benchmarks.__main__ import print_rows
+
+    print_rows(run())

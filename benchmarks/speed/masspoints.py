@@ -1,0 +1,303 @@
+"""The mass-point problem of [D] eq. 3.10 at full size, and general QP solvers as far as they get.
+
+A made body: an ellipsoid of 70 kg, 53 links with random frames along it, 430 rows of random
+combinations of their parameters with noise. `python -m benchmarks masspoints` solves it for grids of
+1,000 to 530,000 points in one run, every solver in a process of its own, so that its memory is its own and running
+out of it ends nothing else. General solvers get the matrix of eq. 3.12, or its square root as rows where they
+take the problem so; they are given up where one size takes more than a minute or `MEMORY`.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from benchmarks.speed.size import MEGABYTE, peak, resident
+from myomorph.identify.body.points import Links, MassPoints, point_moments
+from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, nearest_weights
+from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.identify.pseudo_inertia import solve_pseudo_inertia
+
+AXES = np.array([0.2, 0.85, 0.155])
+"""Semi-axes of the body [m]."""
+
+MASS, LINKS, ROWS = 70.0, 53, 430
+FULL = 530_000
+SIZES = (1_000, 2_000, 4_000, 8_000, 16_000, 32_000)
+PATIENCE = 60.0
+"""Seconds a general solver may take for one size before it is given up."""
+
+MEMORY = 12 * 2**30
+"""Bytes of address space that a general solver may have."""
+
+WEIGHTS: dict[str, WeightMap] = {"w_d": cog_weights, "w_n": nearest_weights, "w_b": bone_weights}
+
+Row = dict[str, object]
+
+
+def made_body(points: int, weights: WeightMap) -> MassPoints:
+    """About so many mass points in the ellipsoid, and links along it."""
+    spacing = float((4.0 / 3.0 * np.pi * AXES.prod() / points) ** (1.0 / 3.0))
+    grid = np.stack(np.meshgrid(*(np.arange(-a, a, spacing) for a in AXES), indexing="ij"), axis=-1).reshape(-1, 3)
+    x = grid[((grid / AXES) ** 2).sum(axis=1) < 1.0]
+    links = made_links()
+    return MassPoints(x, np.full(len(x), MASS / len(x)), weights(x, links), links, spacing, "an ellipsoid")
+
+
+def made_links() -> Links:
+    """Links with random places and axes within the ellipsoid, each with a bone of 20 cm."""
+    random = np.random.default_rng(0)
+    centers = 0.8 * random.uniform(-1.0, 1.0, (LINKS, 3)) * AXES
+    rotations = Rotation.random(LINKS, rng=random).as_matrix()
+    bones = np.stack([centers - 0.1 * rotations[:, :, 0], centers + 0.1 * rotations[:, :, 0]], axis=1)
+    return Links(tuple(f"link{i}" for i in range(LINKS)), rotations, centers, centers, bones, np.arange(LINKS))
+
+
+def measured(body: MassPoints) -> tuple[np.ndarray, np.ndarray]:
+    """A and b in units of noise: a true body whose points weigh 0 to 2 times the reference, unevenly."""
+    random = np.random.default_rng(1)
+    A = 30.0 * random.normal(size=(ROWS, 10 * LINKS))
+    A /= np.tile(np.abs(body.parameters(body.reference)).mean(axis=0), LINKS)
+    phase = random.uniform(0.0, 6.0, 3)
+    truth = body.reference * (1.0 + np.prod(np.sin(25.0 * body.points + phase), axis=1))
+    return A, A @ body.parameters(truth).ravel() + random.normal(size=ROWS)
+
+
+def run() -> list[Row]:
+    """Ours at full size for each weight map, then general solvers size by size beside ours."""
+    rows = [alone(full_size, (name,)) for name in WEIGHTS]
+    rows += [alone(conic_size, (words,)) for words in CONIC]
+    solvers = [*GENERAL]
+    for points in SIZES:
+        rows.append(alone(general_size, ("ours", points)))
+        for name in list(solvers):
+            rows.append(alone(general_size, (name, points), PATIENCE))
+            if "gave up" in rows[-1]:
+                solvers.remove(name)
+    return rows
+
+
+def alone(work: Callable[..., Iterator[Row | None]], arguments: tuple, patience: float = np.inf) -> Row:
+    """The row of some work in a process of its own, or one that says why there is none.
+
+    The work first yields None, when its problem is set up: patience [s] runs from there.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(theirs, work, arguments))
+    process.start()
+    theirs.close()
+    row: Row = dict(zip(("solver", "points"), arguments, strict=False))
+    try:
+        ours.recv()
+        if ours.poll(None if patience == np.inf else patience):
+            row = ours.recv()
+        else:
+            row["gave up"] = f"more than {patience:.0f} s"
+    except EOFError:
+        row["gave up"] = "the process ended"
+    process.kill()
+    process.join()
+    return row
+
+
+def _send(pipe: Connection, work: Callable[..., Iterator[Row | None]], arguments: tuple) -> None:
+    try:
+        for row in work(*arguments):
+            pipe.send(row)
+    except MemoryError:
+        pipe.send({**dict(zip(("solver", "points"), arguments, strict=False)), "gave up": "out of memory"})
+
+
+def full_size(name: str) -> Iterator[Row | None]:
+    """Our solver, and the weights before it, at the size of an adult with a grid of 5 mm."""
+    warm = made_body(1_000, WEIGHTS[name])
+    solve_mass_points(warm, *measured(warm), mass=MASS)
+    yield None
+    before = resident()
+    seconds, body = _timed(lambda: made_body(FULL, WEIGHTS[name]))
+    A, b = measured(body)
+    solving, fit = _timed(lambda: solve_mass_points(body, A, b, mass=MASS))
+    yield {
+        "solver": "ours",
+        "points": len(body.points),
+        "links": LINKS,
+        "weights": name,
+        "links a point": body.weights.nnz / len(body.points),
+        "grid and weights [s]": seconds,
+        "QP [s]": solving,
+        "Newton steps": fit.iterations,
+        "on the bound": fit.on_bound,
+        "converged": fit.converged,
+        "optimality residual": fit.optimality.worst,
+        "peak beyond start, points included [MB]": (peak() - before) / MEGABYTE,
+    }
+
+
+CONIC = {"pseudo-inertia, a body's wrench": 0.0, "pseudo-inertia, no body's wrench": 1e3}
+"""The second method, and the error put on its measurement [units of noise]."""
+
+
+def conic_size(words: str) -> Iterator[Row | None]:
+    """The pseudo-inertia method, for as many links."""
+    body = made_body(20_000, bone_weights)
+    A, b = measured(body)
+    b += CONIC[words] * np.random.default_rng(2).normal(size=len(b))
+    reference = body.parameters(body.reference)
+    yield None
+    before = resident()
+    seconds, fit = _timed(lambda: solve_pseudo_inertia(A, b, reference, mass=MASS))
+    yield {
+        "solver": words,
+        "links": LINKS,
+        "seconds": seconds,
+        "status": fit.status,
+        "peak beyond start [MB]": (peak() - before) / MEGABYTE,
+    }
+
+
+def general_size(name: str, points: int) -> Iterator[Row | None]:
+    """One solver at one size, w_d: seconds, memory, and how far its masses are from ours."""
+    body = made_body(points, cog_weights)
+    A, b = measured(body)
+    ours = solve_mass_points(body, A, b)
+    before = resident()
+    yield None
+    if name == "ours":
+        seconds, masses = _timed(lambda: solve_mass_points(body, A, b).masses)
+    else:
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        program = Program.of(body, A, b)
+        seconds, masses = _timed(lambda: body.reference + program.sd * GENERAL[name](program))
+    yield {
+        "solver": name,
+        "points": len(body.points),
+        "seconds": seconds,
+        "peak beyond start [MB]": (peak() - before) / MEGABYTE,
+        "farthest from ours [of a mean mass]": float(np.abs(masses - ours.masses).max() / body.reference.mean()),
+    }
+
+
+def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    began = time.perf_counter()
+    result = work()
+    return time.perf_counter() - began, result
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """minimise |B u - t|^2 / 2 + |u|^2 / 2 subject to u >= low, u the masses from the reference over their prior SD.
+
+    Attributes
+    ----------
+    B : (rows, points) a column for each point
+    t : (rows,)
+    low, sd : (points,)
+    """
+
+    B: np.ndarray
+    t: np.ndarray
+    low: np.ndarray
+    sd: np.ndarray
+
+    @staticmethod
+    def of(body: MassPoints, A: np.ndarray, b: np.ndarray, options: MassPointOptions | None = None) -> Program:
+        """The problem with all that ours never forms."""
+        options = options or MassPointOptions()
+        sd = np.sqrt(prior_variances(body, options))
+        moments = point_moments(body.points).T
+        by_link = np.einsum("rli,lij->lrj", A.reshape(len(A), -1, 10), body.places)
+        B = np.zeros((len(A), len(sd)))
+        for link, rows in enumerate(by_link):
+            B += (rows @ moments) * body.weights[:, [link]].toarray()[:, 0]
+        t = b - B @ body.reference
+        return Program(B * sd, t, (options.floor * body.reference.mean() - body.reference) / sd, sd)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(points, points) of eq. 3.12."""
+        return self.B.T @ self.B + np.eye(len(self.sd))
+
+    def objective(self, change: np.ndarray) -> float:
+        """Of masses less the reference."""
+        u = change / self.sd
+        return 0.5 * float(np.sum((self.B @ u - self.t) ** 2) + u @ u)
+
+
+def by_piqp(program: Program) -> np.ndarray:
+    """PIQP with the dense matrix."""
+    import piqp
+
+    n, solver = len(program.sd), piqp.DenseSolver()
+    solver.setup(
+        np.asfortranarray(program.matrix), -program.B.T @ program.t, None, None, None, None, None, program.low,
+        np.full(n, 1e30),
+    )  # fmt: skip
+    solver.solve()
+    return np.array(solver.result.x)
+
+
+def by_piqp_rows(program: Program) -> np.ndarray:
+    """PIQP with the rows' misses as variables, so that the low rank is there to be found."""
+    import piqp
+
+    rows, n = program.B.shape
+    A = sparse.csc_matrix(sparse.hstack([sparse.csc_matrix(program.B), -sparse.eye(rows)]))
+    solver = piqp.SparseSolver()
+    solver.setup(
+        sparse.csc_matrix(sparse.eye(n + rows)), np.zeros(n + rows), A, program.t, None, None, None,
+        np.concatenate([program.low, np.full(rows, -1e30)]), np.full(n + rows, 1e30),
+    )  # fmt: skip
+    solver.solve()
+    return np.array(solver.result.x)[:n]
+
+
+def by_clarabel_rows(program: Program) -> np.ndarray:
+    """Clarabel with the rows' misses as variables."""
+    import clarabel
+
+    rows, n = program.B.shape
+    A = sparse.vstack(
+        [
+            sparse.hstack([sparse.csc_matrix(program.B), -sparse.eye(rows)]),
+            sparse.hstack([-sparse.eye(n), sparse.csc_matrix((n, rows))]),
+        ]
+    )
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cones = [clarabel.ZeroConeT(rows), clarabel.NonnegativeConeT(n)]
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix(sparse.eye(n + rows)), np.zeros(n + rows), sparse.csc_matrix(A),
+        np.concatenate([program.t, -program.low]), cones, settings,
+    )  # fmt: skip
+    return np.array(solver.solve().x)[:n]
+
+
+def by_proxqp(program: Program) -> np.ndarray:
+    """ProxQP, dense."""
+    import proxsuite
+
+    n = len(program.sd)
+    qp = proxsuite.proxqp.dense.QP(n, 0, 0, True)
+    qp.settings.eps_abs = 1e-8
+    none, rows = np.zeros(0), np.zeros((0, n))
+    qp.init(program.matrix, -program.B.T @ program.t, rows, none, rows, none, none, program.low, np.full(n, 1e20))
+    qp.solve()
+    return np.array(qp.results.x)
+
+
+GENERAL: dict[str, Callable[[Program], np.ndarray]] = {
+    "piqp, dense matrix": by_piqp,
+    "piqp, misses as variables": by_piqp_rows,
+    "clarabel, misses as variables": by_clarabel_rows,
+    "proxqp, dense matrix": by_proxqp,
+}

@@ -1,0 +1,68 @@
+"""One specimen of the shoulder experiment from raw recordings to its row of tables, and runs of virtual joints.
+
+The specimen is simulated in MuJoCo (not timed): four releases of 30 s without muscles and four with them, 15 markers
+at 200 Hz, the wrench at 2000 Hz on a clock of its own. Timed are the motion of the bones from the markers with the
+clocks, the choice of the cutoff, the equations of the swings with moment arms, and the identification with a
+bootstrap of 500. Then 16 runs of the virtual joint, simulation and all, in one process and in two.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+
+from benchmarks.accuracy.viscosity.virtual import joint_run
+from myomorph.simulate.shoulder import VirtualSpecimen, virtual_specimen
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.trust.cutoff import choose_cutoff
+
+SECONDS, TRIALS, DRAWS = 30.0, 4, 500
+RUNS = 16
+
+
+def run() -> list[dict[str, object]]:
+    """A row for the specimen, a row for the runs."""
+    specimen_steps(virtual_specimen(1, seconds=6.0, trials=1))
+    steps = specimen_steps(virtual_specimen(1, seconds=SECONDS, trials=TRIALS))
+    one, two = joint_seconds(1), joint_seconds(2)
+    return [
+        {
+            "specimen": f"{TRIALS} trials of {SECONDS:g} s without muscles and {TRIALS} with, bootstrap of {DRAWS}",
+            **steps,
+            "total [s]": sum(steps.values()),
+            "target [s]": 60.0,
+        },
+        {
+            "runs of the virtual joint": RUNS,
+            "one process [s]": one,
+            "two processes [s]": two,
+            "times faster": one / two,
+            "200 runs [s]": 200.0 / RUNS * two,
+        },
+    ]
+
+
+def specimen_steps(made: VirtualSpecimen) -> dict[str, float]:
+    """Seconds of each step."""
+    marks = [time.perf_counter()]
+    tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
+    marks.append(time.perf_counter())
+    cutoff = choose_cutoff(tracked).cutoff
+    marks.append(time.perf_counter())
+    without, intact = (swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked))
+    marks.append(time.perf_counter())
+    identify_specimen("virtual", without, intact, options=ViscosityOptions(draws=DRAWS))
+    marks.append(time.perf_counter())
+    names = ("bones and clocks [s]", "cutoff [s]", "equations [s]", "identification [s]")
+    return {name: after - before for name, before, after in zip(names, marks[:-1], marks[1:], strict=True)}
+
+
+def joint_seconds(workers: int) -> float:
+    """Seconds of the runs in so many processes, started and warm."""
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        pool.map(joint_run, range(2 * workers), chunksize=1)
+        began = time.perf_counter()
+        pool.map(joint_run, range(RUNS), chunksize=1)
+        return time.perf_counter() - began

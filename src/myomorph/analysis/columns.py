@@ -1,0 +1,73 @@
+"""Columns of a series in numbers: extremes, and an estimate beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.series import Series
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An estimate beside what is known to be true.
+
+    Attributes
+    ----------
+    name : of the column
+    rmse, worst : root mean square and largest difference
+    span : largest minus smallest true value
+    correlation : of the two, nan where one does not vary
+    """
+
+    name: str
+    rmse: float
+    worst: float
+    span: float
+    correlation: float
+
+
+def compared(estimate: Series, truth: Series) -> list[Comparison]:
+    """Columns both have, at the estimate's times, in the truth's order."""
+    inside = (estimate.time >= truth.time[0] - 1e-9) & (estimate.time <= truth.time[-1] + 1e-9)
+    rows = []
+    for name in truth.names:
+        if name not in estimate.names or inside.sum() < 2:
+            continue
+        known = np.interp(estimate.time[inside], truth.time, truth[name])
+        found = estimate[name][inside]
+        both = np.isfinite(known) & np.isfinite(found)
+        if not both.any():
+            continue
+        difference = found[both] - known[both]
+        varies = np.ptp(known[both]) > 1e-12 and np.ptp(found[both]) > 1e-12
+        correlation = float(np.corrcoef(known[both], found[both])[0, 1]) if varies else float("nan")
+        rms = float(np.sqrt(np.mean(difference**2)))
+        rows.append(Comparison(name, rms, float(np.max(np.abs(difference))), float(np.ptp(known[both])), correlation))
+    return rows
+
+
+@dataclass(frozen=True)
+class ExtremesRow:
+    """Smallest and largest value of a column, with their times."""
+
+    name: str
+    low: float
+    low_time: float
+    high: float
+    high_time: float
+
+
+def extremes(series: Series, factors: Mapping[str, float] | None = None) -> list[ExtremesRow]:
+    """Smallest and largest value of every column, times a factor each."""
+    rows = []
+    for i, name in enumerate(series.names):
+        values = series.values[:, i] * (factors or {}).get(name, 1.0)
+        if np.isfinite(values).any():
+            a, b = int(np.nanargmin(values)), int(np.nanargmax(values))
+            rows.append(
+                ExtremesRow(name, float(values[a]), float(series.time[a]), float(values[b]), float(series.time[b]))
+            )
+    return rows

@@ -1,0 +1,152 @@
+"""Contact states: whose limb a site is on, and which site touches what over which time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.phases import PhaseOptions, contacts
+from myomorph.analysis.selection import Subject, printed
+from myomorph.model.arrays import Array
+from myomorph.model.contacts import ContactForces, Contacts, Touch
+from myomorph.model.model import GROUND
+from myomorph.model.series import Wrenches
+from myomorph.model.sides import split_side
+
+SHORTEST_LINE = 0.03
+
+
+_HAND = re.compile(r"hand|palm|finger|thumb|stick|arm|wrist|grip|sleeve|lapel", re.IGNORECASE)
+
+
+_FOOT = re.compile(r"foot|feet|sole|heel|toe|ball|calcn|pedal|shoe|plate", re.IGNORECASE)
+
+
+_SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What a site belongs to: whose ("" for the only subject), "hand", "foot" or the site's own name, and its side."""
+
+    subject: str
+    part: str
+    side: str
+
+    @property
+    def label(self) -> str:
+        """In print."""
+        return " ".join(one for one in (self.subject, self.side, self.part) if one)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the graph: its label, its side and its touches."""
+
+    label: str
+    side: str
+    touches: tuple[Touch, ...]
+
+
+def limb_of(site: str, who: Sequence[Subject] = ()) -> Limb:
+    """Whose limb a site is on, as its name tells."""
+    owner, bare, side = _told(site, who)
+    part = "hand" if _HAND.search(bare) else "foot" if _FOOT.search(bare) else bare
+    return Limb(owner, part, side)
+
+
+def _told(name: str, who: Sequence[Subject]) -> tuple[str, str, str]:
+    """Subject, words and side of a name: of "uke_foot_r_heel" uke, "foot heel" and right."""
+    owner = next((one for one in who if one.prefix and name.startswith(one.prefix)), None)
+    base, side = split_side(name.removeprefix(owner.prefix) if owner else name)
+    words = base.replace("_", " ").split()
+    if not side:
+        inner = next((word for word in words if word.lower() in _SIDES), "")
+        side = _SIDES.get(inner.lower(), "")
+        words = [word for word in words if word != inner]
+    return owner.name if owner else "", " ".join(words), side
+
+
+def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Contacts:
+    """Contacts that forces tell: vertical force over 3 % of body weight, see `phases.contacts`.
+
+    Parameters
+    ----------
+    weight : of the body [N]; without it a third of the peak stands in
+    """
+    options = PhaseOptions()
+    vertical = np.nan_to_num(wrenches.forces @ up)
+    scale = weight or float(vertical.sum(axis=1).max(initial=0.0)) / 3.0
+    names = tuple(body or name for name, body in zip(wrenches.names, wrenches.bodies, strict=True))
+    touches = []
+    if scale > 0.0 and len(wrenches) > 2:
+        for k, site in enumerate(names):
+            found = contacts(wrenches.time, vertical[:, k], options.threshold * scale, options.shortest_contact)
+            touches += [
+                Touch(site, float(wrenches.time[i]), float(wrenches.time[j]), source="plates") for i, j in found
+            ]
+    return Contacts(tuple(dict.fromkeys(names)), tuple(touches))
+
+
+def solved_contacts(forces: ContactForces) -> Contacts:
+    """Contacts that estimated forces were allowed at: runs of a strength above 0."""
+    touches = []
+    for k, site in enumerate(forces.sites):
+        on = np.concatenate([[False], forces.strengths[:, k] > 0.0, [False]])
+        for start, stop in np.flatnonzero(np.diff(on.astype(np.int8))).reshape(-1, 2):
+            sure = float(forces.strengths[start:stop, k].max())
+            touches.append(
+                Touch(site.name, float(forces.time[start]), float(forces.time[stop - 1]), site.against, min(sure, 1.0))
+            )
+    return Contacts(forces.names, tuple(touches))
+
+
+def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
+    """One row a site that touches the ground, one a surface that is struck, feet and hands of a side together."""
+    rows: dict[tuple[str, str], list[Touch]] = {}
+    for touch in given.touches:
+        struck = touch.surface != GROUND and is_stroke(touch)
+        key = ("", touch.surface) if struck else (touch.site, touch.surface)
+        rows.setdefault(key, []).append(touch)
+    for site in given.sites:
+        if not any(key[0] == site for key in rows) and not any(one.site == site for one in given.touches):
+            rows[(site, GROUND)] = []
+    found: list[tuple[Limb, int, Row]] = []
+    for (site, surface), touches in rows.items():
+        limb = limb_of(site, who) if site else Limb("", "", "")
+        label = row_label(site, who) if site else printed(surface)
+        if site and surface != GROUND:
+            label += f" on {row_label(surface, who).lower()}"
+        place = given.sites.index(site) if site else len(found)
+        found.append((limb, place, Row(label, limb.side, tuple(touches))))
+    order = {"right": 0, "left": 1, "": 2}
+    found.sort(key=lambda one: (one[0].subject, one[0].part == "foot", one[0].part, order[one[0].side], one[1]))
+    return tuple(row for _, _, row in found)
+
+
+def row_label(site: str, who: Sequence[Subject] = ()) -> str:
+    """A site's name in print: its subject, its side and its words; the bones of a foot are the foot."""
+    owner, bare, side = _told(site, who)
+    words = printed(bare).lower()
+    words = "foot" if words in ("calcn", "calcaneus", "foot") else words
+    text = " ".join(one for one in (owner, side, words) if one)
+    return text[:1].upper() + text[1:]
+
+
+def is_stroke(touch: Touch) -> bool:
+    """Whether a contact is an impact: heard, or too short to be drawn as a line."""
+    return touch.source == "sound" or touch.stop - touch.start < SHORTEST_LINE
+
+
+def limb_states(given: Contacts, time: Array, who: Sequence[Subject] = ()) -> tuple[tuple[Limb, ...], np.ndarray]:
+    """Limbs, and whether any site of each touches anything, (frames, limbs)."""
+    states = given.states(time)
+    homes = [limb_of(site, who) for site in given.sites]
+    limbs = tuple(dict.fromkeys(homes))
+    touching = np.zeros((len(time), len(limbs)), dtype=bool)
+    for k, home in enumerate(homes):
+        touching[:, limbs.index(home)] |= states.values[:, k] >= 0.5
+    return limbs, touching

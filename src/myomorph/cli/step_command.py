@@ -1,0 +1,60 @@
+"""A command for every step that has none of its own: a model and coordinates in, a folder of results out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Optional
+
+from myomorph.cli.options import (
+    LoadsFile,
+    ModelFile,
+    MotionFile,
+    OutFolder,
+    Threads,
+    Time,
+    given,
+    options_class,
+    use_threads,
+)
+from myomorph.cli.output import folder_with, said, warn
+from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of, steps_before
+from myomorph.study.trial.trial_files import TrialFiles, read_motion_trial
+
+
+def __getattr__(name: str) -> Callable[..., int]:
+    """The command `NAME_command` of the step NAME."""
+    if not name.endswith("_command"):
+        raise AttributeError(name)
+    return step_command(name.removesuffix("_command"))
+
+
+def step_command(name: str) -> Callable[..., int]:
+    """A command whose options are those of a step; earlier steps whose results it needs are run first."""
+    step = step_of(name)
+
+    def command(
+        *,
+        model: ModelFile,
+        motion: MotionFile,
+        out: OutFolder,
+        loads: LoadsFile = None,
+        time: Time = None,
+        options: object = None,
+        threads: Threads = None,
+    ) -> int:
+        use_threads(threads)
+        files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
+        trial, poses = read_motion_trial(files, {name: given(options)})
+        results = StepResults(poses)
+        with folder_with(out, name) as (folder, writer):
+            needed = [one for one in steps_before(step) if one.gives in step.needs and results.get(one.gives) is None]
+            for one in (*needed, step):
+                results = run_step(one, trial, results, StepOutput(writer, folder))
+        warn((*trial.warnings, *results.notes))
+        said(f"{step.title}: {len(poses.recorded)} frames; wrote {out}")
+        return 0
+
+    settings = options_class(*step.options, leave_out=step.not_settings)
+    command.__annotations__["options"] = Optional[settings]  # noqa: UP045
+    command.__doc__ = f"{step.title[:1].upper()}{step.title[1:]}."
+    return command

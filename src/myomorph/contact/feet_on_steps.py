@@ -1,0 +1,301 @@
+"""Who stands on which step: forces of stairs on the bodies of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.contact.plates import episodes
+from myomorph.contact.site_motion import site_motion
+from myomorph.contact.stairs import StairOptions, Step, StepLoads
+from myomorph.model.arrays import Array
+from myomorph.model.contacts import SharedWrench, Site
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+
+Unmeasured = Literal["unknown", "zero"]
+LEAST_NOISE = 1e-4
+"""Standard deviation of a measured component that has no noise at all, over body weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class FeetOnSteps:
+    """Loads of the steps at the times of a motion, and the sites that stand on each.
+
+    Attributes
+    ----------
+    forces, moments : (frames, steps, 3) in ground, moments about the tread's middle; NaN where not measured
+    standing : (frames, steps, sites) whether a site is on a step while it is loaded
+    places : (frames, sites, 3) of the sites [m]
+    weight, height : of the body [N], of its center of mass over its lowest site [m]
+    notes : loadings that nobody stands on and steps that carry several bodies, one line each
+    """
+
+    time: Array
+    steps: tuple[Step, ...]
+    sites: tuple[Site, ...]
+    forces: Array
+    moments: Array
+    loaded: np.ndarray
+    standing: np.ndarray
+    places: Array
+    noise: Array
+    weight: float
+    height: float
+    notes: tuple[str, ...] = ()
+
+
+def feet_on_steps(
+    model: Model, motion: Motion, sites: Sequence[Site], loads: StepLoads, options: StairOptions | None = None
+) -> FeetOnSteps:
+    """Give the load of each step to the sites that stand on it.
+
+    A site is on the step that it is nearest to, within reach, and stands there while it is slow.
+
+    Parameters
+    ----------
+    sites : of feet that may stand on steps
+    loads : of the steps, on their own clock
+
+    Raises
+    ------
+    BadData : no site is given
+    """
+    options = options or StairOptions()
+    if not sites:
+        raise BadData("no foot is given that might stand on a step")
+    moving = site_motion(model, motion, sites)
+    away = np.stack([_distances(step, moving.places) for step in loads.steps], axis=1)
+    nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
+    own = np.arange(len(loads.steps))[None, :, None] == nearest[:, None]
+    near = own & (away <= options.reach * moving.height)
+    loaded = _interpolated(loads.time, loads.loaded.astype(np.float64), motion.time) > 0.5
+    slow = np.linalg.norm(moving.velocities, axis=2) < options.still * moving.pace
+    # A foot that swings past a step does not stand on it, unless nobody else is there.
+    calm = near & slow[:, None, :]
+    standing = np.where(calm.any(axis=2, keepdims=True), calm, near) & loaded[:, :, None]
+    standing = _throughout(standing, loaded)
+    forces, moments = (
+        np.where(loaded[:, :, None], _interpolated(loads.time, one, motion.time), 0.0)
+        for one in (loads.forces, loads.moments)
+    )
+    for one, measured in ((forces, loads.forces), (moments, loads.moments)):
+        one[:, np.isnan(measured).all(axis=0)] = np.nan
+    notes = [*loads.notes, *_doubts(motion.time, loads.steps, sites, loaded, standing)]
+    return FeetOnSteps(
+        motion.time,
+        loads.steps,
+        tuple(sites),
+        forces,
+        moments,
+        loaded,
+        standing,
+        moving.places,
+        loads.noise,
+        model.weight,
+        moving.height,
+        tuple(notes),
+    )
+
+
+def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
+    """Who stands on each step through the whole of a loading: frames with nobody take those of the nearest with one."""
+    filled = standing.copy()
+    for k in range(loaded.shape[1]):
+        for start, stop in episodes(loaded[:, k]):
+            known = np.flatnonzero(standing[start:stop, k].any(axis=1)) + start
+            if len(known):
+                frames = np.arange(start, stop)
+                after = np.clip(np.searchsorted(known, frames), 0, len(known) - 1)
+                before = np.clip(after - 1, 0, None)
+                nearest = np.where(np.abs(known[before] - frames) < np.abs(known[after] - frames), before, after)
+                filled[start:stop, k] = standing[known[nearest], k]
+    return filled
+
+
+def _distances(step: Step, places: Array) -> Array:
+    """Distance (frames, sites) of places to the rectangle of a tread [m]."""
+    inside = step.pose.inverse().apply(places)
+    half = 0.5 * np.array([*step.size, 0.0])
+    away: Array = np.linalg.norm(np.maximum(np.abs(inside) - half, 0.0), axis=-1)
+    return away
+
+
+def _interpolated(time: Array, values: Array, at: Array) -> Array:
+    """Values (samples, ...) at other times; 0 outside of the recording."""
+    flat = values.reshape(len(time), -1)
+    columns = [np.interp(at, time, np.nan_to_num(one), left=0.0, right=0.0) for one in flat.T]
+    found: Array = np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
+    return found
+
+
+def _doubts(
+    time: Array, steps: Sequence[Step], sites: Sequence[Site], loaded: np.ndarray, standing: np.ndarray
+) -> list[str]:
+    found = []
+    step_time = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    for k, step in enumerate(steps):
+        bodies = np.stack(
+            [standing[:, k, [i for i, s in enumerate(sites) if s.body == body]].any(axis=1) for body in _bodies(sites)],
+            axis=1,
+        )
+        alone = loaded[:, k] & ~bodies.any(axis=1)
+        if alone.any():
+            found.append(
+                f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at {time[alone][0]:.3f} s, "
+                "with no foot near it: its force is on nobody"
+            )
+        several = bodies.sum(axis=1) > 1
+        if several.any():
+            who = [body for body, any_ in zip(_bodies(sites), bodies[several].any(axis=0), strict=True) if any_]
+            found.append(
+                f"step '{step.name}' carries {' and '.join(who)} together for {several.sum() * step_time:.3g} s: its "
+                "force is shared"
+            )
+    return found
+
+
+def _bodies(sites: Sequence[Site]) -> list[str]:
+    return list(dict.fromkeys(site.body for site in sites))
+
+
+def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:
+    """External forces on bodies, for inverse dynamics, and what they leave open.
+
+    A force acts at the center of pressure where the cell measures moments, else where the foot is. Two bodies on a step
+    share its force so that the center of pressure is kept, or evenly where it is not known.
+
+    Parameters
+    ----------
+    unmeasured : "zero" takes components that a cell does not measure for zero; with "unknown" such a step has no force
+        here: `shared_stairs` passes what is measured on to muscle tensions
+
+    Returns
+    -------
+    wrenches named `step_body`, and notes
+    """
+    notes = list(feet.notes)
+    columns: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
+    for k, step in enumerate(feet.steps):
+        missing = [axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, k, i]).all()]
+        if missing and unmeasured == "unknown":
+            notes.append(
+                f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse dynamics goes without "
+                "it; tensions with shared contacts take the rest"
+            )
+            continue
+        if missing:
+            notes.append(f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for zero")
+        columns |= {(step.name, body): part for body, part in _parts(feet, k).items()}
+    frames = len(feet.time)
+    values = [np.zeros((frames, len(columns), 3)) for _ in range(3)]
+    for j, parts in enumerate(columns.values()):
+        for table, values_of in zip(values, parts, strict=True):
+            table[:, j] = values_of
+    names = tuple(f"{step}_{body}" for step, body in columns)
+    return Wrenches(feet.time, names, tuple(body for _, body in columns), *values), tuple(notes)
+
+
+def _parts(feet: FeetOnSteps, k: int) -> dict[str, tuple[Array, Array, Array]]:
+    """Force, point and free torque (frames, 3) of a step on each body that stands on it."""
+    step = feet.steps[k]
+    force = np.nan_to_num(feet.forces[:, k])
+    bodies = [body for body in _bodies(feet.sites) if feet.standing[:, k, _of(feet, body)].any()]
+    where = {body: _place(feet, k, body) for body in bodies}
+    here = {body: np.asarray(feet.standing[:, k, _of(feet, body)].any(axis=1)) for body in bodies}
+    center, torque = _center_of_pressure(step, force, feet.moments[:, k])
+    shares = _shares(bodies, here, where, center)
+    found = {}
+    for body in bodies:
+        alone = shares[body] == 1.0
+        point = np.where((alone & np.isfinite(center).all(axis=1))[:, None], center, where[body])
+        point = np.where(here[body][:, None], point, step.pose.translation)
+        found[body] = (force * shares[body][:, None], point, np.where(alone[:, None], torque, 0.0))
+    return found
+
+
+def _of(feet: FeetOnSteps, body: str) -> list[int]:
+    return [i for i, site in enumerate(feet.sites) if site.body == body]
+
+
+def _place(feet: FeetOnSteps, k: int, body: str) -> Array:
+    """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0 where none does."""
+    members = _of(feet, body)
+    on = feet.standing[:, k, members][..., None]
+    mean = np.where(on, feet.places[:, members], 0.0).sum(axis=1) / np.maximum(on.sum(axis=1), 1)
+    pose = feet.steps[k].pose
+    inside = pose.inverse().apply(mean)
+    inside[:, 2] = 0.0
+    half = 0.5 * np.array(feet.steps[k].size)
+    inside[:, :2] = np.clip(inside[:, :2], -half, half)
+    return pose.apply(inside)
+
+
+def _center_of_pressure(step: Step, force: Array, moment: Array) -> tuple[Array, Array]:
+    """Point (frames, 3) in ground, NaN where moments are not measured, and the free torque about it."""
+    rotation = step.pose.rotation
+    f, m = force @ rotation, moment @ rotation
+    with np.errstate(divide="ignore", invalid="ignore"):
+        local = np.column_stack([-m[:, 1] / f[:, 2], m[:, 0] / f[:, 2], np.zeros(len(f))])
+    half = 0.5 * np.array(step.size)
+    local[:, :2] = np.where(np.isfinite(local[:, :2]), np.clip(local[:, :2], -half, half), np.nan)
+    torque = (m - np.cross(np.nan_to_num(local), f)) @ rotation.T
+    center: Array = local @ rotation.T + step.pose.translation
+    return center, np.nan_to_num(np.where(np.isfinite(center), torque, 0.0))
+
+
+def _shares(
+    bodies: Sequence[str], here: dict[str, np.ndarray], where: dict[str, Array], center: Array
+) -> dict[str, Array]:
+    """Share (frames,) of a step's force that each body has."""
+    count = np.sum([here[body] for body in bodies], axis=0) if bodies else np.zeros(len(center))
+    shares = {body: np.where(here[body], 1.0 / np.maximum(count, 1), 0.0) for body in bodies}
+    for i, one in enumerate(bodies):
+        for other in bodies[i + 1 :]:
+            two = here[one] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
+            apart = where[other] - where[one]
+            square = (apart**2).sum(axis=1)
+            along = np.clip(((center - where[one]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0)
+            along = np.where(square > 1e-12, along, 0.5)
+            shares[one] = np.where(two, 1.0 - along, shares[one])
+            shares[other] = np.where(two, along, shares[other])
+    return shares
+
+
+def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[SharedWrench, ...]:
+    """What the cells measured, for the sites on each step together; unmeasured components stay open.
+
+    Frames in which other sites stand on a step make a wrench of their own, NaN in all others. Muscle tensions find the
+    rest within the friction cones of the sites (`ContactTask.measured`).
+
+    Parameters
+    ----------
+    leave_out : steps whose force is known otherwise
+    """
+    found = []
+    for k, step in enumerate(feet.steps):
+        if step.name in leave_out:
+            continue
+        groups: dict[tuple[int, ...], list[int]] = {}
+        for frame in np.flatnonzero(feet.standing[:, k].any(axis=1)):
+            groups.setdefault(tuple(np.flatnonzero(feet.standing[frame, k]).tolist()), []).append(int(frame))
+        for number, (members, frames) in enumerate(groups.items()):
+            forces, moments = np.full((2, len(feet.time), 3), np.nan)
+            force = feet.forces[frames, k]
+            forces[frames] = force
+            # About the ground's origin a moment needs the forces across it.
+            middle = np.array(step.pose.translation)
+            arm = np.array([[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]], [-middle[1], middle[0], 0]])
+            used = np.abs(arm) > 1e-12
+            open_ = (used[None] & np.isnan(force)[:, None, :]).any(axis=2)
+            moved = feet.moments[frames, k] + np.nan_to_num(force) @ arm.T
+            moments[frames] = np.where(open_, np.nan, moved)
+            sd = max(float(feet.noise[k]), LEAST_NOISE * feet.weight)
+            name = step.name if len(groups) == 1 else f"{step.name}_{number + 1}"
+            sites = tuple(feet.sites[i].name for i in members)
+            found.append(SharedWrench(name, sites, forces, moments, sd, sd * 0.5 * max(step.size)))
+    return tuple(found)

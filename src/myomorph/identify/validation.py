@@ -1,0 +1,366 @@
+"""How far to trust inertial parameters: motions held out of the fit, and whether every link can be a body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from myomorph.identify.base import Recording
+from myomorph.identify.base_parameters import BaseParameters
+from myomorph.identify.body.points import Links, MassPoints
+from myomorph.identify.least_squares import absorb
+from myomorph.model.arrays import Array, FrozenArrays, checked_array, frozen_array
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.rigid.regressor import base_wrench, regressor_blocks
+
+KINDS = ("moment", "force")
+MIN_PARTS = 4
+
+
+Inside = Callable[[Array], np.ndarray]
+"""Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
+
+ROUNDING = 1e-9
+"""How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parts(FrozenArrays):
+    """What parts of recordings say of the base parameters, moments and forces apart.
+
+    Attributes
+    ----------
+    base : what the factors are of
+    factors : (parts, 2, n + 1, n + 1) triangular, |R (x, -1)|^2 is the squared misfit of base parameters x
+        in the moments [N m] and the forces [N] of a part
+    frames : (parts,)
+    """
+
+    base: BaseParameters
+    factors: Array
+    frames: np.ndarray
+
+    def __post_init__(self) -> None:
+        checked_array(self.factors, (len(self.frames), 2, len(self.base) + 1, len(self.base) + 1), "factors of parts")
+        super().__post_init__()
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def rms(self, parameters: Array, parts: Sequence[int] | None = None) -> Array:
+        """(2,) root mean square of the moment's and the force's misfit of parameters (bodies, 10) [N m], [N]."""
+        chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
+        x = np.append(self.base.of(parameters), -1.0)
+        squares = np.square(self.factors[chosen] @ x).sum(axis=(0, 2))
+        result: Array = np.sqrt(squares / self.frames[chosen].sum())
+        return result
+
+    def rows(self, noise: Array, parts: Sequence[int] | None = None) -> tuple[Array, Array]:
+        """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of noise (2,)."""
+        chosen = range(len(self)) if parts is None else parts
+        factor = np.zeros(self.factors.shape[2:])
+        for part in chosen:
+            for kind, size in enumerate(noise):
+                # A vector of three components has three times the variance of one.
+                scaled = self.factors[part, kind] * (np.sqrt(3.0) / size)
+                factor = absorb(factor, scaled)
+        return factor[:-1, :-1] @ self.base.combination, np.array(factor[:-1, -1])
+
+
+def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = MIN_PARTS) -> Parts:
+    """Recordings as parts; one alone is cut in time into `least`.
+
+    Halves of one motion are too much alike to tell how masses do on another, so that several are not cut.
+
+    Raises
+    ------
+    BadData : no frame can be used
+    """
+    pieces = least if len(recordings) == 1 else 1
+    n = len(base)
+    factors, frames = [], []
+    for recording in recordings:
+        use = np.ones(len(recording.motion), bool) if recording.use is None else np.asarray(recording.use)
+        measured = base_wrench(model, recording.motion, recording.wrenches)
+        use = use & np.isfinite(measured).all(axis=1)
+        piece = np.minimum(np.cumsum(use) * pieces // max(int(use.sum()) + 1, 1), pieces - 1)
+        own = np.zeros((pieces, 2, n + 1, n + 1))
+        for block in regressor_blocks(model, recording.motion):
+            for k in range(pieces):
+                wanted = use[block.frames] & (piece[block.frames] == k)
+                wrench = measured[block.frames][wanted]
+                for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
+                    table = np.empty((3 * int(wanted.sum()), n + 1), order="F")
+                    table[:, :-1] = block.rows[wanted][:, rows][:, :, base.columns].reshape(-1, n)
+                    table[:, -1] = wrench[:, rows].ravel()
+                    own[k, kind] = absorb(own[k, kind], table)
+        counts = np.array([int((use & (piece == k)).sum()) for k in range(pieces)])
+        factors.append(own[counts > 0])
+        frames.append(counts[counts > 0])
+    if not frames or not sum(len(one) for one in frames):
+        raise BadData("no frame can be used to identify")
+    return Parts(base, np.concatenate(factors), np.concatenate(frames))
+
+
+def held_out(parts: Parts, fit: Callable[[Sequence[int]], Array]) -> Array:
+    """(parts, 2) mean square misfit of each part by what was fitted to the others: moment, force [(N m)^2], [N^2].
+
+    Parameters
+    ----------
+    fit : parameters (bodies, 10) from the numbers of the parts to fit
+    """
+    squares = np.empty((len(parts), 2))
+    for part in range(len(parts)):
+        others = [one for one in range(len(parts)) if one != part]
+        squares[part] = np.square(parts.rms(fit(others), [part]))
+    return squares
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation(FrozenArrays):
+    """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    measured : (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
+    predicted : (frames, 6) by name
+    weight : of the body [N]
+    """
+
+    time: Array
+    measured: Array
+    predicted: Mapping[str, Array]
+    weight: float
+
+    @property
+    def errors(self) -> Mapping[str, Array]:
+        """(frames, 6) predicted less measured, by name."""
+        return {name: one - self.measured for name, one in self.predicted.items()}
+
+    def rms(self, name: str) -> Array:
+        """(2,) root mean square of the moment's and the force's error vectors [N m], [N].
+
+        Raises
+        ------
+        UnknownName : no model of that name was compared
+        """
+        if name not in self.predicted:
+            raise UnknownName("model", name, tuple(self.predicted), "the cross-validation")
+        error = self.errors[name]
+        error = error[np.isfinite(error).all(axis=1)]
+        halves = (error[:, :3], error[:, 3:])
+        return np.array([np.sqrt(np.mean(np.square(half).sum(axis=1))) for half in halves])
+
+    def table(self) -> Mapping[str, Mapping[str, Array]]:
+        """By name: mean of the absolute error, RMS and peak of the six components, and RMS as percent of body weight.
+
+        The percentage of a moment is of body weight times 1 m.
+        """
+        found = {}
+        for name, error in self.errors.items():
+            rms = np.sqrt(np.nanmean(np.square(error), axis=0))
+            found[name] = {
+                "mean": np.nanmean(np.abs(error), axis=0),
+                "rms": rms,
+                "peak": np.nanmax(np.abs(error), axis=0),
+                "percent": 100.0 * rms / self.weight,
+            }
+        return found
+
+
+def cross_validate(
+    models: Mapping[str, Model], motion: Motion, wrenches: Wrenches, use: np.ndarray | None = None
+) -> CrossValidation:
+    """Measured and predicted base wrench of models that share their bodies and joints.
+
+    Parameters
+    ----------
+    motion : with derivatives, through the same filter as the wrenches, on the same clock
+    use : (frames,) which frames count, as `Usable.recording.use`
+
+    Raises
+    ------
+    BadData : no model, or models with other bodies
+    """
+    if not models:
+        raise BadData("cross-validation needs at least one model")
+    one = next(iter(models.values()))
+    for name, other in models.items():
+        if other.body_names != one.body_names:
+            raise BadData(f"model '{name}' has other bodies than the rest: cross-validate models of one skeleton")
+    measured = base_wrench(one, motion, wrenches)
+    if use is not None:
+        measured[~np.asarray(use)] = np.nan
+    parameters = np.stack([inertial_parameters(other).ravel() for other in models.values()], axis=1)
+    blocks = [np.array(block.rows @ parameters) for block in regressor_blocks(one, motion)]
+    predicted = np.concatenate(blocks)
+    weight = one.mass * float(np.linalg.norm(one.gravity))
+    return CrossValidation(
+        motion.time,
+        frozen_array(measured),
+        MappingProxyType({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
+        weight,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class LinkConsistency(FrozenArrays):
+    """One link's parameters, as a body.
+
+    Attributes
+    ----------
+    name : of the link
+    mass : [kg]
+    center : (3,) mass center in the link's frame [m]; NaN without mass
+    second_moments : (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body
+        of positive mass has none below 0, which is the triangle inequality of the moments of inertia
+    moments : (3,) principal moments of inertia about the mass center, ascending [kg m^2]
+    eigenvalues : (4,) of the pseudo-inertia in the link's frame, ascending
+    inside : whether the mass center is inside the body; None where nothing says so
+    faults : in words; none in a link that a body can have
+    """
+
+    name: str
+    mass: float
+    center: Array
+    second_moments: Array
+    moments: Array
+    eigenvalues: Array
+    inside: bool | None
+    faults: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether a body can have these parameters."""
+        return not self.faults
+
+    @property
+    def massless(self) -> bool:
+        """Whether the link has no mass at all, as frames between joints."""
+        return self.mass == 0.0
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """The links of a model, as bodies.
+
+    Attributes
+    ----------
+    links : one a link
+    """
+
+    links: tuple[LinkConsistency, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every link is a body."""
+        return all(link.ok for link in self.links)
+
+    @property
+    def faulty(self) -> tuple[LinkConsistency, ...]:
+        """The links that are not."""
+        return tuple(link for link in self.links if not link.ok)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        massless = sum(link.massless for link in self.links)
+        rest = f"; {massless} without mass" if massless else ""
+        if self.ok:
+            checked = sum(link.inside is not None for link in self.links)
+            where = f", {checked} mass centers inside the body" if checked else ", mass centers not checked"
+            return f"all {len(self.links)} links are physically possible{where}{rest}"
+        named = "; ".join(f"'{link.name}': {', '.join(link.faults)}" for link in self.faulty[:3])
+        more = f"; and {len(self.faulty) - 3} more" if len(self.faulty) > 3 else ""
+        return f"{len(self.faulty)} of {len(self.links)} links are not those of a body: {named}{more}{rest}"
+
+
+def consistency(
+    names: Sequence[str],
+    parameters: ArrayLike,
+    *,
+    links: Links | None = None,
+    inside: Inside | None = None,
+    points: MassPoints | None = None,
+) -> Consistency:
+    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body.
+
+    Parameters
+    ----------
+    names, parameters : (links, 10) in [D] order
+    links : their poses, to tell mass centers in ground; those of `points` where these are given
+    inside : tells whether points in ground are inside the skin, in the pose of `links`
+    points : without `inside`, a mass center counts as inside within a cell of the grid of a mass point
+
+    Raises
+    ------
+    BadData : shapes that do not belong together, or `inside` without `links`
+    """
+    table = np.asarray(parameters, float)
+    if table.shape != (len(names), 10) or not np.isfinite(table).all():
+        raise BadData(f"expected finite parameters ({len(names)}, 10), but got shape {table.shape}")
+    links = links or (points.links if points is not None else None)
+    if links is None and inside is not None:
+        raise BadData("a test of what is inside the skin needs the links' poses: give links")
+    if links is not None and links.names != tuple(names):
+        raise BadData(
+            f"expected parameters of the {len(links.names)} links, but got {len(names)} names in another order"
+        )
+    within: list[bool | None] = [None] * len(names)
+    weighty = np.flatnonzero(table[:, 0] > 0.0)
+    test = inside or (_near(points) if points is not None else None)
+    if links is not None and test is not None and len(weighty):
+        centers = table[weighty, 1:4] / table[weighty, :1]
+        ground = links.origins[weighty] + np.einsum("lij,lj->li", links.rotations[weighty], centers)
+        for i, found in zip(weighty, test(ground), strict=True):
+            within[i] = bool(found)
+    return Consistency(tuple(_link(*one) for one in zip(names, table, pseudo_inertias(table), within, strict=True)))
+
+
+def _near(points: MassPoints) -> Inside:
+    tree = cKDTree(points.points)
+    reach = np.sqrt(3.0) * points.spacing
+
+    def test(ground: Array) -> np.ndarray:
+        return np.asarray(tree.query(ground)[0] <= reach)
+
+    return test
+
+
+def _link(name: str, row: Array, P: Array, inside: bool | None) -> LinkConsistency:
+    mass, eigenvalues = float(row[0]), np.linalg.eigvalsh(P)
+    faults = []
+    if mass > 0.0:
+        center = row[1:4] / mass
+        around = P[:3, :3] - mass * np.outer(center, center)
+        second = np.linalg.eigvalsh(around)
+        size = max(np.trace(P[:3, :3]), 0.0)
+        if second[0] < -ROUNDING * size:
+            faults.append(f"no mass can have these moments of inertia (second moment {second[0]:.3g} kg m2)")
+        if inside is False:
+            faults.append("mass center outside the body")
+    else:
+        center, second = np.full(3, np.nan), np.full(3, np.nan)
+        if mass < 0.0:
+            faults.append(f"mass {mass:.4g} kg")
+        elif row.any():
+            faults.append("moments without mass")
+    return LinkConsistency(
+        name=name,
+        mass=mass,
+        center=frozen_array(center),
+        second_moments=frozen_array(second),
+        moments=frozen_array(np.sort(second.sum() - second)),
+        eigenvalues=frozen_array(eigenvalues),
+        inside=inside,
+        faults=tuple(faults),
+    )

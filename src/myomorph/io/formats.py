@@ -1,0 +1,98 @@
+"""Files of models and of recordings, told apart by their names: the one place where formats are registered."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from myomorph.model.errors import BadFile
+from myomorph.model.model import Model
+from myomorph.model.series import Trial
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of file.
+
+    Attributes
+    ----------
+    name : of the kind, in a few words
+    endings : of the names of such files, in small letters, with the dot
+    reader : "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    reader: str
+
+    def read(self, path: Path) -> Any:
+        """What a file of this kind holds; raises what its reader raises."""
+        module, function = self.reader.split(":")
+        return getattr(importlib.import_module(module), function)(path)
+
+
+MODELS: tuple[Format, ...] = (
+    Format("OpenSim model", (".osim",), "myomorph.io.osim.read:read_osim"),
+    Format("MuJoCo model", (".xml", ".mjcf"), "myomorph.io.mjcf.read:read_mjcf"),
+)
+"""Each reader gives a `Model`."""
+
+TRIALS: tuple[Format, ...] = (
+    Format("TRC markers", (".trc",), "myomorph.io.trc:read_trc"),
+    Format("C3D recording", (".c3d",), "myomorph.io.c3d.read:read_c3d"),
+    Format("Qualisys recording", (".mat",), "myomorph.io.qualisys_mat:read_qualisys_mat"),
+    Format("keypoints", (".h5", ".hdf5"), "myomorph.io.keypoints:read_keypoints"),
+)
+"""Each reader gives a `Trial` with markers in metres."""
+
+
+def model_format(path: str | os.PathLike[str]) -> Format | None:
+    """The kind of model that a file's name tells, None for no model."""
+    return _format(path, MODELS)
+
+
+def trial_format(path: str | os.PathLike[str]) -> Format | None:
+    """The kind of recording that a file's name tells, None for no recording."""
+    return _format(path, TRIALS)
+
+
+def read_model(path: str | os.PathLike[str]) -> Model:
+    """The model in a file of one of the `MODELS`.
+
+    Raises
+    ------
+    BadFile
+        The file cannot be read, or its name ends in something else.
+    """
+    kind = model_format(path)
+    if kind is None:
+        raise BadFile(path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml")
+    model: Model = kind.read(Path(path))
+    return model
+
+
+def read_trial(path: str | os.PathLike[str]) -> Trial:
+    """What a recording of one of the `TRIALS` holds; force plates as the file stores them.
+
+    Raises
+    ------
+    BadFile
+        The file cannot be read, or its name ends in something else.
+    """
+    kind = trial_format(path)
+    if kind is None:
+        expected = ", ".join(ending for one in TRIALS for ending in one.endings)
+        raise BadFile(path, f"does not hold markers: its name ends in '{_ending(path)}'", f"expected {expected}")
+    trial: Trial = kind.read(Path(path))
+    return trial
+
+
+def _format(path: str | os.PathLike[str], formats: tuple[Format, ...]) -> Format | None:
+    return next((one for one in formats if _ending(path) in one.endings), None)
+
+
+def _ending(path: str | os.PathLike[str]) -> str:
+    return Path(path).suffix.lower()

@@ -1,0 +1,190 @@
+"""OpenSim's paths of points and wraps, of muscles and of ligaments, read and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from lxml import etree
+
+from myomorph.io.osim.document import Node, child, legal, number, numbers
+from myomorph.io.osim.frames import Frames, body_path
+from myomorph.io.osim.functions import read_function, write_function
+from myomorph.io.osim.joints import plain_name
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.functions import Function, SineProduct, constant
+from myomorph.model.model import Kept
+from myomorph.model.paths import Ligament, MovingPathPoint, Path, PathPoint, PathWrap
+from myomorph.model.spatial import Transform
+
+SLACK: Mapping[str, str] = MappingProxyType(
+    {"Ligament": "resting_length", "Blankevoort1991Ligament": "slack_length", "PathSpring": "resting_length"}
+)
+"""The length at which each class begins to pull, by the file's name."""
+
+
+class PathReader:
+    """Reads paths of points and wraps, once what they may refer to is known."""
+
+    def __init__(self, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]):
+        self._frames = frames
+        self._coordinates = coordinates
+        self._wraps = wraps
+
+    def read(self, node: Node) -> Path:
+        """The path of a muscle, of a path actuator or of another object that has one."""
+        path = node.child("GeometryPath")
+        if path is None:
+            other = next((str(one.tag) for one in node.element if str(one.tag).endswith("Path")), "")
+            if other:
+                raise BadModel(f"{node.document.path}: {node.kind} '{node.name}' has a {other}, which is not built")
+            path = node
+        points = [self._point(one) for one in path.items("PathPointSet") or path.items("MusclePointSet")]
+        if len(points) < 2:
+            raise node.bad(f"its path has {len(points)} points", "expected two or more")
+        wraps = [self._wrap(one, len(points)) for one in path.items("PathWrapSet") or path.items("MuscleWrapSet")]
+        return Path(tuple(points), tuple(wraps))
+
+    def _point(self, node: Node) -> PathPoint | MovingPathPoint:
+        body, pose = self._frames.place(node.socket("parent_frame", "body"), node)
+        if node.kind == "MovingPathPoint":
+            return self._moving(node, body, pose)
+        place = pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
+        if node.kind == "PathPoint":
+            return PathPoint(node.name, body, place)
+        if node.kind != "ConditionalPathPoint":
+            raise BadModel(f"{node.document.path}: path point '{node.name}' is a {node.kind}, which is not built")
+        low, high = node.vector("range", (0.0, 0.0), infinite=True)
+        coordinate = self._coordinate(node.socket("coordinate", "coordinate", "coordinates"), node)
+        return PathPoint(node.name, body, place, coordinate, (float(low), float(high)))
+
+    def _moving(self, node: Node, body: str, pose: Transform) -> MovingPathPoint:
+        if not np.array_equal(pose.rotation, np.eye(3)):
+            raise BadModel(f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not built")
+        functions: list[Function] = []
+        coordinates: list[str] = []
+        for axis, offset in zip("xyz", pose.translation, strict=True):
+            inner = node.inner(f"{axis}_location")
+            function = constant(0.0) if inner is None else read_function(inner, node)
+            name = node.socket(f"{axis}_coordinate")
+            if function.arity and not name:
+                raise node.bad(f"its {axis}_location depends on a coordinate, but names none")
+            functions.append(_raised(function, float(offset)))
+            coordinates.append(self._coordinate(name, node) if function.arity else "")
+        return MovingPathPoint(node.name, body, tuple(functions), tuple(coordinates))  # type: ignore[arg-type]
+
+    def _coordinate(self, text: str, node: Node) -> str:
+        name = plain_name(text)
+        if name not in self._coordinates:
+            raise UnknownName(
+                "coordinate", name, self._coordinates, f"{node.document.path}: {node.kind} '{node.name}': the model"
+            )
+        return name
+
+    def _wrap(self, node: Node, points: int) -> PathWrap:
+        name = node.text("", "wrap_object")
+        if name not in self._wraps:
+            raise UnknownName("wrap object", name, tuple(self._wraps), f"{node.document.path}: the model")
+        first, last = (int(one) for one in node.vector("range", (-1.0, -1.0)))
+        method = node.text("hybrid", "method").lower()
+        if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
+            raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")
+        return PathWrap(self._wraps[name], "hybrid" if method in ("unassigned", "") else method, first, last)
+
+
+def _raised(function: Function, by: float) -> Function:
+    if by == 0.0:
+        return function
+    if isinstance(function, SineProduct):
+        return replace(function, offset=function.offset + by)
+    coefficients = function.coefficients.copy()
+    coefficients[:, 0] += by
+    return replace(function, coefficients=coefficients)
+
+
+def write_path(
+    element: etree._Element, owner: str, way: Path, joints: dict[str, str], warnings: list[str]
+) -> etree._Element:
+    """The path of a muscle or ligament, put into `element`."""
+    path = child(element, "GeometryPath", name="path")
+    points = child(child(path, "PathPointSet"), "objects")
+    for i, point in enumerate(way.points):
+        _write_point(points, point, point.name or f"{owner}-P{i + 1}", joints, warnings)
+    wraps = child(child(path, "PathWrapSet"), "objects")
+    _warn_of_path(way, warnings)
+    names: set[str] = set()
+    for wrap in way.wraps:
+        if isinstance(wrap, PathWrap):
+            written = child(wraps, "PathWrap", name=f"{legal(wrap.wrap_object)}_{len(names)}")
+            names.add(wrap.wrap_object + str(len(names)))
+            child(written, "wrap_object", legal(wrap.wrap_object))
+            child(written, "method", wrap.method)
+            child(written, "range", f"{wrap.first} {wrap.last}")
+    return path
+
+
+def _warn_of_path(path: Path, warnings: list[str]) -> None:
+    if any(not isinstance(wrap, PathWrap) for wrap in path.wraps):
+        warnings.append("wraps of MuJoCo tendons cannot be written: their muscles run straight between points")
+    if any(one != 1.0 for one in path.divisors):
+        warnings.append("pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ")
+
+
+def _write_point(
+    parent: etree._Element,
+    point: PathPoint | MovingPathPoint,
+    name: str,
+    joints: dict[str, str],
+    warnings: list[str],
+) -> None:
+    if isinstance(point, MovingPathPoint):
+        element = child(parent, "MovingPathPoint", name=name)
+        child(element, "socket_parent_frame", body_path(point.body))
+        # OpenSim wants a coordinate for a constant function too.
+        some = next((one for one in point.coordinates if one), "")
+        for axis, function, coordinate in zip("xyz", point.functions, point.coordinates, strict=True):
+            chosen = coordinate or some
+            if chosen:
+                child(element, f"socket_{axis}_coordinate", f"/jointset/{joints[chosen]}/{legal(chosen)}")
+            write_function(child(element, f"{axis}_location"), function, f"path point '{name}' {axis}", warnings)
+        return
+    element = child(parent, "ConditionalPathPoint" if point.coordinate else "PathPoint", name=name)
+    child(element, "socket_parent_frame", body_path(point.body))
+    child(element, "location", numbers(point.location))
+    if point.coordinate:
+        child(element, "socket_coordinate", f"/jointset/{joints[point.coordinate]}/{legal(point.coordinate)}")
+        child(element, "range", numbers(point.range))
+
+
+def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament, ...]:
+    """The ligaments among forces that are kept as the file has them."""
+    found = [one for one in forces if one.kind in SLACK and one.child("GeometryPath") is not None]
+    return tuple(
+        Ligament(one.name, one.kind, paths.read(one), one.number(SLACK[one.kind], float("nan"))) for one in found
+    )
+
+
+def put_ligament(part: Kept, element: etree._Element, ligaments: Iterable[Ligament], joints: dict[str, str]) -> None:
+    """Give a kept part, about to be written, the path and slack length of the model's ligament of that name.
+
+    Parameters
+    ----------
+    joints : the joint of each coordinate, as the document names it
+    """
+    ligament = next((one for one in ligaments if (one.kind, one.name) == (part.kind, part.name)), None)
+    if ligament is None:
+        return
+    before = element.find("GeometryPath")
+    if before is not None:
+        after = write_path(element, ligament.name, ligament.path, joints, [])
+        look = before.find("Appearance")
+        if look is not None:
+            after.append(look)
+        element.replace(before, after)
+    if ligament.slack_length == ligament.slack_length:
+        tag = SLACK[ligament.kind]
+        slack = element.find(tag)
+        slack = child(element, tag) if slack is None else slack
+        slack.text = number(ligament.slack_length)

@@ -1,0 +1,163 @@
+"""What OpenSim's setups share: tasks of inverse kinematics, files that they name, parts that stand in other files."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+from types import MappingProxyType
+from typing import Literal
+
+from lxml import etree
+
+from myomorph.io.osim.document import Node, read_document
+from myomorph.model.errors import BadFile
+
+UNASSIGNED = ("", "Unassigned", "NULL")
+OUTPUTS = (".osim", ".mot", ".sto", ".xml")
+
+
+def with_included(node: Node) -> Node:
+    """The node with the contents of the files that its parts name by a `file` attribute.
+
+    Raises
+    ------
+    BadFile
+        A file is absent or holds another part, or files include each other.
+    """
+    if not any(element.get("file") for element in node.element.iter()):
+        return node
+    root = copy.deepcopy(node.element)
+    for element in list(root.iter()):
+        name = element.get("file")
+        if not name or not isinstance(element.tag, str) or len(element):
+            continue
+        part = read_document(resolved(node, name), (element.tag,), f"a {element.tag}")
+        if any(inner.get("file") for inner in part.element.iter()):
+            raise part.bad("names a further file", "put its contents into this one")
+        element.extend(copy.deepcopy(part.element))
+        element.attrib.pop("file")
+    return Node(root, node.document, node.path)
+
+
+@dataclass(frozen=True)
+class CoordinateAim:
+    """A coordinate that inverse kinematics pulls towards a value.
+
+    Attributes
+    ----------
+    weight : of the squared difference
+    source : where the value comes from: the model's default, `value`, or a table of coordinates
+    value : [rad or m], of source "value"
+    """
+
+    coordinate: str
+    weight: float
+    source: Literal["default", "value", "table"] = "default"
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class IkTasks:
+    """Weights of markers and of coordinates; only markers with a weight are tracked."""
+
+    marker_weights: Mapping[str, float]
+    coordinates: tuple[CoordinateAim, ...] = ()
+
+
+def read_ik_tasks(path: str | os.PathLike[str]) -> IkTasks:
+    """The inverse kinematics tasks of an IKTaskSet file, or of the setup file of a tool that has one.
+
+    Raises
+    ------
+    BadFile
+        The file holds no task set, or a task has no name or an impossible weight.
+    """
+    node = with_included(read_document(path, (), "inverse kinematics tasks (IKTaskSet) or a tool's setup"))
+    if _task_set(node) is None:
+        raise node.bad("has no IKTaskSet inside")
+    return tasks_of(node)
+
+
+def tasks_of(node: Node) -> IkTasks:
+    """The tasks of an IKTaskSet, or of the first one inside a node; none where there is no such set."""
+    found = _task_set(node)
+    if found is None:
+        return IkTasks(MappingProxyType({}))
+    weights: dict[str, float] = {}
+    aims = []
+    for element in found.iter("IKMarkerTask", "IKCoordinateTask"):
+        task = node.node(element)
+        if not task.name:
+            raise task.bad("has no name", "expected the name of a marker or coordinate")
+        if not task.flag("apply", True):
+            continue
+        weight = task.number("weight", 0.0)
+        if weight < 0:
+            raise task.bad(f"has weight {weight:g}", "expected zero or more")
+        if task.kind == "IKMarkerTask":
+            weights[task.name] = weight
+        else:
+            aims.append(_aim(task, weight))
+    return IkTasks(MappingProxyType(weights), tuple(aims))
+
+
+def _task_set(node: Node) -> etree._Element | None:
+    return node.element if node.kind == "IKTaskSet" else next(node.element.iter("IKTaskSet"), None)
+
+
+def _aim(task: Node, weight: float) -> CoordinateAim:
+    kind = task.text("default_value", "value_type").lower()
+    if kind == "manual_value":
+        return CoordinateAim(task.name, weight, "value", task.number("value", 0.0))
+    return CoordinateAim(task.name, weight, "table" if kind == "from_file" else "default")
+
+
+def path_of(node: Node, tag: str) -> Path | None:
+    """The file that a property names, None where it names none."""
+    text = node.text("", tag)
+    return None if text in UNASSIGNED else resolved(node, text)
+
+
+def resolved(node: Node, name: str) -> Path:
+    """A path beside the setup file; of a path on somebody's Windows drive, only the name counts elsewhere."""
+    if "\0" in name:
+        raise BadFile(node.document.path, f"names the path {name!r}")
+    windows = PureWindowsPath(name)
+    if windows.drive and os.name != "nt":
+        return node.document.path.parent / windows.name
+    return node.document.path.parent / name.replace("\\", "/")
+
+
+def output_of(node: Node, tag: str) -> Path | None:
+    """The file that a property wants written, None for none; its ending is checked, as it may come from anybody.
+
+    Raises
+    ------
+    BadFile
+        The name does not end as OpenSim's files do.
+    """
+    path = path_of(node, tag)
+    if path is not None and path.suffix.lower() not in OUTPUTS:
+        raise node.bad(
+            f"'{tag}' is '{path.name}'", f"expected a name that ends in {', '.join(OUTPUTS)}", node.find(tag)
+        )
+    return path
+
+
+def unknown_parts(node: Node, read: Iterable[str]) -> tuple[str, ...]:
+    """One line for each part with a content that nothing reads."""
+    known = set(read)
+    return tuple(
+        f"<{element.tag}> of {node.kind} is left out"
+        for element in node.element
+        if isinstance(element.tag, str) and element.tag not in known and _says_something(element)
+    )
+
+
+def _says_something(element: etree._Element) -> bool:
+    if len(element):
+        return any(len(one) for one in element.iter("objects"))
+    return (element.text or "").strip() not in (*UNASSIGNED, "-1", "false")

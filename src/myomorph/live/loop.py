@@ -1,0 +1,317 @@
+"""The loop of everything that works while frames arrive, and how late its results are.
+
+A loop takes frames from a source, lets steps compute each of them, and gives the results to outputs. `live` and
+`identify --live` are two kinds of steps.
+"""
+
+from __future__ import annotations
+
+import gc
+import time as clock
+from array import array
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph.live.sources import Source
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+
+WAIT = 0.02
+"""Longest sleep without a look at the source [s]."""
+
+GAP = 0.1
+"""Time without a sample of force after which forces are unknown [s]."""
+
+FORCE_WAIT = 0.01
+"""How long a frame waits for the forces of its time [s]."""
+
+PAUSE = 0.0005
+"""Pause while a frame waits for its forces [s]."""
+
+SOLVED, HELD, NO_FORCE, SETTLING, UNSOLVED = range(5)
+STATES = ("solved", "markers lost", "no force", "settling", "no solution")
+"""What a frame's torques and activations are: known, or unknown because of what."""
+
+
+class Frame(Protocol):
+    """What the steps make of one frame."""
+
+    @property
+    def time(self) -> float:
+        """Of the frame [s]."""
+
+    @property
+    def state(self) -> int:
+        """Index into `STATES`."""
+
+
+F = TypeVar("F", bound=Frame)
+FrameOut = TypeVar("FrameOut", bound=Frame, covariant=True)
+FrameIn = TypeVar("FrameIn", bound=Frame, contravariant=True)
+
+
+class Steps(Protocol[FrameOut]):
+    """What is computed of each frame."""
+
+    @property
+    def max_age(self) -> float:
+        """Frames older than that are dropped, the oldest first; inf to drop none [s]."""
+
+    @property
+    def newest_force(self) -> float:
+        """Time of the newest sample of force, which a frame waits for; inf where it needs none [s]."""
+
+    @property
+    def filter_delay(self) -> float:
+        """How much older the results are than their frame [s]."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is assumed, and what has been missing so far, one line each."""
+
+    def warm_up(self) -> None:
+        """Compute once without effect, so that nothing is compiled when the first frame comes."""
+
+    def push_forces(self, time: Array, wrenches: Array) -> None:
+        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m], [N]."""
+
+    def frame(self, time: float, row: Array) -> FrameOut:
+        """Compute one frame: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+
+
+class Output(Protocol[FrameIn]):
+    """Something that takes results as they come."""
+
+    def put(self, frame: FrameIn, markers: Array) -> None:
+        """One frame, with what was recorded; returns at once."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median, 99th percentile and worst of some times [s]; nan where there are none."""
+
+    median: float
+    late: float
+    worst: float
+
+    @staticmethod
+    def of(values: Array) -> Spread:
+        """Of those values that are finite."""
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return Spread(float("nan"), float("nan"), float("nan"))
+        return Spread(float(np.median(known)), float(np.percentile(known, 99.0)), float(known.max()))
+
+    def summary(self) -> str:
+        """In milliseconds."""
+        return f"median {1e3 * self.median:.2f} ms, 99 % {1e3 * self.late:.2f} ms, worst {1e3 * self.worst:.1f} ms"
+
+
+class Delays:
+    """Times of every frame, 33 bytes each.
+
+    Attributes
+    ----------
+    dropped : frames that came and were left out because newer ones waited
+    """
+
+    def __init__(self) -> None:
+        self._time, self._age, self._busy, self._taken = array("d"), array("d"), array("d"), array("d")
+        self._state = array("b")
+        self.dropped = 0
+
+    def add(self, time: float, taken: float, age: float, busy: float, state: int) -> None:
+        """One frame.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        taken, age : how long after it was there it was taken, and its result given out; nan where nobody knows [s]
+        busy : what its computation took [s]
+        state : index into `STATES`
+        """
+        self._time.append(time)
+        self._taken.append(taken)
+        self._age.append(age)
+        self._busy.append(busy)
+        self._state.append(state)
+
+    def __len__(self) -> int:
+        return len(self._time)
+
+    @property
+    def table(self) -> Array:
+        """(frames, 5) time, taken, age, busy, state."""
+        return np.stack([np.array(one, dtype=np.float64) for one in self._columns], axis=1).reshape(-1, 5)
+
+    @property
+    def _columns(self) -> tuple[array[float], ...]:
+        return self._time, self._taken, self._age, self._busy, self._state  # type: ignore[return-value]
+
+    @property
+    def end_to_end(self) -> Spread:
+        """From a frame's being there to its result being given out, the filter's delay apart."""
+        return Spread.of(np.array(self._age))
+
+    @property
+    def busy(self) -> Spread:
+        """Computation of a frame."""
+        return Spread.of(np.array(self._busy))
+
+    def recent(self, frames: int) -> Spread:
+        """`end_to_end` of the newest frames, or the computation alone where nobody knows when they were there."""
+        ages = np.array(self._age[-frames:])
+        return Spread.of(ages if np.isfinite(ages).any() else np.array(self._busy[-frames:]))
+
+    def states(self) -> dict[int, int]:
+        """Frames by state."""
+        found, counts = np.unique(np.array(self._state, dtype=np.int64), return_counts=True)
+        return dict(zip(found.tolist(), counts.tolist(), strict=True))
+
+
+WAIT = 0.02
+"""Longest sleep without a look at the source [s]."""
+
+FORCE_WAIT = 0.01
+"""How long a frame waits for the forces of its time [s]."""
+
+PAUSE = 0.0005
+"""Pause while a frame waits for its forces [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveSession:
+    """How a session went.
+
+    Attributes
+    ----------
+    delays : of all frames
+    filter_delay : which comes on top of them [s]
+    seconds : how long it took [s]
+    notes : what was assumed or missing, one line each
+    interrupted : whether it was ended by Ctrl-C
+    """
+
+    delays: Delays
+    filter_delay: float
+    seconds: float
+    notes: tuple[str, ...] = ()
+    interrupted: bool = False
+
+    def summary(self) -> tuple[str, ...]:
+        """A few lines for the end."""
+        delays = self.delays
+        counts = {STATES[state]: count for state, count in delays.states().items()}
+        solved = counts.pop("solved", 0)
+        left = "".join(f", {count} {name}" for name, count in counts.items())
+        lines = [f"{len(delays)} frames in {self.seconds:.1f} s, {delays.dropped} dropped: {solved} solved{left}"]
+        known = delays.end_to_end
+        if np.isfinite(known.median):
+            filtered = f"the filter's delay of {self.filter_delay:.4f} s apart"
+            lines.append(f"from frame to result: {known.summary()}; {filtered}")
+        lines.append(f"computation of a frame: {delays.busy.summary()}")
+        return tuple(lines)
+
+
+def follow(
+    steps: Steps[F],
+    source: Source,
+    outputs: Sequence[Output[F]] = (),
+    late: Sequence[Output[F]] = (),
+    delays: Delays | None = None,
+    now: Callable[[], float] = clock.perf_counter,
+) -> LiveSession:
+    """Take frames from a source until it is done, or Ctrl-C is pressed.
+
+    Parameters
+    ----------
+    steps : what is computed of each frame
+    source : of the frames and forces
+    outputs : what a result must have reached before it counts as given out
+    late : what it reaches after that
+    delays : to be filled, where another looks at them meanwhile
+    now : a clock [s]
+
+    Raises
+    ------
+    BadData : no frame came
+    """
+    delays = Delays() if delays is None else delays
+    interrupted = False
+    steps.warm_up()
+    # One frame's matrices are small: waking further threads for them costs more than they save.
+    with threadpool_limits(limits=1, user_api="blas"), uncollected_past():
+        began = now()
+        try:
+            _follow(steps, source, outputs, late, delays, now)
+        except KeyboardInterrupt:
+            # Streams end when the user says so.
+            interrupted = True
+            if not len(delays):
+                raise
+        seconds = now() - began
+    if not len(delays):
+        raise BadData("no frame came")
+    return LiveSession(delays, steps.filter_delay, seconds, steps.notes, interrupted)
+
+
+@contextmanager
+def uncollected_past() -> Iterator[None]:
+    """What is alive now is no garbage: collections that look through it all take as long as several frames."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def _follow(
+    steps: Steps[F],
+    source: Source,
+    outputs: Sequence[Output[F]],
+    late: Sequence[Output[F]],
+    delays: Delays,
+    now: Callable[[], float],
+) -> None:
+    waiting: deque[tuple[float, Array, float]] = deque()
+    clocked = source.speed != 0.0 or source.duration is None
+    step = 1.5 / source.force_rate if source.force_rate else 0.0
+    pushing = 0.0
+    while waiting or not source.done:
+        if not waiting:
+            source.wait(WAIT)
+        # A recording as fast as it goes gives more whenever it is asked.
+        if clocked or not waiting:
+            arrived = source.take()
+            start = now()
+            steps.push_forces(arrived.force_time, arrived.forces)
+            pushing += now() - start
+            for time, row in zip(arrived.motion_time.tolist(), arrived.motion, strict=True):
+                waiting.append((time, row, source.age(time)))
+        while clocked and waiting and source.age(waiting[0][0]) > steps.max_age and len(waiting) > 1:
+            waiting.popleft()
+            delays.dropped += 1
+        if not waiting:
+            continue
+        time, row, taken = waiting[0]
+        behind = time - steps.newest_force
+        if clocked and step and step < behind < GAP and source.age(time) < FORCE_WAIT:
+            clock.sleep(PAUSE)
+            continue
+        waiting.popleft()
+        start = now()
+        frame = steps.frame(time, row)
+        for output in outputs:
+            output.put(frame, row)
+        age = source.age(time) if clocked else float("nan")
+        delays.add(time, taken, age, pushing + now() - start, frame.state)
+        pushing = 0.0
+        for output in late:
+            output.put(frame, row)

@@ -1,0 +1,317 @@
+"""Streams of the Lab Streaming Layer: what comes in, what its channels mean, and results that go out."""
+
+from __future__ import annotations
+
+import re
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from myomorph.identify.online import total_wrench
+from myomorph.live.chain import ChainFrame, LiveChain
+from myomorph.live.sources import Arrived, Source
+from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.errors import BadData, MyomorphError, UnknownName
+
+_AXIS = re.compile(r"^(.*?)[ _.:-]?([xyz])$", re.IGNORECASE)
+_FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)
+_UNITS: Mapping[str, float] = {
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
+    "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
+    "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2,
+}  # fmt: skip
+
+
+def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], np.ndarray, float]:
+    """Names of markers, (markers, 3) their channels, and the factor to metres.
+
+    Raises
+    ------
+    BadData : a marker without all three axes, no marker at all, or an unknown unit
+    """
+    found: dict[str, dict[str, int]] = {}
+    for i, label in enumerate(labels):
+        match = _AXIS.match(label)
+        if match and match[1]:
+            found.setdefault(match[1], {})[match[2].lower()] = i
+    if not found:
+        raise BadData(
+            f"the markers' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_x, NAME_y, "
+            "NAME_z for every marker"
+        )
+    for name, axes in found.items():
+        if set(axes) != set("xyz"):
+            raise BadData(f"marker '{name}' of the stream has only {', '.join(sorted(axes))}: expected x, y and z")
+    used = {units[i].strip().lower() for axes in found.values() for i in axes.values()}
+    if len(used) != 1 or not used <= set(_UNITS):
+        raise BadData(f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm")
+    columns = np.array([[axes[axis] for axis in "xyz"] for axes in found.values()])
+    return tuple(found), columns, _UNITS[used.pop()]
+
+
+def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of plates, and a function from samples (samples, channels) to their wrenches (samples, plates, 6).
+
+    Wrenches are moments about the ground's origin [N m] and forces [N].
+
+    Raises
+    ------
+    BadData : a plate with neither F, P, T nor F, M in all three axes, or points in an unknown unit
+    """
+    found: dict[str, dict[str, int]] = {}
+    for i, label in enumerate(labels):
+        match = _FORCE.match(label)
+        if match:
+            found.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
+    wanted = {"fpt": {a + b for a in "fpt" for b in "xyz"}, "fm": {a + b for a in "fm" for b in "xyz"}}
+    plates: list[tuple[str, np.ndarray, float]] = []
+    for name, channels in found.items():
+        kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
+        if not kind:
+            raise BadData(
+                f"plate '{name}' of the forces' stream has {', '.join(sorted(channels))}: expected Fx..Fz, Px..Pz, "
+                "Tx..Tz, or Fx..Fz, Mx..Mz"
+            )
+        unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
+        if unit not in _UNITS:
+            raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
+        plates.append((kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit]))
+    if not plates:
+        raise BadData(
+            f"the forces' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_Fx ... NAME_Tz"
+        )
+
+    def each(samples: Array) -> Array:
+        result = np.empty((len(samples), len(plates), 6))
+        for plate, (kind, columns, scale) in enumerate(plates):
+            parts = samples[:, columns]
+            if kind == "fm":
+                result[:, plate] = np.concatenate([parts[:, 1], parts[:, 0]], axis=1)
+            else:
+                result[:, plate] = total_wrench(parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2])
+        return result
+
+    return tuple(found), each
+
+
+WAIT = 10.0
+"""How long a stream is waited for [s]."""
+
+
+SILENCE = 5.0
+"""A stream that sends nothing for so long has ended [s]."""
+
+
+RATE_ERROR = 0.2
+"""Share by which a stream's samples may come faster or slower than it says."""
+
+
+class LabStreams:
+    """Markers and forces that other programs send over the Lab Streaming Layer.
+
+    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . : -` or a
+    space before the axis), in the unit that the channels name (m where none), NaN while hidden. The forces'
+    stream has either nine channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of
+    application [m]), NAME_Tx Ty Tz (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz
+    (moment about the laboratory's origin [N m]). Both are in the model's ground axes.
+
+    Parameters
+    ----------
+    markers, forces : names of the streams; "" for no forces
+    wait : for the streams to appear [s]
+    turn : (3, 3) rows are the ground's axes in the laboratory; None where they are the same
+    library : `pylsl`, or something that behaves like it
+
+    Raises
+    ------
+    MyomorphError : `pylsl` is not installed
+    BadData : no such stream, or channels that have no meaning
+    """
+
+    markers = True
+    duration: float | None = None
+    speed = 0.0
+
+    def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
+        self._lsl = lsl = library or streaming_library()
+        self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
+        self._markers = _Stream(lsl, markers, "markers", wait)
+        self.names, self._columns, self._scale = marker_channels(*self._markers.channels)
+        self.rate = self._markers.rate
+        self._forces: _Stream | None = None
+        self.plates: tuple[str, ...] = ()
+        self.force_rate = 0.0
+        if forces:
+            self._forces = _Stream(lsl, forces, "forces", wait)
+            self.force_rate = self._forces.rate
+            self.plates, self._layout = force_channels(*self._forces.channels)
+        self.bodies: tuple[str, ...] = ("",) * len(self.plates)
+        self._last: float | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing has come for a while since the first look."""
+        return self._last is not None and clock.monotonic() - self._last > SILENCE
+
+    def take(self) -> Arrived:
+        """Everything that came since the last call."""
+        force_time, wrenches = np.zeros(0), np.zeros((0, len(self.plates), 6))
+        if self._forces is not None:
+            force_time, samples = self._forces.pulled()
+            if len(samples):
+                wrenches = self._layout(samples)
+        time, rows = self._markers.pulled()
+        if len(time) or self._last is None:
+            self._last = clock.monotonic()
+        positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
+        if self._turn is not None:
+            positions = positions @ self._turn.T
+            wrenches = np.concatenate([wrenches[..., :3] @ self._turn.T, wrenches[..., 3:] @ self._turn.T], axis=-1)
+        return Arrived(time, positions, force_time, wrenches)
+
+    def wait(self, most: float) -> None:
+        """Sleep until the markers' stream sends."""
+        self._markers.wait(most)
+
+    def age(self, time: float) -> float:
+        """How long ago the sender gave a frame its time, on this machine's clock."""
+        return float(self._lsl.local_clock() - time)
+
+
+def streaming_library() -> Any:
+    """The package `pylsl`; raises `MyomorphError` where it is not installed."""
+    try:
+        import pylsl
+    except (ImportError, RuntimeError) as error:
+        raise MyomorphError(
+            f"streams of the Lab Streaming Layer need the package 'pylsl' ({error}): pip install 'myomorph[live]'"
+        ) from None
+    return pylsl
+
+
+class _Stream:
+    """One stream: its channels, its rate, and what it sends."""
+
+    def __init__(self, lsl: Any, name: str, what: str, wait: float):
+        found = lsl.resolve_byprop("name", name, timeout=wait)
+        if not found:
+            others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
+            raise UnknownName(f"stream of {what}", name, others, "the network")
+        flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
+        try:
+            self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
+            info = self._inlet.info(wait)
+            # What the first sample would wait for: the connection, and a first look at the sender's clock.
+            self._inlet.open_stream(wait)
+            self._inlet.time_correction(wait)
+        except RuntimeError as error:
+            cause = str(error) or type(error).__name__
+            raise BadData(f"stream '{name}' is announced but does not answer ({cause}): restart its sender") from None
+        self.name, self.rate = name, float(info.nominal_srate())
+        if self.rate <= 0.0:
+            raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
+        self.channels = _channels(info)
+        self._first, self._count = float("nan"), 0
+        self._early: tuple[list[float], float] | None = None
+
+    def wait(self, most: float) -> None:
+        """Sleep until a sample comes, at most so long [s]; the next `pulled` gives it."""
+        if self._early is None:
+            sample, time = self._inlet.pull_sample(timeout=most)
+            if sample is not None:
+                self._early = (sample, time)
+
+    def pulled(self) -> tuple[Array, Array]:
+        """Times (samples,) [s] and samples (samples, channels) since the last call.
+
+        Raises
+        ------
+        BadData : after a second, where they come at another rate than the stream says
+        """
+        samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
+        if self._early is not None:
+            samples, times = [self._early[0], *samples], [self._early[1], *times]
+            self._early = None
+        if self._count == 0 and times:
+            self._first = times[0]
+        self._count += len(times)
+        span = times[-1] - self._first if times else 0.0
+        if span > 1.0 and abs((self._count - 1) / span / self.rate - 1.0) > RATE_ERROR:
+            raise BadData(
+                f"stream '{self.name}' says {self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}: "
+                "correct the rate that its sender names"
+            )
+        return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
+
+
+def _channels(info: Any) -> tuple[list[str], list[str]]:
+    """Labels and units of a stream's channels, as its description holds them."""
+    labels, units = [], []
+    channel = info.desc().child("channels").child("channel")
+    for _ in range(info.channel_count()):
+        labels.append(channel.child_value("label"))
+        units.append(channel.child_value("unit"))
+        channel = channel.next_sibling("channel")
+    return labels, units
+
+
+class LabOutlet:
+    """One stream of three groups of channels: coordinates, torques, activations.
+
+    A row is of one instant, which its time stamp names: the frame's own less the filter's delay. Channels are labelled
+    by the names of coordinates, the same with `_moment` or `_force`, and the names of muscles, and have units. What is
+    unknown is NaN. Of a stream, time stamps are those of its sender on this machine's clock; of a recording that is
+    played, those at which its frames were due.
+
+    Parameters
+    ----------
+    source : of the frames
+    library : `pylsl`, or something that behaves like it
+
+    Raises
+    ------
+    MyomorphError : `pylsl` is not installed, or cannot send
+    """
+
+    def __init__(self, name: str, chain: LiveChain, source: Source, library: Any = None):
+        self._lsl = lsl = library or streaming_library()
+        self._delay = chain.filter.delay
+        model = chain.model
+        turns = {one.name: one.motion == "rotational" for one in model.coordinates}
+        channels = [(one, "rad" if turns[one] else "m", "Angle") for one in model.coordinate_names]
+        channels += [
+            (f"{one}_{'moment' if turns[one] else 'force'}", "N m" if turns[one] else "N", "Torque")
+            for one in model.coordinate_names
+        ]
+        channels += [(one, "1", "Activation") for one in chain.tension.muscles]
+        try:
+            info = lsl.StreamInfo(name, "Biomechanics", len(channels), source.rate, "double64", f"myomorph-{name}")
+            described = info.desc().append_child("channels")
+            for label, unit, kind in channels:
+                one = described.append_child("channel")
+                for key, text in (("label", label), ("unit", unit), ("type", kind)):
+                    one.append_child_value(key, text)
+            info.desc().append_child_value("filter_delay", f"{self._delay:.6f}")
+            self._outlet = lsl.StreamOutlet(info)
+        except RuntimeError as error:
+            raise MyomorphError(f"stream '{name}' cannot be sent: {error}") from None
+        self._source, self._row = source, np.empty(len(channels))
+
+    def put(self, frame: ChainFrame, markers: Array) -> None:
+        """Send one frame."""
+        n = len(frame.coordinates)
+        self._row[:n], self._row[n : 2 * n], self._row[2 * n :] = (
+            frame.coordinates, frame.torques, frame.tension.activations
+        )  # fmt: skip
+        # A stream's frames have its clock already; those of a recording were due some time ago.
+        stamp = frame.time
+        if self._source.duration is not None:
+            age = self._source.age(frame.time)
+            stamp = self._lsl.local_clock() - (age if np.isfinite(age) else 0.0)
+        self._outlet.push_sample(self._row, stamp - self._delay)
+
+    def close(self) -> None:
+        """End the stream."""
+        del self._outlet

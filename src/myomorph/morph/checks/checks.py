@@ -1,0 +1,206 @@
+"""What to look at before trusting a morphed model: paths through bones, moment arms, folds, surfaces, fibers, joints.
+
+Nothing is judged by itself: a source model has faults of its own, so every check compares the target with the source,
+grown to the target's size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from myomorph.model.surface import Surface
+from myomorph.morph.checks.moment_arms import (
+    CoordinatePair,
+    CoordinateTable,
+    MomentArms,
+    compare_moment_arms,
+    compared_coordinates,
+)
+from myomorph.morph.checks.penetration import NOWHERE, Penetration, Solid, path_depths, range_poses
+from myomorph.morph.checks.warnings import (
+    CheckOptions,
+    MorphChecks,
+    Warned,
+    arm_warnings,
+    bone_warnings,
+    fiber_warnings,
+    joint_warnings,
+    order_warnings,
+    surface_warnings,
+)
+from myomorph.morph.maps.fields import BoneMap, muscle_sizes
+from myomorph.morph.morphed import Morph
+
+__all__ = [
+    "PARTS",
+    "CheckOptions",
+    "MorphChecks",
+    "Warned",
+    "check_morph",
+    "distinct_bones",
+    "target_surface",
+]
+
+PARTS = 4
+"""Of which progress is told."""
+
+
+def check_morph(
+    morph: Morph,
+    options: CheckOptions | None = None,
+    coordinates: CoordinateTable | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> MorphChecks:
+    """Hold a morphed model against its source.
+
+    Parameters
+    ----------
+    coordinates : by coordinate of the source the target's, factor and offset, as of `graft_muscles`; None for those of
+        the same name
+    progress : called with 1 after each of `PARTS` parts
+
+    Raises
+    ------
+    UnknownName : the table names a coordinate that its model does not have
+    """
+    options = options or CheckOptions()
+    pairs = compared_coordinates(morph.source, morph.model, coordinates)
+    told = progress or (lambda _: None)
+    arms = compare_moment_arms(morph.source, morph.model, pairs)
+    told(1.0)
+    notes: list[str] = []
+    ours, theirs = _solids(morph, notes)
+    told(1.0)
+    deep = _penetrations(morph, pairs, ours, theirs, options)
+    told(1.0)
+    folded = _folded(morph)
+    order = {one.pair.source: _rank_correlation(one) for one in arms}
+    sizes = muscle_sizes(morph.source, morph.bones)
+    longest = max((solid.length for solid in theirs.values()), default=np.inf)
+    sliding = {one.name for one in morph.model.coordinates if one.motion == "translational"}
+    found = [
+        *bone_warnings(deep, longest, options, sliding),
+        *arm_warnings(morph.source, arms, sizes, options),
+        *order_warnings(arms, order, options),
+        *(Warned("fold", m, f"{m}: the map of {body} turns space inside out at {p}") for m, p, body in folded),
+        *surface_warnings(morph, longest, options),
+        *fiber_warnings(morph, options),
+        *joint_warnings(morph, longest, options),
+    ]
+    told(1.0)
+    return MorphChecks(
+        tuple(sorted(deep, key=lambda one: -one.increase)), arms, MappingProxyType(order), folded,
+        tuple(_sorted(found)), options, tuple(notes),
+    )  # fmt: skip
+
+
+KINDS = ("bone", "sign", "jump", "fold", "arm", "surface", "fiber", "joint", "order")
+
+
+def _sorted(found: Iterable[Warned]) -> list[Warned]:
+    return sorted(found, key=lambda one: (KINDS.index(one.kind), -one.size, one.name))
+
+
+def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
+    """The bones, but of bodies that share one surface, as where bones are fused in the target, the first alone."""
+    found: list[BoneMap] = []
+    for bone in morph.bones.values():
+        ours = bone.source
+        known = [one.source for one in found if one.target_body == bone.target_body and one.source is not None]
+        if ours is None or not any(np.array_equal(ours.faces, one.faces) for one in known):
+            found.append(bone)
+    return tuple(found)
+
+
+def target_surface(bone: BoneMap) -> Surface | None:
+    """The target's bone, or the source's as its map carries it where the target has none; None without both."""
+    if bone.target is not None:
+        return bone.target
+    return None if bone.source is None else Surface(bone.map.apply(bone.source.vertices), bone.source.faces)
+
+
+def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str, Solid]]:
+    """Bones of source and target, by their bodies' names, where both are known."""
+    ours: dict[str, Solid] = {}
+    theirs: dict[str, Solid] = {}
+    lacking = []
+    touched = {point.body for point in morph.points}
+    for bone in distinct_bones(morph):
+        target = target_surface(bone)
+        if bone.source is None or target is None:
+            lacking += [bone.body] if bone.body in touched else []
+            continue
+        # Bones that became one in the target are looked at as one there.
+        ours[bone.body] = Solid(bone.source)
+        theirs[bone.body] = Solid(target)
+        for solid, whose in ((ours[bone.body], "source"), (theirs[bone.body], "target")):
+            name = bone.body if whose == "source" else bone.target_body
+            if solid.open:
+                notes.append(f"{name}: the {whose}'s bone is open, what is inside of it is told by winding numbers")
+            if solid.turned > 0.5:
+                notes.append(f"{name}: the {whose}'s bone looks inward; its faces were turned to tell what is inside")
+            elif solid.turned > 0.05:
+                notes.append(
+                    f"{name}: {100 * solid.turned:.0f} % of the faces of the {whose}'s bone looked inward: turned"
+                )
+    if lacking:
+        notes.append(f"paths are not held against {', '.join(lacking)}: no bones of both source and target are known")
+    return ours, theirs
+
+
+def _penetrations(
+    morph: Morph,
+    pairs: Sequence[CoordinatePair],
+    ours: Mapping[str, Solid],
+    theirs: Mapping[str, Solid],
+    options: CheckOptions,
+) -> list[Penetration]:
+    if not ours or not morph.source.muscles:
+        return []
+    both = [one.values(morph.source, morph.model, options.poses) for one in pairs]
+    values, target_values = [one for one, _ in both], [one for _, one in both]
+    before = path_depths(morph.source, ours, range_poses(morph.source, [one.source for one in pairs], values))
+    poses = range_poses(morph.model, [one.target for one in pairs], target_values)
+    bodies = {bone.body: bone.target_body for bone in morph.bones.values()}
+    merged: dict[str, Solid] = {bodies[body]: solid for body, solid in theirs.items()}
+    after = path_depths(morph.model, merged, poses)
+    found = []
+    for muscle, body in dict.fromkeys([*((m, bodies[b]) for m, b in before), *after]):
+        sources = [one for one in ours if bodies[one] == body]
+        depth = after.get((muscle, body), NOWHERE)
+        # Of several source bones that became one, the deepest counts.
+        source = max(before[muscle, one].depth if (muscle, one) in before else 0.0 for one in sources)
+        grown = max(
+            morph.bones[one].whole.scale * (before[muscle, one].depth if (muscle, one) in before else 0.0)
+            for one in sources
+        )
+        coordinate = poses.moved[depth.pose]
+        value = (
+            float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(coordinate)]) if coordinate else 0.0
+        )
+        found.append(
+            Penetration(muscle, body, source, depth.depth, depth.depth - grown, coordinate, value, merged[body].length)
+        )
+    return found
+
+
+def _rank_correlation(one: MomentArms) -> float:
+    """Spearman's, of the muscles' mean moment arms; NaN of fewer than four muscles."""
+    if len(one.muscles) < 4:
+        return float("nan")
+    return float(spearmanr(one.source.mean(axis=0), one.target.mean(axis=0)).statistic)
+
+
+def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:
+    """Muscle points at which the map of their bone does not keep orientation."""
+    found = []
+    for body, bone in morph.bones.items():
+        own = [one for one in morph.points if one.body == body]
+        if own:
+            turned = np.linalg.det(bone.map.jacobian(np.array([one.source for one in own]))) <= 0.0
+            found += [(one.owner, one.name, body) for one, bad in zip(own, turned, strict=True) if bad]
+    return tuple(found)

@@ -1,0 +1,300 @@
+"""Moment arms over the ranges of coordinates, of two models side by side, and postures that both go through alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import UnknownName
+from myomorph.model.model import Coordinate, Model, index_of
+from myomorph.muscles.path import compile_paths
+
+COUNT = 256
+"""Postures: a muscle over three coordinates meets most of their 125 combinations."""
+
+LEVELS = 5
+"""Values of each coordinate, evenly from one end of its range to the other."""
+
+MAX_TURN = 2.1
+"""A turn is taken up to so far from the default where its range goes on [rad]."""
+
+MAX_SLIDE = 0.05
+"""And a slide [m]."""
+
+CoordinateTable = Mapping[str, tuple[str, float, float]]
+"""By coordinate of the source: the target's coordinate, factor and offset, target = factor source + offset."""
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """Coordinates of both models, the default postures first.
+
+    Attributes
+    ----------
+    source, target : (postures, coordinates) in each model's order [rad or m]
+    """
+
+    source: Array
+    target: Array
+
+
+def paired_postures(
+    source: Model,
+    target: Model,
+    pairs: CoordinateTable | None = None,
+    defaults: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+) -> Postures:
+    """Postures that go through the ranges of both models alike.
+
+    Every coordinate that both have takes one of `LEVELS` values spread over its range, drawn independently of the
+    others, so any few of them meet in nearly all combinations; one evaluation then serves every muscle. The target's
+    coordinate stands at the same share of its own range, from the other end where the pair's factor is negative. What
+    only one of them has, and what is locked, stays.
+
+    Parameters
+    ----------
+    pairs : None where both have the same coordinates
+    defaults : of the default postures, where they differ from the models'
+
+    Raises
+    ------
+    UnknownName : a coordinate that a model does not have
+    """
+    if pairs is None:
+        pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
+    rng = np.random.default_rng(0)
+    found = [_standing(model, values) for model, values in zip((source, target), defaults, strict=True)]
+    for name, (theirs, factor, _) in pairs.items():
+        ours = source.coordinate(name)
+        shares = rng.integers(0, LEVELS, COUNT) / (LEVELS - 1.0)
+        if ours.locked or name in source.dependent_coordinates:
+            continue
+        low, high = _window(ours)
+        taken = low + shares * (high - low)
+        found[0][1:, source.coordinate_names.index(name)] = taken
+        other = target.coordinate(theirs)
+        found[1][1:, target.coordinate_names.index(theirs)] = _alike(taken, ours, other, factor > 0.0)
+    return Postures(*found)
+
+
+def _standing(model: Model, values: Mapping[str, float]) -> Array:
+    for name in values:
+        if name not in model.coordinate_names:
+            raise UnknownName("coordinate", name, model.coordinate_names)
+    row = [values.get(one.name, one.default) for one in model.coordinates]
+    return np.tile(np.array(row, dtype=np.float64), (COUNT + 1, 1))
+
+
+def _window(coordinate: Coordinate) -> tuple[float, float]:
+    reach = MAX_SLIDE if coordinate.motion == "translational" else MAX_TURN
+    low, high = np.clip(coordinate.range, coordinate.default - reach, coordinate.default + reach)
+    return float(low), float(high)
+
+
+def _alike(values: Array, ours: Coordinate, theirs: Coordinate, along: bool) -> Array:
+    """Values at the same share of another range; where one has no end, as far from its default."""
+    (low, high), (start, end) = ours.range, theirs.range
+    if not along:
+        start, end = end, start
+    if np.isfinite([low, high, start, end]).all() and high > low:
+        return start + (values - low) / (high - low) * (end - start)
+    return theirs.default + (values - ours.default if along else ours.default - values)
+
+
+SAMPLES = 31
+"""Poses along a coordinate's range."""
+
+WIDEST = 2.0 * np.pi
+"""Rotations whose range is wider are no joint's: they are left out [rad]."""
+
+SHARED = 0.25
+HALVINGS = 10
+ODD = 0.01
+"""A step that differs from its neighbors by this share of the largest moment arm is looked at more closely."""
+
+STAYS = 0.25
+"""Share of a step that is left after `HALVINGS` of its interval where it is a jump; a bend leaves a thousandth."""
+
+
+@dataclass(frozen=True)
+class CoordinatePair:
+    """A coordinate of the source and the one of the target that it is compared with.
+
+    Attributes
+    ----------
+    factor, offset : target = factor * source + offset [rad or m]
+    """
+
+    source: str
+    target: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def sign(self) -> float:
+        """-1 where the target's grows the other way."""
+        return -1.0 if self.factor < 0.0 else 1.0
+
+    def values(self, source: Model, target: Model, count: int) -> tuple[Array, Array]:
+        """Values (count,) of the source's coordinate and of the target's, over the range that both have.
+
+        Where the ranges share less than a quarter, both run through their own, at equal shares of it.
+        """
+        low, high = sorted(source.coordinate(self.source).range)
+        theirs = sorted(target.coordinate(self.target).range)
+        ends = sorted((end - self.offset) / self.factor for end in theirs)
+        first, last = max(low, ends[0]), min(high, ends[1])
+        if last - first >= SHARED * min(high - low, ends[1] - ends[0]):
+            values = np.linspace(first, last, count)
+            return values, self.factor * values + self.offset
+        start, end = theirs if self.factor > 0.0 else theirs[::-1]
+        return np.linspace(low, high, count), np.linspace(start, end, count)
+
+
+@dataclass(frozen=True, eq=False)
+class MomentArms:
+    """Moment arms of the muscles that one coordinate moves, the others at their defaults.
+
+    Attributes
+    ----------
+    pair : the coordinate in source and target
+    kind : "rotational" [rad] or "translational" [m]
+    source_values, target_values : (samples,) of the coordinate [rad or m]
+    muscles : names
+    source, target : (samples, muscles) [m/rad or m/m], the target's turned to the source's sign
+    source_jumps, target_jumps : (muscles,) largest discontinuity [m/rad or m/m]
+    source_jump_at, target_jump_at : (muscles,) value of the coordinate there, NaN where there is none
+    """
+
+    pair: CoordinatePair
+    kind: str
+    source_values: Array
+    target_values: Array
+    muscles: tuple[str, ...]
+    source: Array
+    target: Array
+    source_jumps: Array
+    target_jumps: Array
+    source_jump_at: Array
+    target_jump_at: Array
+
+
+def swept(model: Model) -> tuple[Coordinate, ...]:
+    """Coordinates that move a muscle and have a range to be looked at: free, unlocked and bounded."""
+    if not model.muscles:
+        return ()
+    moving = set(compile_paths(model).arm_coordinate.tolist())
+    found = []
+    for i, one in enumerate(model.coordinates):
+        bounded = np.isfinite(one.range).all() and one.range[1] - one.range[0] > 0.0
+        if one.motion == "rotational":
+            bounded = bounded and one.range[1] - one.range[0] <= WIDEST
+        if i in moving and bounded and not one.locked and one.name not in model.dependent_coordinates:
+            found.append(one)
+    return tuple(found)
+
+
+def compared_coordinates(
+    source: Model, target: Model, table: CoordinateTable | None = None
+) -> tuple[CoordinatePair, ...]:
+    """Coordinates that both models sweep: those of one name, or as a table pairs them.
+
+    Raises
+    ------
+    UnknownName : the table names a coordinate that its model does not have
+    """
+    if table is None:
+        table = {one: (one, 1.0, 0.0) for one in source.coordinate_names if one in target.coordinate_names}
+    pairs = tuple(CoordinatePair(name, *row) for name, row in table.items())
+    for pair in pairs:
+        for model, name in ((source, pair.source), (target, pair.target)):
+            index_of("coordinate", name, model.coordinate_names, f"model '{model.name}'")
+    ours, theirs = ({one.name for one in swept(model)} for model in (source, target))
+    return tuple(one for one in pairs if one.source in ours and one.target in theirs and one.factor != 0.0)
+
+
+def compare_moment_arms(
+    source: Model, target: Model, pairs: Sequence[CoordinatePair], samples: int = SAMPLES
+) -> tuple[MomentArms, ...]:
+    """Moment arms r = -dl/dq of muscles that both models have, over the range of each coordinate.
+
+    Parameters
+    ----------
+    pairs : coordinates to compare, as `compared_coordinates` finds them
+    samples : poses along a range
+    """
+    common = tuple(name for name in source.muscle_names if name in set(target.muscle_names))
+    found = []
+    for pair in pairs:
+        muscles = [name for name in common if _moves(source, pair.source, name) or _moves(target, pair.target, name)]
+        if muscles:
+            found.append(_compared(source, target, pair, tuple(muscles), samples))
+    return tuple(found)
+
+
+def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple[str, ...], samples: int) -> MomentArms:
+    values, target_values = pair.values(source, target, samples)
+    kind = source.coordinate(pair.source).motion
+    arms = _arms_of(source, pair.source, muscles)
+    target_arms = _arms_of(target, pair.target, muscles)
+    r, t = arms(values), target_arms(target_values)
+    jumps, at = _jumps(arms, values, r)
+    target_jumps, target_at = _jumps(target_arms, target_values, t)
+    return MomentArms(
+        pair, kind, values, target_values, muscles, r, pair.sign * t, jumps, target_jumps, at, target_at
+    )  # fmt: skip
+
+
+def _moves(model: Model, coordinate: str, muscle: str) -> bool:
+    paths = compile_paths(model)
+    own = paths.arm_muscle == model.muscle_names.index(muscle)
+    return bool((paths.arm_coordinate[own] == model.coordinate_names.index(coordinate)).any())
+
+
+def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[[Array], Array]:
+    """Function from values of a coordinate (n,) to moment arms (n, muscles), the rest in its default pose.
+
+    Coordinates that follow this one do; loops that it would open are not closed.
+    """
+    few = replace(model, muscles=tuple(model.muscle(name) for name in muscles))
+    paths = compile_paths(few)
+    j = model.coordinate_names.index(coordinate)
+    own = np.flatnonzero(paths.arm_coordinate == j)
+    column, default = paths.arm_muscle[own], paths.tree.defaults
+
+    def arms(values: Array) -> Array:
+        coordinates = np.repeat(default[None], len(values), axis=0)
+        coordinates[:, j] = values
+        found = np.zeros((len(values), len(muscles)))
+        found[:, column] = paths.evaluate(coordinates)[2][:, own]
+        return found
+
+    return arms
+
+
+def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tuple[Array, Array]:
+    """Largest discontinuity of each column (muscles,), and where it is, found by halving the oddest interval."""
+    jumps, at = np.zeros(sampled.shape[1]), np.full(sampled.shape[1], np.nan)
+    if len(values) < 4:
+        return jumps, at
+    steps = np.diff(sampled, axis=0)
+    padded = np.concatenate([steps[1:2], steps, steps[-2:-1]])
+    odd = np.abs(steps - 0.5 * (padded[:-2] + padded[2:]))
+    column = np.flatnonzero(odd.max(axis=0) > ODD * np.abs(sampled).max(axis=0))
+    worst = odd.argmax(axis=0)[column]
+    low, high = values[worst], values[worst + 1]
+    below, above = sampled[worst, column], sampled[worst + 1, column]
+    step, row = np.abs(above - below), np.arange(len(column))
+    for _ in range(HALVINGS if len(column) else 0):
+        middle = 0.5 * (low + high)
+        r = arms(middle)[row, column]
+        first = np.abs(r - below) > np.abs(above - r)
+        high, above = np.where(first, middle, high), np.where(first, r, above)
+        low, below = np.where(first, low, middle), np.where(first, below, r)
+    left = np.abs(above - below)
+    stays = left > STAYS * step
+    jumps[column[stays]], at[column[stays]] = left[stays], 0.5 * (low + high)[stays]
+    return jumps, at

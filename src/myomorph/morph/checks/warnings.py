@@ -1,0 +1,271 @@
+"""Limits of the checks of a morphed model, and one line for each thing beyond them, with the muscle and the number."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.checks.penetration import Penetration
+from myomorph.morph.morphed import Morph
+from myomorph.muscles.scaling import default_path_lengths
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """From where on something is worth a warning; every limit is relative to size, so one serves man and mouse.
+
+    Lengths are shares of the target's longest bone.
+
+    Attributes
+    ----------
+    deeper : a path may run so much deeper through a bone than the source's; 1 mm of a femur of 0.4 m
+    arm : moment arms below this share of the muscle's path are none; 2 mm of 0.4 m
+    weak : moment arms below this share of the muscle's largest about the coordinate do not tell a sign: an angle at
+        which a muscle changes from flexor to extensor may move a little with the shape
+    ratio : moment arms may be so many times what the size of the bones explains, or its inverse
+    off_surface : an attachment may lie so much further from its bone's surface than the source's
+    near_surface : points of the source so near to the surface belong to it
+    fiber : normalized fiber lengths may leave the source's range by this
+    gap : parent and child may put a joint's center so far apart
+    order : rank correlation of the muscles' moment arms about a coordinate, at least
+    poses : of each coordinate's range at which paths are held against bones
+    """
+
+    deeper: float = 0.0025
+    arm: float = 0.005
+    weak: float = 0.25
+    ratio: float = 2.0
+    off_surface: float = 0.005
+    near_surface: float = 0.02
+    fiber: float = 0.1
+    gap: float = 0.01
+    order: float = 0.9
+    poses: int = 9
+
+    def __post_init__(self) -> None:
+        if self.ratio <= 1.0:
+            raise BadData(f"ratio of moment arms is {self.ratio:g}: expected more than 1")
+        if self.poses < 2:
+            raise BadData(f"{self.poses} poses of a range: expected 2 or more")
+
+
+@dataclass(frozen=True)
+class Warned:
+    """One thing that looks wrong.
+
+    Attributes
+    ----------
+    kind : "bone" (path through it), "sign", "jump", "arm", "order", "surface", "fold", "fiber", "joint"
+    name : of the muscle, joint, coordinate or body
+    text : one line with its number
+    size : how bad, to sort by within a kind
+    """
+
+    kind: str
+    name: str
+    text: str
+    size: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class MorphChecks:
+    """What the checks of a morphed model found.
+
+    Attributes
+    ----------
+    penetrations : of muscles through bones, the largest increase first
+    arms : moment arms over each coordinate's range
+    order : rank correlation of the muscles' mean moment arms about each coordinate; NaN of fewer than four
+    folded : muscle points where the map turns space inside out, (muscle, point, body)
+    warnings : one line each, by kind, the worst first
+    notes : what could not be looked at
+    """
+
+    penetrations: tuple[Penetration, ...]
+    arms: tuple[MomentArms, ...]
+    order: Mapping[str, float]
+    folded: tuple[tuple[str, str, str], ...]
+    warnings: tuple[Warned, ...]
+    options: CheckOptions
+    notes: tuple[str, ...] = ()
+
+    def of(self, kind: str) -> tuple[Warned, ...]:
+        """Warnings of one kind."""
+        return tuple(one for one in self.warnings if one.kind == kind)
+
+
+def bone_warnings(
+    deep: Sequence[Penetration], longest: float, options: CheckOptions, sliding: Collection[str] = ()
+) -> list[Warned]:
+    """Paths that run deeper through a bone than in the source.
+
+    Parameters
+    ----------
+    longest : bone of the target [m]
+    sliding : coordinates, told in millimeters
+    """
+    found = []
+    for one in deep:
+        if one.increase > options.deeper * longest:
+            value = _mm(one.value) if one.coordinate in sliding else _value(one.value)
+            where = f" at {one.coordinate} = {value}" if one.coordinate else " in the default pose"
+            found.append(
+                Warned(
+                    "bone",
+                    one.muscle,
+                    f"{one.muscle}: runs {_mm(one.target)} deep through {one.body}{where}, source {_mm(one.source)}",
+                    one.increase / longest,
+                )
+            )
+    return found
+
+
+def arm_warnings(
+    source: Model, arms: Sequence[MomentArms], sizes: Mapping[str, float], options: CheckOptions
+) -> list[Warned]:
+    """Moment arms of another sign, with jumps, or of a size that the bones do not explain; `sizes` of the muscles."""
+    lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
+    found = []
+    for one in arms:
+        if one.kind != "rotational":
+            continue
+        for k, muscle in enumerate(one.muscles):
+            size, least = sizes[muscle], options.arm * lengths[muscle]
+            found += _one_arm(one, k, one.source[:, k], one.target[:, k] / size, size, least, options)
+    return found
+
+
+def _one_arm(
+    one: MomentArms, k: int, source: Array, target: Array, size: float, least: float, options: CheckOptions
+) -> list[Warned]:
+    """Warnings on one muscle and coordinate, its moment arms in the target brought to the source's size."""
+    muscle, coordinate = one.muscles[k], one.pair.target
+    found = []
+    jump, before = one.target_jumps[k] / size, one.source_jumps[k]
+    if jump > before + least:
+        found.append(
+            Warned(
+                "jump",
+                muscle,
+                f"{muscle}: moment arm about {coordinate} jumps by {_mm(one.target_jumps[k])} at "
+                f"{_value(one.target_jump_at[k])}, source by {_mm(before)}",
+                jump / least,
+            )
+        )
+    peak, peak_target = float(np.abs(source).max()), float(np.abs(target).max())
+    floor, floor_target = max(least, options.weak * peak), max(least, options.weak * peak_target)
+    against = (np.abs(source) > floor) & (np.abs(target) > floor_target) & (source * target < 0.0)
+    if against.any():
+        worst = int(np.argmax(np.where(against, np.abs(target), 0.0)))
+        found.append(
+            Warned(
+                "sign",
+                muscle,
+                f"{muscle}: moment arm about {coordinate} is {_mm(size * target[worst])} at "
+                f"{_value(one.target_values[worst])}, source {_mm(source[worst])}: the other sign in "
+                f"{100 * against.mean():.0f} % of the range",
+                float(against.mean()),
+            )
+        )
+        return found
+    rms, rms_target = float(np.sqrt(np.mean(source**2))), float(np.sqrt(np.mean(target**2)))
+    if max(rms, rms_target) > 2.0 * least:
+        ratio = rms_target / max(rms, 1e-12)
+        if not 1.0 / options.ratio <= ratio <= options.ratio and abs(rms_target - rms) > least:
+            found.append(
+                Warned(
+                    "arm",
+                    muscle,
+                    f"{muscle}: moment arm about {coordinate} is {ratio:.2g} times what the size of the bones explains "
+                    f"({_mm(size * rms_target)} root mean square, source {_mm(rms)})",
+                    abs(float(np.log(max(ratio, 1e-6)))),
+                )
+            )
+    return found
+
+
+def order_warnings(arms: Sequence[MomentArms], order: Mapping[str, float], options: CheckOptions) -> list[Warned]:
+    """Coordinates whose muscles changed places."""
+    return [
+        Warned(
+            "order",
+            one.pair.target,
+            f"{one.pair.target}: the {len(one.muscles)} muscles' moment arms are in another order than in the source, "
+            f"rank correlation {order[one.pair.source]:.2f}",
+            1.0 - order[one.pair.source],
+        )
+        for one in arms
+        if order[one.pair.source] < options.order
+    ]
+
+
+def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> list[Warned]:
+    """Attachments further from their surface than in the source; `longest` bone of the target [m]."""
+    found = []
+    for one in morph.points:
+        if not np.isfinite(one.depth_source + one.depth_target):
+            continue
+        size = morph.bones[one.body].whole.scale
+        near = abs(one.depth_source) * size <= options.near_surface * longest
+        off = abs(one.depth_target) - size * abs(one.depth_source)
+        if near and off > options.off_surface * longest:
+            side = "outside" if one.depth_target > 0.0 else "inside"
+            found.append(
+                Warned(
+                    "surface",
+                    one.owner,
+                    f"{one.owner}: {one.name} lies {_mm(abs(one.depth_target))} {side} the bone of {one.target_body}, "
+                    f"source {_mm(abs(one.depth_source))}",
+                    off / longest,
+                )
+            )
+    return found
+
+
+def fiber_warnings(morph: Morph, options: CheckOptions) -> list[Warned]:
+    """Fibers that leave the range in which the source's work."""
+    found = []
+    for one in morph.muscles:
+        (low, high), (low_target, high_target) = one.range_source, one.range_target
+        off = max(low - low_target, high_target - high)
+        if off > options.fiber:
+            found.append(
+                Warned(
+                    "fiber",
+                    one.name,
+                    f"{one.name}: fibers work from {low_target:.2f} to {high_target:.2f} of their optimal length, "
+                    f"source from {low:.2f} to {high:.2f}",
+                    off,
+                )
+            )
+    return found
+
+
+def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> list[Warned]:
+    """Joints whose center parent and child put in different places; `longest` bone of the target [m]."""
+    return [
+        Warned(
+            "joint",
+            one.name,
+            f"{one.name}: its parent and its child put the center {_mm(one.gap)} apart",
+            one.gap / longest,
+        )
+        for one in morph.joints
+        if one.gap > options.gap * longest
+    ]
+
+
+def _mm(meters: float) -> str:
+    """Millimeters, to a hundredth below one."""
+    size = abs(1e3 * meters)
+    return f"{1e3 * meters:.{0 if size == 0.0 else 1 if size >= 1.0 else 2}f} mm"
+
+
+def _value(radians: float) -> str:
+    return f"{round(float(np.degrees(radians)))}°"

@@ -1,0 +1,300 @@
+"""The other side of a body: a left leg from a right one.
+
+A reflection Q (its matrix S, S S = 1) carries points x of a body to Q x; the frames stay right-handed, so a joint
+between bodies of reflections Q_p and Q_c with a reflection S_j of its own frame becomes
+
+    parent frame Q_p P S_j,  child frame Q_c C S_j,  rotation about -S_j u,  translation along S_j u
+
+by the same amounts. So equal coordinates are equal anatomical movements on both sides, as on OpenSim's left legs: what
+turns about the axis across the plane stays, the other axes turn round. Bodies in the plane are their own other side;
+coordinates of theirs that move the body out of the plane keep their axes and change their sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadModel
+from myomorph.model.model import Body, Model
+from myomorph.model.series import Motion
+from myomorph.model.sides import other_side
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PointMap
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.mirror.parts import mirrored_parts
+from myomorph.morph.mirror.sides import Reflection, flip, other_side_of
+
+PARTS = (
+    "bodies", "joints", "coordinates", "markers", "muscles", "wrap_objects", "actuators", "couplers", "loops", "frames",
+    "passive_torques", "bushings",
+)  # fmt: skip
+
+
+def mirrored(
+    model: Model,
+    axis: str | ArrayLike = "z",
+    *,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    middle: Collection[str] | None = None,
+) -> Model:
+    """The model with right and left exchanged: muscles of `femur_r` become those of `femur_l`.
+
+    Parameters
+    ----------
+    axis : of ground across the plane of symmetry ("z" in OpenSim's models, often "y" in MuJoCo's), or a (3,) vector
+    point : (3,) of the plane, in ground with all coordinates at zero [m]
+    middle : bodies that are their own other side; found by name and place where it is None
+
+    Returns
+    -------
+    model whose muscles have the lengths and moment arms of the given one's when it moves as `mirrored_motion` says.
+    Where all names have their counterparts everything keeps its order. Parts of a file that are only carried along
+    (`Model.kept`) stay behind, but for the file's head, and ligaments with them.
+
+    Raises
+    ------
+    BadModel : where right and left bodies do not face each other along `axis`
+    """
+    side = other_side_of(model, axis, point, middle)
+    copied = mirrored_parts(model, side)
+    kept = tuple(one for one in model.kept if one.room == "Model")
+    return _in_order_of(model, replace(copied, kept=kept, ligaments=()))
+
+
+def mirrored_motion(
+    model: Model,
+    motion: Motion,
+    axis: str | ArrayLike = "z",
+    *,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    middle: Collection[str] | None = None,
+) -> Motion:
+    """A motion of `model` as its mirrored model moves: names exchanged, signs of the middle's turns changed.
+
+    Columns keep their order where all names have their counterparts, as in the mirrored model.
+    """
+    side = other_side_of(model, axis, point, middle)
+    signs = np.array(side.of(motion.names))
+    names = [side.named("coordinates", name) for name in motion.names]
+    order = [names.index(name) for name in motion.names] if set(names) == set(motion.names) else list(range(len(names)))
+
+    def turned(values: Array) -> Array:
+        moved: Array = (values * signs)[:, order]
+        return moved
+
+    return replace(
+        motion,
+        names=tuple(names[k] for k in order),
+        values=turned(motion.values),
+        velocities=None if motion.velocities is None else turned(motion.velocities),
+        accelerations=None if motion.accelerations is None else turned(motion.accelerations),
+    )
+
+
+def with_other_side(
+    model: Model,
+    axis: str | ArrayLike = "z",
+    *,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    middle: Collection[str] | None = None,
+    suffix: str = "_l",
+) -> Model:
+    """A one-sided model with the missing side: what has no counterpart gets one, bodies in the middle stay.
+
+    Masses in the middle stay as they are: a pelvis is taken to be whole.
+
+    Parameters
+    ----------
+    axis, point, middle : as of `mirrored`
+    suffix : put behind names that tell no side, for their counterparts
+
+    Raises
+    ------
+    BadModel : as of `mirrored`, or where there is nothing to add
+    """
+    side = other_side_of(model, axis, point, middle, suffix)
+    copy = mirrored_parts(model, side)
+    pairs = list(zip(model.bodies, copy.bodies, strict=True))
+    bodies = {new.name for old, new in pairs if old.name not in side.middle} - set(model.body_names)
+    if not bodies:
+        raise BadModel(f"model '{model.name}' has both sides, or no body away from the plane: there is nothing to add")
+
+    def added(what: str, wanted: Callable[[Any], bool]) -> tuple[Any, ...]:
+        old, new = getattr(model, what), getattr(copy, what)
+        names = {one.name for one in old}
+        told = [other.name not in (one.name, one.name + suffix) for one, other in zip(old, new, strict=True)]
+        return tuple(
+            one for one, tells in zip(new, told, strict=True) if one.name not in names and (tells or wanted(one))
+        )
+
+    def on_added(one: Any) -> bool:
+        return one.body in bodies
+
+    def ties_added(one: Any) -> bool:
+        return one.body_1 in bodies or one.body_2 in bodies
+
+    joints = tuple(one for one in copy.joints if one.child in bodies)
+    own = {name for joint in joints for name in joint.coordinates}
+    muscles = added("muscles", lambda one: any(point.body in bodies for point in one.path.points))
+    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    more: dict[str, Any] = {
+        "bodies": tuple(one for one in copy.bodies if one.name in bodies),
+        "joints": joints,
+        "coordinates": tuple(one for one in copy.coordinates if one.name in own),
+        "markers": added("markers", on_added),
+        "muscles": muscles,
+        "wrap_objects": added("wrap_objects", lambda one: one.body in bodies or one.name in used),
+        "actuators": added("actuators", lambda one: one.coordinate in own or one.body in bodies),
+        "couplers": added("couplers", lambda one: one.dependent in own),
+        "loops": added("loops", ties_added),
+        "frames": added("frames", on_added),
+        "passive_torques": added("passive_torques", lambda one: one.coordinate in own),
+        "bushings": added("bushings", ties_added),
+    }
+    whole: dict[str, Any] = {what: getattr(model, what) + parts for what, parts in more.items()}
+    drawn = tuple(_with_meshes(old, new) if old.name in side.middle else old for old, new in pairs)
+    return replace(model, **(whole | {"bodies": drawn + more["bodies"]}))
+
+
+def _with_meshes(body: Body, other: Body) -> Body:
+    """A body of the middle with the other half of bones that are drawn one-sided, as a pelvis of two."""
+    files = {mesh.file for mesh in body.meshes}
+    missing = tuple(
+        new
+        for old, new in zip(body.meshes, other.meshes, strict=True)
+        if other_side(_stem(old.file)) and old.file.replace(_stem(old.file), other_side(_stem(old.file))) not in files
+    )
+    return replace(body, meshes=body.meshes + missing)
+
+
+def _stem(file: str) -> str:
+    return file.replace("\\", "/").rpartition("/")[2].partition(".")[0]
+
+
+def _in_order_of(model: Model, other: Model) -> Model:
+    """The other model with everything in the given one's order, where it has the same names."""
+    ordered: dict[str, Any] = {}
+    for what in PARTS:
+        place = {one.name: k for k, one in enumerate(getattr(model, what))}
+        parts = getattr(other, what)
+        if {one.name for one in parts} == set(place) and len(place) == len(parts):
+            ordered[what] = tuple(sorted(parts, key=lambda one: place[one.name]))
+    parents = {joint.child: joint.parent for joint in other.joints}
+    names = [body.name for body in ordered.get("bodies", ())]
+    if any(parents[name] in names[k:] for k, name in enumerate(names)):
+        del ordered["bodies"]
+    return replace(other, **ordered)
+
+
+ALIKE = 0.02
+"""The source's own bones must be mirror images of each other within this share of their length."""
+
+
+@dataclass(frozen=True, eq=False)
+class MirroredMap:
+    """A map seen in two mirrors: points go to the other side of the source, by its map, and back in the target."""
+
+    inner: PointMap
+    source: Reflection
+    target: Reflection
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Points (..., 3) of the source's frame in the target's [m]."""
+        return self.target.points(self.inner.apply(self.source.points(points)))
+
+    def jacobian(self, points: ArrayLike) -> Array:
+        """Derivatives (..., 3, 3) of the mapped points."""
+        slopes: Array = self.target.matrix @ self.inner.jacobian(self.source.points(points)) @ self.source.matrix
+        return slopes
+
+
+def with_mirrored_bones(
+    model: Model,
+    bones: Mapping[str, BoneMap],
+    surfaces: Mapping[str, Surface],
+    together: bool = False,
+    axis: str = "z",
+) -> dict[str, BoneMap]:
+    """The maps, and the mirrored ones of bodies that have none while their other side has one.
+
+    Parameters
+    ----------
+    surfaces : of the source's own bones, in their bodies' frames
+    together : the target's bones share one frame, in which the plane of symmetry is that of a mapped bone in the middle
+    axis : of ground across the source's plane of symmetry
+
+    Raises
+    ------
+    BadModel : right and left bodies of the source do not face each other along `axis`
+    """
+    side = other_side_of(model, axis)
+    middle = _shared_plane(bones, side.planes, side.middle) if together else None
+    found = dict(bones)
+    for body in model.body_names:
+        twin = side.named("bodies", body)
+        if body in bones or twin == body or twin not in bones:
+            continue
+        plane = side.planes[twin]
+        goal = middle or flip(int(np.argmax(np.abs(bones[twin].whole.rotation @ plane.normal))))
+        found[body] = _mirrored(bones[twin], body, plane, goal, surfaces)
+    return found
+
+
+def _shared_plane(
+    bones: Mapping[str, BoneMap], planes: Mapping[str, Reflection], middle: frozenset[str]
+) -> Reflection | None:
+    for body, bone in bones.items():
+        if body in middle:
+            normal = bone.whole.rotation @ planes[body].normal
+            through = bone.whole.apply(planes[body].offset * planes[body].normal)
+            return Reflection(normal, float(normal @ through))
+    return None
+
+
+def _mirrored(
+    bone: BoneMap, body: str, plane: Reflection, goal: Reflection, surfaces: Mapping[str, Surface]
+) -> BoneMap:
+    turned = goal.matrix @ bone.whole.rotation @ plane.matrix
+    origin = goal.points(bone.whole.apply(plane.points(np.zeros(3))))
+    features = bone.features
+    notes = [f"{body}: the mirrored bone of {bone.body}", *_unlike(body, bone.body, plane, surfaces)]
+    return replace(
+        bone,
+        body=body,
+        target_body=body,
+        map=MirroredMap(bone.map, plane, goal),
+        whole=Similarity(turned, origin, bone.whole.scale),
+        source=surfaces.get(body) or _reflected(bone.source, plane),
+        target=_reflected(bone.target, goal),
+        features=None
+        if features is None
+        else FeaturePoints(
+            features.names, plane.points(features.source), goal.points(features.target), features.weights
+        ),
+        notes=tuple(notes),
+    )
+
+
+def _reflected(surface: Surface | None, plane: Reflection) -> Surface | None:
+    return None if surface is None else Surface(plane.points(surface.vertices), surface.faces[:, ::-1])
+
+
+def _unlike(body: str, twin: str, plane: Reflection, surfaces: Mapping[str, Surface]) -> list[str]:
+    """A note where the source's own two bones are no mirror images of each other in their bodies' frames."""
+    if body not in surfaces or twin not in surfaces:
+        return []
+    image, own = plane.points(surfaces[twin].vertices), surfaces[body].vertices
+    apart = float(np.sqrt(np.mean(cKDTree(own).query(image)[0] ** 2)))
+    length = float(np.ptp(own, axis=0).max())
+    if apart <= ALIKE * length:
+        return []
+    return [
+        f"{body}: the source's own bone lies {1e3 * apart:.1f} mm from the mirrored one of {twin}: give the bone itself"
+    ]

@@ -1,0 +1,307 @@
+"""How one whole bone lies on another before it deforms, and landmarks found by the same rule on both.
+
+The alignment comes from landmarks, from a rough start, or from shape alone. Automatic landmarks are where both bones
+end in given directions, and centers of round surfaces: the target is laid on the source by a similarity first, so that
+a direction means the same on both, and a landmark is kept only where the rule tells one position on both bones, and
+about the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import FeaturePoints
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.registration.rigid import RoughFit, SurfaceOptions, register_surface, rough_fits
+from myomorph.morph.registration.smooth import Drift, MatchOptions, onto
+from myomorph.morph.shapes.articular import SphereFit, articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.surface_points import Shape
+
+TURNED = 60.0
+"""Angle from a rough start beyond which another way to lie is not believed [degrees]."""
+
+APART = 20.0
+"""Angle between two ways to lie that are not the same [degrees]."""
+
+HOPELESS = 3.0
+"""Ways to lie that leave more than so many times the best one's distance are not tried with a deformation."""
+
+AMBIGUOUS = 1.5
+"""A second way to lie that leaves, after a deformation, less than so many times the first's distance might be the right
+one. Of femurs, tibias and pelves of living persons it leaves twice as much or more, of patellas 1.0 to 1.4 times."""
+
+UPRIGHT = 30.0
+"""Of ways that may be right, one that turns the frame by less than this is taken: files of bones often keep the body's
+frame [degrees]."""
+
+LINE = 0.05
+"""Landmarks whose spread across their line is below this share of that along it do not say how a bone is turned."""
+
+QUICK = 400
+"""Points in the deformations that only choose between ways to lie."""
+
+ASKED = 1500
+"""Points of either surface whose distance to the other is asked."""
+
+MIRROR = np.array([1.0, 1.0, -1.0])
+
+RIGID = SurfaceOptions(mirror=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A whole bone laid on another.
+
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's
+    distance : root mean square, after a quick deformation [m]; NaN where landmarks said how the bones lie
+    others : other ways to lie, with their distances, the nearest first
+    """
+
+    similarity: Similarity
+    distance: float = float("nan")
+    others: tuple[tuple[Similarity, float], ...] = ()
+
+    def warnings(self) -> tuple[str, ...]:
+        """Another way to lie that may be the right one."""
+        for other, distance in self.others:
+            if distance < AMBIGUOUS * self.distance:
+                return (
+                    f"the bone fits nearly as well turned by {turn_between(other, self.similarity):.0f} degrees "
+                    f"({distance / self.distance:.2f} times the distance): landmarks would tell how it lies",
+                )
+        return ()
+
+
+def align_bones(
+    source: Surface,
+    target: Surface,
+    landmarks: FeaturePoints | None = None,
+    start: Similarity | None = None,
+    options: MatchOptions | None = None,
+) -> Alignment:
+    """The similarity from a whole bone to another, of which a part may be missing.
+
+    Where landmarks do not say how the bones lie, every way that fits is tried with a deformation. Of those that fit
+    about equally well one that keeps the frame's axes is taken, if there is one.
+
+    Parameters
+    ----------
+    landmarks : say how the bones lie where there are three that are not on a line
+    start : where the bone roughly lies, for want of such landmarks
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    if landmarks is not None and spans_a_plane(landmarks.source) and spans_a_plane(landmarks.target):
+        return Alignment(_laid(source, target, procrustes(landmarks.source, landmarks.target, scale=True)).similarity)
+    tried = _tried(source, target, start, options or MatchOptions())
+    if start is not None:
+        return Alignment(_laid(source, target, tried[0][0]).similarity, tried[0][1])
+    equal = [one for one in tried if one[1] < AMBIGUOUS * tried[0][1]]
+    chosen = next((one for one in equal if turned_by(one[0]) < UPRIGHT), tried[0])
+    others = tuple(one for one in tried if one is not chosen)
+    return Alignment(_laid(source, target, chosen[0]).similarity, chosen[1], others)
+
+
+def mirrored_share(source: Surface, target: Surface, distance: float, options: MatchOptions | None = None) -> float:
+    """Distance that the mirrored source leaves at its best, over that of the source: below 1 it fits better."""
+    mirrored = Surface(source.vertices * MIRROR, source.faces[:, ::-1])
+    return _tried(mirrored, target, None, options or MatchOptions())[0][1] / max(distance, 1e-12)
+
+
+def _tried(
+    source: Surface, target: Surface, start: Similarity | None, options: MatchOptions
+) -> list[tuple[Similarity, float]]:
+    """Ways to lie and the distances that a deformation leaves, the nearest first."""
+    ways = [RoughFit(one.similarity.inverse(), one.rms) for one in rough_fits(target, source, RIGID)]
+    if start is not None:
+        near = [way for way in ways if turn_between(way.similarity, start) < TURNED]
+        ways = [_laid(source, target, start), *near]
+    ours, goal = Shape(source), Shape(target)
+    tried = [(way.similarity, _deformed_distance(ours, goal, way.similarity, options)) for way in _distinct(ways)]
+    return sorted(tried, key=lambda one: one[1])
+
+
+def spans_a_plane(points: Array) -> bool:
+    """Whether points (n, 3) are three or more and not on a line."""
+    if len(points) < 3:
+        return False
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > LINE * spread[0])
+
+
+def turned_by(one: Similarity) -> float:
+    """Angle of a rotation [degrees]."""
+    return turn_between(one, Similarity(np.eye(3), np.zeros(3)))
+
+
+def turn_between(one: Similarity, other: Similarity) -> float:
+    """Angle between two rotations [degrees]."""
+    cosine = 0.5 * (np.trace(one.rotation.T @ other.rotation) - 1.0)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _laid(source: Surface, target: Surface, start: Similarity) -> RoughFit:
+    # The target may be a part, which the registration expects of what it lays on something whole.
+    found = register_surface(target, source, start.inverse(), RIGID)
+    return RoughFit(found.similarity.inverse(), found.rms)
+
+
+def _distinct(ways: list[RoughFit]) -> list[RoughFit]:
+    """Those that may be right and differ from better ones, the best first."""
+    found: list[RoughFit] = []
+    for way in sorted(ways, key=lambda one: one.rms):
+        if found and way.rms > HOPELESS * found[0].rms:
+            break
+        if all(turn_between(way.similarity, other.similarity) > APART for other in found):
+            found.append(way)
+    return found
+
+
+def _deformed_distance(ours: Shape, goal: Shape, start: Similarity, options: MatchOptions) -> float:
+    """Root mean square distance both ways after a deformation from a start, between points that face the same way."""
+    warp = Drift(ours, goal, start, None, replace(options, match_points=QUICK))
+    deformed = Shape(Surface(warp.apply(ours.vertices), ours.faces))
+    away = []
+    for asked, other in ((deformed.samples(ASKED), goal), (goal.samples(ASKED), deformed)):
+        away.append(np.sum((onto(other, asked.points, asked.normals).points - asked.points) ** 2, axis=1))
+    if goal.is_open:
+        away = away[1:]
+    return float(np.sqrt(np.mean(np.concatenate(away))))
+
+
+POINTS = 20000
+"""Spread over each surface, among which its ends are looked for."""
+
+DEPTH = 0.004
+"""The end of a bone in a direction is what lies within this share of its length of the utmost point."""
+
+SHARP = 0.02
+"""An end spread wider than this share of the length, or that moves so far when the direction turns by `TILT`, is flat:
+no landmark."""
+
+TILT = np.radians(5.0)
+
+NEAR = 0.05
+"""A landmark further from its counterpart, after the similarity, than this share of the length is another place."""
+
+MIN_SEPARATION = 0.03
+"""Landmarks nearer to each other than this share of the length are one."""
+
+RADII = 1.35
+"""A round surface of the target has a radius up to so many times that of the source, apart from the whole's size."""
+
+SHIFT, STEADY = 0.2, 0.1
+"""A sphere found from starts beside it by so much of its radius must stay in place within so much of it."""
+
+
+def automatic_landmarks(
+    source: Surface, target: Surface, start: Similarity | None = None, rounds: bool = True
+) -> FeaturePoints:
+    """Landmarks of two bones of one kind, found without a hand.
+
+    Parameters
+    ----------
+    source : in its body's frame, facing outward
+    target : facing outward
+    start : from source to target, roughly; found from the surfaces where it is not given, if they tell it
+    rounds : look for heads and sockets too
+
+    Returns
+    -------
+    in the bones' frames: ends along the source's principal axes ("axis 1 +") and its body's ("+x"), centers of heads
+    ("head 1") and sockets ("socket 1"); none twice. May be few
+
+    Raises
+    ------
+    BadData : a surface without area, or without a start, one that could lie in two ways
+    """
+    if start is None:
+        aligned = align_bones(source, target)
+        if aligned.warnings():
+            raise BadData(f"landmarks cannot be found by rules: {aligned.warnings()[0]}")
+        start = aligned.similarity
+    laid = Surface(start.inverse().apply(target.vertices), target.faces)
+    length = float(np.linalg.norm(np.ptp(source.vertices, axis=0)))
+    found: list[tuple[str, Array, Array]] = []
+    proposed = list(_ends(source, laid, length)) + (list(_rounds(source, laid, length)) if rounds else [])
+    for name, ours, theirs in proposed:
+        if np.linalg.norm(ours - theirs) > NEAR * length:
+            continue
+        if any(np.linalg.norm(ours - other) < MIN_SEPARATION * length for _, other, _ in found):
+            continue
+        found.append((name, ours, theirs))
+    return FeaturePoints(
+        tuple(name for name, _, _ in found),
+        np.array([ours for _, ours, _ in found]).reshape(-1, 3),
+        start.apply(np.array([theirs for _, _, theirs in found]).reshape(-1, 3)),
+    )
+
+
+def _ends(source: Surface, target: Surface, length: float) -> Iterator[tuple[str, Array, Array]]:
+    """Ends of both bones along the source's axes."""
+    ours, theirs = (Shape(one).samples(POINTS).points for one in (source, target))
+    _, _, rows = np.linalg.svd(ours - ours.mean(axis=0), full_matrices=False)
+    named = [(f"axis {k + 1}", rows[k]) for k in range(3)]
+    for axis, direction in named:
+        for sign in (1.0, -1.0):
+            yield from _end(f"{axis} {'+' if sign > 0 else '-'}", ours, theirs, sign * direction, length)
+    for k, letter in enumerate("xyz"):
+        for sign in (1.0, -1.0):
+            yield from _end(f"{'+' if sign > 0 else '-'}{letter}", ours, theirs, sign * np.eye(3)[k], length)
+
+
+def _end(name: str, ours: Array, theirs: Array, direction: Array, length: float) -> Iterator[tuple[str, Array, Array]]:
+    places = [_utmost(points, direction, length) for points in (ours, theirs)]
+    if places[0] is not None and places[1] is not None:
+        yield name, places[0], places[1]
+
+
+def _utmost(points: Array, direction: Array, length: float) -> Array | None:
+    """Middle of what lies furthest in a direction; None where that is a flat stretch rather than a point."""
+    across = np.linalg.svd(direction[None])[2][1:]
+    middles = []
+    for tilt in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        along = points @ (direction + np.tan(TILT) * (tilt[0] * across[0] + tilt[1] * across[1]))
+        middles.append(points[along > along.max() - DEPTH * length])
+    here = middles[0].mean(axis=0)
+    spread = float(np.sqrt(np.mean(np.sum((middles[0] - here) ** 2, axis=1))))
+    moved = max(float(np.linalg.norm(one.mean(axis=0) - here)) for one in middles[1:])
+    return here if max(spread, moved) < SHARP * length else None
+
+
+def _rounds(source: Surface, target: Surface, length: float) -> Iterator[tuple[str, Array, Array]]:
+    """Centers of the same round surfaces on both bones."""
+    for what, hollow in (("head", False), ("socket", True)):
+        count = 0
+        for one in spherical_patches(source, hollow):
+            ours, theirs = (_steady(one, surface) for surface in (source, target))
+            if ours is None or theirs is None or not 1.0 / RADII < theirs.radius / ours.radius < RADII:
+                continue
+            if np.linalg.norm(theirs.center - ours.center) < ours.radius:
+                count += 1
+                yield f"{what} {count}", ours.center, theirs.center
+
+
+def _steady(one: SphereFit, surface: Surface) -> SphereFit | None:
+    """The sphere found from near another one; None where starts beside it lead elsewhere."""
+    try:
+        found = articular_sphere(surface, one.center, one.radius, one.hollow)
+        if warning_of(found):
+            return None
+        for shift in (*np.eye(3), *-np.eye(3)):
+            beside = articular_sphere(surface, found.center + SHIFT * found.radius * shift, found.radius, one.hollow)
+            if np.linalg.norm(beside.center - found.center) > STEADY * found.radius:
+                return None
+    except BadData:
+        return None
+    return found

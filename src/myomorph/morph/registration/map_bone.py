@@ -1,0 +1,215 @@
+"""The map from one bone to another: checks, matching, feature points, and the map through them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import MappingProxyType
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import (
+    Basis,
+    BoneMap,
+    FeaturePoints,
+    MapOptions,
+    PointMap,
+    feature_warnings,
+    fit_map,
+    inverted,
+)
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.registration.alignment import automatic_landmarks
+from myomorph.morph.registration.bone_checks import check_bone, repaired_bone
+from myomorph.morph.registration.nonrigid import MatchOptions, PlacedBone, SurfaceMatch, match_surfaces, place_bone
+
+BESIDE = 0.5
+"""A surface feature nearer to a landmark than this share of the features' spacing gives way to it."""
+
+STEEP = 3.0
+"""So does one nearer than so many times the distance by which landmark and surface features disagree: between them the
+map would fold."""
+
+FEWEST = 20
+"""Matched points below which two surfaces are not the same bone."""
+
+WRONG_SIDE, DOUBTED_SIDE = 0.7, 0.9
+"""Share of the distance that the mirrored source leaves, below which the bone is one of the other side, or may be: 0.2
+to 0.65 of femurs, tibias and heels of the other side, 0.8 or more of those of the same, about 1 of a pelvis."""
+
+ROUNDS = 3
+"""Times that features are taken out where the map folds."""
+
+STEPS = 3
+"""Of `map_bone`: checked, matched, mapped."""
+
+
+def map_bone(
+    body: str,
+    source: Surface | None,
+    target: Surface | None,
+    landmarks: FeaturePoints | None = None,
+    map_options: MapOptions | None = None,
+    match: MatchOptions | None = None,
+    target_body: str = "",
+    progress: Callable[[int], None] | None = None,
+    start: Similarity | None = None,
+) -> BoneMap:
+    """How what is fixed to a body becomes fixed to the target's bone.
+
+    With both surfaces the map goes through points spread over them and through the landmarks; with one or none,
+    or where the options say so, through the landmarks alone. If none are given then, they are found by rules.
+
+    Parameters
+    ----------
+    body : of the source
+    source, target : surfaces in their bodies' frames; None where there is none
+    landmarks : of the bone, in the source's and the target's frame
+    target_body : its name in the target; `body` where it is empty
+    progress : called with the steps just done, of `STEPS`
+    start : where the bone roughly lies, where landmarks do not say so: as its neighbors, in bones that share a frame
+
+    Raises
+    ------
+    BadData : nothing to make a map of, or bones that cannot be the same
+    """
+    match = match or MatchOptions()
+    landmarks = landmarks if landmarks is not None and len(landmarks) else None
+    told = progress or (lambda _: None)
+    notes: list[str] = []
+    measures: dict[str, float] = {}
+    basis: Basis = "landmarks"
+    if source is not None:
+        source = repaired_bone(source, f"the source's bone of '{body}'", notes)
+    placed = None
+    if target is not None:
+        target = repaired_bone(target, f"the bone of '{body}'", notes)
+        if source is not None:
+            placed = place_bone(source, target, landmarks, start, match)
+            _check_side(body, placed, notes)
+        known = None if placed is None else placed.similarity
+        notes += check_bone(body, target, source, landmarks, start=known).notes
+    told(1)
+    if source is not None and target is not None and match.features == "dense":
+        basis = "bone"
+        found = match_surfaces(source, target, landmarks, match, placed)
+        notes += found.notes
+        measures |= found.quality.measures(found.length)
+        features = _features(body, found, landmarks, match, map_options)
+    elif landmarks is not None:
+        features = landmarks
+    else:
+        features = _found_by_rules(body, source, target, placed, notes)
+    told(1)
+    features, mapping = _unfolded(features, landmarks, source, map_options)
+    notes += feature_warnings(features)
+    inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
+    measures |= {"features": float(len(features)), "map folded": inside_out}
+    if inside_out > 0:
+        notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
+    told(1)
+    return BoneMap(
+        body=body,
+        target_body=target_body or body,
+        map=mapping,
+        whole=procrustes(features.source, features.target, True, features.weights),
+        basis=basis,
+        source=source,
+        target=target,
+        features=features,
+        measures=MappingProxyType(measures),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _found_by_rules(
+    body: str, source: Surface | None, target: Surface | None, placed: PlacedBone | None, notes: list[str]
+) -> FeaturePoints:
+    """Landmarks of two surfaces; raises `BadData` where there is only one of them."""
+    if source is None or target is None or placed is None:
+        lacking = " and ".join(one for one, known in (("source", source), ("target", target)) if known is None)
+        raise BadData(
+            f"'{body}': the {lacking} has no surface of this bone, and there are no landmarks: give one or the other "
+            "(the source's meshes may lie in another folder, see --geometry)"
+        )
+    found = automatic_landmarks(source, target, placed.similarity)
+    notes.append(f"{len(found)} landmarks of '{body}' were found by rules: {', '.join(found.names)}")
+    return found
+
+
+def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
+    if not placed.mirrored < DOUBTED_SIDE:
+        return
+    told = (
+        f"the bone of '{body}' is nearer to the mirrored bone of the source ({placed.mirrored:.2f} times the "
+        "distance): is it one of the other side?"
+    )
+    if placed.mirrored < WRONG_SIDE:
+        raise BadData(f"{told} Give the bone of this side, or mirror the model first")
+    notes.append(told)
+
+
+def _features(
+    body: str,
+    found: SurfaceMatch,
+    landmarks: FeaturePoints | None,
+    match: MatchOptions,
+    map_options: MapOptions | None,
+) -> FeaturePoints:
+    """The landmarks, and the first of the evenly spread pairs that are not too near to one."""
+    if len(found.pairs) < FEWEST:
+        raise BadData(
+            f"the bones of '{body}' meet at {len(found.pairs)} of {match.match_points} points: are they the same bone? "
+            "Give landmarks, or leave the bone out: it is then scaled as its neighbors"
+        )
+    dense = _chosen(found.pairs, np.arange(min(match.feature_count, len(found.pairs))))
+    if landmarks is None:
+        return dense
+    spacing = float(np.median(cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
+    apart = np.linalg.norm(fit_map(dense, map_options).apply(landmarks.source) - landmarks.target, axis=1)
+    reach = np.maximum(BESIDE * spacing, STEEP * apart / found.placed.similarity.scale)
+    away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
+    return _joined(landmarks, _chosen(dense, np.flatnonzero((away > reach).all(axis=1))))
+
+
+def _unfolded(
+    features: FeaturePoints, landmarks: FeaturePoints | None, source: Surface | None, options: MapOptions | None
+) -> tuple[FeaturePoints, PointMap]:
+    """The map, and the features that it needs: without the dense ones around which it would fold."""
+    mapping = fit_map(features, options)
+    first = 0 if landmarks is None else len(landmarks)
+    if source is None or len(features) == first:
+        return features, mapping
+    for _ in range(ROUNDS):
+        wrong = source.vertices[inverted(mapping, source.vertices)]
+        if not len(wrong):
+            break
+        near = cKDTree(features.source).query(wrong, 2)[1]
+        kept = np.ones(len(features), dtype=bool)
+        kept[np.unique(near)] = False
+        kept[:first] = True
+        if kept.all() or kept.sum() < FEWEST:
+            break
+        features = _chosen(features, np.flatnonzero(kept))
+        mapping = fit_map(features, options)
+    return features, mapping
+
+
+def _joined(first: FeaturePoints, then: FeaturePoints) -> FeaturePoints:
+    weights = None
+    if first.weights is not None:
+        weights = np.concatenate([first.weights, np.ones(len(then))])
+    return FeaturePoints(
+        (*first.names, *then.names),
+        np.concatenate([first.source, then.source]),
+        np.concatenate([first.target, then.target]),
+        weights,
+    )
+
+
+def _chosen(points: FeaturePoints, kept: np.ndarray) -> FeaturePoints:
+    weights: Array | None = None if points.weights is None else points.weights[kept]
+    return FeaturePoints(tuple(points.names[k] for k in kept), points.source[kept], points.target[kept], weights)

@@ -1,0 +1,295 @@
+"""Dense correspondence of two bones: which point of the target each point of the source becomes.
+
+A similarity first (landmarks, or iterative closest points from many starts, of which a deformation by coherent point
+drift chooses), then a smooth displacement, then the nearest point of the target's surface that faces the same way.
+All sizes are shares of the bones' lengths, so a mouse and a man are matched alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import FeaturePoints
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.registration.alignment import align_bones, mirrored_share
+from myomorph.morph.registration.smooth import FACING, Drift, MatchOptions, SmoothFit, fit_smoothly, onto, spread_points
+from myomorph.morph.shapes.surface_points import Samples, Shape
+
+COVERED, AGREES, FOLDED, STRETCHED = 0.95, 0.9, 0.01, 4.0
+"""Below this coverage and agreement, above this share folded and this ratio of areas, a match is doubted."""
+
+ASKED = 4000
+"""Points of the target of which it is asked whether they are reached."""
+
+ALIKE = 0.5
+"""Cosine between normals that agree: 60 degrees."""
+
+
+@dataclass(frozen=True)
+class MatchQuality:
+    """Lengths are shares of the target's length, so that bones of all sizes compare.
+
+    Attributes
+    ----------
+    residual : root mean square distance between the smooth deformation and the surface
+    residual95 : 95 % of the source's area is nearer than that
+    symmetric : root mean square distance from the target's points to the matched source
+    coverage : share of the target's area that the matched source comes near
+    agreement : share of the source's area whose normals agree with the target's within 60 degrees
+    folded : share of the source's area turned over
+    shrunk, grown : 1 % of the area changes by less than `shrunk` or more than `grown`, over the change of the whole
+    """
+
+    residual: float
+    residual95: float
+    symmetric: float
+    coverage: float
+    agreement: float
+    folded: float
+    shrunk: float
+    grown: float
+
+    def measures(self, length: float) -> dict[str, float]:
+        """By name with its unit, for a target of that length [m]."""
+        return {
+            "residual [m]": self.residual * length,
+            "residual 95 % [m]": self.residual95 * length,
+            "symmetric residual [m]": self.symmetric * length,
+            "coverage": self.coverage,
+            "agreement": self.agreement,
+            "folded": self.folded,
+            "area shrunk": self.shrunk,
+            "area grown": self.grown,
+        }
+
+    def warnings(self, tolerance: float) -> tuple[str, ...]:
+        """What looks wrong, one line each."""
+        found = []
+        if self.residual95 > tolerance:
+            found.append(
+                f"5 % of the bone stay more than {100 * self.residual95:.1f} % of its length from the other's surface "
+                "where it deforms smoothly: other shapes, or not the same bone?"
+            )
+        if self.coverage < COVERED:
+            found.append(
+                f"{100 * (1 - self.coverage):.0f} % of the target's surface have no counterpart: more of the bone, or "
+                "parts grown to it?"
+            )
+        if self.agreement < AGREES:
+            found.append(f"the surfaces face different ways on {100 * (1 - self.agreement):.0f} % of the bone")
+        if self.folded > FOLDED:
+            found.append(f"the match folds {100 * self.folded:.1f} % of the surface over: few features are taken there")
+        return tuple(found)
+
+
+def match_quality(ours: Shape, deformed: Shape, goal: Shape, found: Samples, tolerance: float) -> MatchQuality:
+    """Judge a match: the source, the same deformed, the target, and where the vertices are on it."""
+    share = _vertex_areas(ours)
+    away = np.linalg.norm(found.points - deformed.vertices, axis=1)
+    order = np.argsort(away)
+    at95 = int(np.searchsorted(np.cumsum(share[order]), 0.95))
+    matched = Shape(Surface(found.points, ours.faces))
+    asked = goal.samples(ASKED).points
+    beside = np.linalg.norm(matched.nearest(asked, fine=True).points - asked, axis=1)
+    normals = vertex_normals(deformed)
+    alike = np.einsum("ij,ij->i", normals, found.normals) > ALIKE
+    turned = np.einsum("ij,ij->i", matched.normals, deformed.normals) < 0
+    weights = ours.areas / ours.area
+    ratio = matched.areas / np.maximum(ours.areas, 1e-12 * ours.area) / (matched.area / ours.area)
+    low, high = _quantiles(ratio, weights, (0.01, 0.99))
+    return MatchQuality(
+        residual=float(np.sqrt(share @ away**2)),
+        residual95=float(away[order[min(at95, len(order) - 1)]]),
+        symmetric=float(np.sqrt(np.mean(beside**2))),
+        coverage=float(np.mean(beside <= tolerance)),
+        agreement=float(share @ alike),
+        folded=float(weights @ turned),
+        shrunk=low,
+        grown=high,
+    )
+
+
+def vertex_normals(shape: Shape) -> Array:
+    """Unit normals (vertices, 3), the faces' weighted by their areas."""
+    normals = np.zeros_like(shape.vertices)
+    for corner in shape.faces.T:
+        np.add.at(normals, corner, shape.areas[:, None] * shape.normals)
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    unit: Array = normals / np.where(sizes > 0, sizes, 1.0)
+    return unit
+
+
+def _vertex_areas(shape: Shape) -> Array:
+    """Shares (vertices,) of the area, a third of every face for each of its corners."""
+    count = len(shape.vertices)
+    share = sum(np.bincount(corner, shape.areas, count) for corner in shape.faces.T)
+    areas: Array = np.asarray(share) / (3.0 * shape.area)
+    return areas
+
+
+def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tuple[float, ...]:
+    order = np.argsort(values)
+    at = np.searchsorted(np.cumsum(weights[order]), shares)
+    return tuple(float(values[order[min(int(k), len(order) - 1)]]) for k in at)
+
+
+__all__ = ["MatchOptions", "PlacedBone", "SurfaceMatch", "match_surfaces", "place_bone"]
+
+UNLIKE = 0.01
+"""Share of the bone's length that a smooth displacement leaves between shapes that differ much."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedBone:
+    """A bone laid on another before it deforms.
+
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's [m]
+    mirrored : share of the distance that the mirrored source leaves; NaN where landmarks said how the bones lie
+    notes : what looks wrong, one line each
+    """
+
+    similarity: Similarity
+    mirrored: float = float("nan")
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMatch:
+    """Points of a surface and where they are on another.
+
+    Attributes
+    ----------
+    points : (vertices, 3) on the target, one for every vertex of the source [m]
+    pairs : points spread evenly over the source, and where they are on the target, the matched ones alone [m]
+    placed : how the source lay before it was deformed
+    length : of the target along its longest axis [m]
+    quality : residuals, coverage, folds
+    notes : what looks wrong, one line each
+    """
+
+    points: Array
+    pairs: FeaturePoints
+    placed: PlacedBone
+    length: float
+    quality: MatchQuality
+    notes: tuple[str, ...] = ()
+
+
+def place_bone(
+    source: Surface,
+    target: Surface,
+    landmarks: FeaturePoints | None = None,
+    start: Similarity | None = None,
+    options: MatchOptions | None = None,
+) -> PlacedBone:
+    """Lay a bone on another: by landmarks, or as its shape and its mirrored shape fit best.
+
+    Parameters
+    ----------
+    source : in the source body's frame; a whole bone
+    target : in the target body's frame; it may be cut off
+    landmarks : three or more that are not on a line say how the bones lie
+    start : where the source roughly lies on the target, for want of such landmarks
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    ours, goal = _Unit(source), _Unit(target)
+    pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
+    near = None if start is None else _between_units(start, 1.0 / ours.length, 1.0 / goal.length)
+    found = align_bones(ours.surface, goal.surface, pulls, near, options)
+    mirrored = float("nan")
+    if np.isfinite(found.distance):
+        mirrored = mirrored_share(ours.surface, goal.surface, found.distance, options)
+    return PlacedBone(_between_units(found.similarity, ours.length, goal.length), mirrored, found.warnings())
+
+
+def match_surfaces(
+    source: Surface,
+    target: Surface,
+    landmarks: FeaturePoints | None = None,
+    options: MatchOptions | None = None,
+    placed: PlacedBone | None = None,
+) -> SurfaceMatch:
+    """For every point of a bone the same point of another's.
+
+    Parameters
+    ----------
+    source : in the source body's frame; a whole bone
+    target : in the target body's frame; it may be cut off
+    landmarks : three or more that are not on a line say how the bones lie; fewer only pull
+    placed : what `place_bone` finds, where it is known already
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    options = options or MatchOptions()
+    placed = placed or place_bone(source, target, landmarks, None, options)
+    ours, goal = _Unit(source), _Unit(target)
+    pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
+    begun = _between_units(placed.similarity, 1.0 / ours.length, 1.0 / goal.length)
+    smooth = _smooth(ours.shape, goal.shape, begun, pulls, options)
+    deformed = Shape(Surface(smooth.apply(ours.shape.vertices), source.faces))
+    found = onto(goal.shape, deformed.vertices, vertex_normals(deformed))
+    quality = match_quality(ours.shape, deformed, goal.shape, found, options.match_tolerance)
+    return SurfaceMatch(
+        points=frozen_array(found.points * goal.length),
+        pairs=_pairs(ours, goal, smooth, deformed, options),
+        placed=placed,
+        length=goal.length,
+        quality=quality,
+        notes=(*placed.notes, *quality.warnings(options.match_tolerance)),
+    )
+
+
+class _Unit:
+    """A surface in units of its length, the extent along its longest principal axis."""
+
+    def __init__(self, surface: Surface):
+        samples = Shape(surface).samples(2000).points
+        longest = np.linalg.svd(samples - samples.mean(axis=0), full_matrices=False)[2][0]
+        self.length = float(np.ptp(surface.vertices @ longest))
+        self.surface = Surface(surface.vertices / self.length, surface.faces)
+        self.shape = Shape(self.surface)
+
+
+def _in_units(landmarks: FeaturePoints, ours: _Unit, goal: _Unit) -> FeaturePoints:
+    return FeaturePoints(landmarks.names, landmarks.source / ours.length, landmarks.target / goal.length)
+
+
+def _between_units(similarity: Similarity, ours: float, theirs: float) -> Similarity:
+    """The same between bones grown by factors."""
+    return Similarity(similarity.rotation, similarity.translation * theirs, similarity.scale * theirs / ours)
+
+
+def _smooth(
+    ours: Shape, goal: Shape, start: Similarity, pulls: FeaturePoints | None, options: MatchOptions
+) -> SmoothFit:
+    """The smooth displacement from the start; of shapes that differ much also from where points drift, the nearer."""
+    fit = fit_smoothly(ours, goal, start.apply, pulls, options)
+    if fit.rms < UNLIKE:
+        return fit
+    drifted = fit_smoothly(ours, goal, Drift(ours, goal, start, pulls, options).apply, pulls, options)
+    return drifted if drifted.rms < fit.rms else fit
+
+
+def _pairs(ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, options: MatchOptions) -> FeaturePoints:
+    """The evenly spread points of the source that have a place on the target."""
+    samples = spread_points(ours.shape, options.match_points)
+    smooth = fit.apply(samples)
+    normals = deformed.nearest(smooth, fine=True).normals
+    found = onto(goal.shape, smooth, normals)
+    near = np.linalg.norm(found.points - smooth, axis=1) <= options.match_tolerance
+    kept = near & (np.einsum("ij,ij->i", found.normals, normals) > FACING)
+    if goal.shape.is_open:
+        kept &= ~found.rim
+    names = tuple(f"surface {k + 1}" for k in np.flatnonzero(kept))
+    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length)

@@ -1,0 +1,362 @@
+"""One bone's surface laid on another's: trimmed iterative closest points, point to plane, with several starts.
+
+Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov et al. 2005 (trimming).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.shapes.surface_points import Samples, Shape
+
+PATCH = 1e-4
+"""Area over which errors of two surfaces go together, for standard deviations [m^2]."""
+
+OTHER_SIDE = 0.9
+"""Share of the residual that the mirrored source leaves, below which the side is doubted."""
+
+BEYOND = 3.0
+"""Of a part, the target's points count up to so many times the furthest of the source's that count."""
+
+FACING = 0.7
+"""Share of normals that must agree at a good fit for them to be used to tell the two sides of a thin bone apart."""
+
+
+COARSE = 200
+"""Points with which the many starts are tried."""
+
+FEW = 4
+"""Different ways to lie that are looked at more closely."""
+
+SETTLED = 1e-5, 1e-2
+"""A step that moves the surface less, in metres or as a share of the residual, ends the iteration."""
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class SurfaceOptions:
+    """How surfaces are laid on each other.
+
+    Attributes
+    ----------
+    scale : find a size too
+    kept : share of the points that counts, the nearest; the rest may have no counterpart
+    points : of the source, spread evenly over its surface
+    iterations : at most
+    starts : turns about each of the long axis's two directions, where no start is given
+    partial : the source is a part of the bone; None says so where it has open edges. Of a whole bone the target's
+        points count too, without which a free size shrinks into the target
+    mirror : try the mirrored source too, to name a bone of the other side
+    """
+
+    scale: bool = True
+    kept: float = 0.9
+    points: int = 2000
+    iterations: int = 100
+    starts: int = 12
+    partial: bool | None = None
+    mirror: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0.2 <= self.kept <= 1.0:
+            raise BadData(f"kept is {self.kept:g}: expected a share of the points from 0.2 to 1")
+        if self.points < 50 or self.iterations < 1 or self.starts < 1:
+            raise BadData("expected at least 50 points, 1 iteration and 1 start")
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFit:
+    """A surface laid on another.
+
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's
+    distances : (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
+    kept : (vertices,) which are among the share that counts
+    covariance : (7, 7) of rotation vector [rad], translation of the source's middle [m] and logarithm of scale, in
+        the target's frame, as if errors were independent from square centimetre to square centimetre
+    converged : whether the last step was small
+    notes : what looks wrong, one line each
+    """
+
+    similarity: Similarity
+    distances: Array
+    kept: np.ndarray
+    covariance: Array
+    converged: bool
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of the vertices that count [m]."""
+        return float(np.sqrt(np.mean(self.distances[self.kept] ** 2)))
+
+    def percentile(self, share: float) -> float:
+        """Distance below which that share (0 to 100) of all vertices lies [m]."""
+        return float(np.percentile(np.abs(self.distances), share))
+
+
+def register_surface(
+    source: Surface, target: Surface, start: Similarity | None = None, options: SurfaceOptions | None = None
+) -> SurfaceFit:
+    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone).
+
+    Parameters
+    ----------
+    start : from picked points; None tries the axes of both shapes in all their turns
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    options = options or SurfaceOptions()
+    goal, given = Shape(target), Shape(source)
+    partial = given.is_open if options.partial is None else options.partial
+    notes: list[str] = []
+    if start is None:
+        found = _from_starts(given, goal, partial, options)
+        if options.mirror:
+            mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
+            other = _from_starts(mirrored, goal, partial, options)
+            if other.rms < OTHER_SIDE * found.rms:
+                notes.append(
+                    f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * found.rms:.2f} mm): is "
+                    "it a bone of the other side?"
+                )
+    else:
+        found = _Fitting(given, goal, partial, options, options.points).iterated(start, options.iterations)
+    if not found.converged:
+        notes.append(f"the fit had not settled after {options.iterations} iterations")
+    apart = goal.signed(found.similarity.apply(source.vertices)) / found.similarity.scale
+    kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)
+    return SurfaceFit(
+        similarity=found.similarity,
+        distances=frozen_array(apart),
+        kept=kept,
+        covariance=frozen_array(_covariance(found, given.area)),
+        converged=found.converged,
+        notes=tuple(notes),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    similarity: Similarity
+    rms: float
+    converged: bool
+    slopes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Points (n, 3) of the source, carried over, with normals there and how far they are from the target's points."""
+
+    moved: Array
+    normals: Array
+    away: Array
+
+    @property
+    def distance(self) -> Array:
+        distance: Array = np.linalg.norm(self.away, axis=1)
+        return distance
+
+    def where(self, kept: np.ndarray) -> _Pairs:
+        return _Pairs(self.moved[kept], self.normals[kept], self.away[kept])
+
+
+class _Fitting:
+    """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each step."""
+
+    def __init__(
+        self, given: Shape, goal: Shape, partial: bool, options: SurfaceOptions, count: int, fine: bool = True
+    ):
+        self.given, self.goal, self.partial, self.options, self.fine = given, goal, partial, options, fine
+        self.ours, self.theirs = given.samples(count), goal.samples(count)
+        self.middle = self.ours.points.mean(axis=0)
+        self.radius = float(np.sqrt(np.mean(np.sum((self.ours.points - self.middle) ** 2, axis=1))))
+        self.count = 7 if options.scale and fine else 6
+
+    def iterated(self, start: Similarity, iterations: int) -> _Found:
+        """From a start until it settles."""
+        rotation, translation, size = np.array(start.rotation), np.array(start.translation), start.scale
+        converged, rms, slopes = False, np.inf, np.zeros((1, self.count))
+        units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[: self.count]
+        for _ in range(iterations):
+            pairs = self.pairs(rotation, translation, size)
+            center = size * rotation @ self.middle + translation
+            lever = pairs.moved - center
+            along = np.einsum("ij,ij->i", lever, pairs.normals)[:, None]
+            slopes = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])[:, : self.count]
+            rms = float(np.sqrt(np.mean(pairs.distance**2))) / size
+            scaled = slopes * units
+            gram = scaled.T @ scaled + 1e-6 * np.sum(scaled**2) * np.eye(self.count)
+            step = -units * np.linalg.solve(gram, scaled.T @ np.einsum("ij,ij->i", pairs.away, pairs.normals))
+            angle = float(np.linalg.norm(step[:3]))
+            turn = axis_rotation(step[:3] / angle, angle) if angle > 0 else np.eye(3)
+            growth = float(np.exp(np.clip(step[6], -0.1, 0.1))) if self.count == 7 else 1.0
+            rotation, size = turn @ rotation, size * growth
+            translation = center + step[3:6] - size * rotation @ self.middle
+            moved = angle * self.radius + float(np.linalg.norm(step[3:6])) + abs(growth - 1.0) * self.radius
+            if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
+                converged = True
+                break
+        return _Found(Similarity(rotation, translation, size), rms, converged, slopes)
+
+    def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
+        """Pairs that count: from the source's points to the target, and from the target's points to the source."""
+        moved = size * self.ours.points @ rotation.T + translation
+        closest = self.goal.nearest(moved, self.fine)
+        forth = _Pairs(moved, closest.normals, moved - closest.points)
+        forth = forth.where(self._kept(forth, self.ours.normals @ rotation.T, closest.normals))
+        back = (self.theirs.points - translation) @ rotation / size
+        found = self.given.nearest(back, self.fine)
+        moved = size * found.points @ rotation.T + translation
+        there = _Pairs(moved, self.theirs.normals, moved - self.theirs.points)
+        kept = self._kept(there, found.normals @ rotation.T, self.theirs.normals)
+        if self.partial:
+            kept &= ~found.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
+        there = there.where(kept)
+        return _Pairs(*(np.concatenate(both) for both in zip(_parts(forth), _parts(there), strict=True)))
+
+    def _kept(self, pairs: _Pairs, normals: Array, others: Array) -> np.ndarray:
+        """Pairs that face each other, the furthest left out."""
+        facing = np.einsum("ij,ij->i", normals, others) > 0
+        sided = facing if np.mean(facing) > FACING else np.ones(len(facing), dtype=bool)
+        kept: np.ndarray = sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
+        return kept
+
+
+def _parts(pairs: _Pairs) -> tuple[Array, Array, Array]:
+    return pairs.moved, pairs.normals, pairs.away
+
+
+@dataclass(frozen=True, eq=False)
+class RoughFit:
+    """One of the ways in which a surface may lie on another, and the root mean square distance that it leaves [m]."""
+
+    similarity: Similarity
+    rms: float
+
+
+def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None = None) -> list[RoughFit]:
+    """The few different ways in which a surface may lie on another, the best first; `register_surface` refines one.
+
+    Raises
+    ------
+    BadData : a surface without area
+    """
+    options = options or SurfaceOptions()
+    given, goal = Shape(source), Shape(target)
+    partial = given.is_open if options.partial is None else options.partial
+    return [RoughFit(one.similarity, one.rms) for one in _few_fits(given, goal, partial, options)]
+
+
+def _from_starts(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> _Found:
+    """The best of many coarse fits, refined."""
+    best = _few_fits(given, goal, partial, options)[0]
+    return _Fitting(given, goal, partial, options, options.points).iterated(best.similarity, options.iterations)
+
+
+def _few_fits(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> list[_Found]:
+    """The best few of many coarse fits that differ, the best first."""
+    coarse = _Fitting(given, goal, partial, options, COARSE, fine=False)
+    found = [coarse.iterated(start, 15) for start in _starts(given, goal, options.starts)]
+    found.sort(key=lambda one: one.rms)
+    distinct: list[_Found] = []
+    for one in found:
+        if all(np.trace(one.similarity.rotation.T @ other.similarity.rotation) < 2.9 for other in distinct):
+            distinct.append(one)
+        if len(distinct) == FEW:
+            break
+    finer = _Fitting(given, goal, partial, options, COARSE)
+    return sorted((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
+
+
+def _starts(given: Shape, goal: Shape, turns: int) -> list[Similarity]:
+    """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is cut off."""
+    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(one.samples(2000)) for one in (given, goal))
+    shift = max(0.0, 0.5 * (goal_long - long))
+    shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
+    starts = []
+    for flip in (0.0, np.pi):
+        for k in range(turns):
+            spin = axis_rotation((1, 0, 0), 2 * np.pi * k / turns) @ axis_rotation((0, 1, 0), flip)
+            rotation = goal_axes @ spin @ axes.T
+            starts += [
+                Similarity(rotation, goal_middle + along * goal_axes[:, 0] - rotation @ middle) for along in shifts
+            ]
+    return starts
+
+
+def _axes(samples: Samples) -> tuple[Array, Array, float]:
+    """Middle (3,), principal axes (3, 3) as columns of a rotation, the long one first, and the length along it."""
+    middle = samples.points.mean(axis=0)
+    _, _, rows = np.linalg.svd(samples.points - middle, full_matrices=False)
+    axes = rows.T * np.array([1.0, 1.0, np.sign(np.linalg.det(rows))])
+    along = (samples.points - middle) @ axes[:, 0]
+    return middle, axes, float(np.ptp(along))
+
+
+def _covariance(found: _Found, area: float) -> Array:
+    """Covariance (7, 7) of a step from the solution, zero for a scale that was not looked for."""
+    rows, count = found.slopes.shape
+    independent = max(area / PATCH, count + 1.0)
+    radius = np.sqrt(area) * found.similarity.scale
+    units = np.concatenate([np.full(3, radius), np.ones(3), [radius]])[:count]
+    information = (found.slopes / units).T @ (found.slopes / units) * (independent / rows)
+    # A direction that the shape does not show at all keeps a large variance instead of none.
+    information += 1e-9 * np.trace(information) * np.eye(count)
+    result = np.zeros((7, 7))
+    variance = (found.rms * found.similarity.scale) ** 2 * np.linalg.inv(information)
+    result[:count, :count] = variance / np.outer(units, units)
+    return result
+
+
+def start_by_neighbors(
+    model: Model, body: str, found: Mapping[str, BoneMap], poses: Mapping[str, Transform]
+) -> Similarity | None:
+    """Where a body lies in the frame that all bones share, if it hangs on its nearest mapped bone as in the source.
+
+    Parameters
+    ----------
+    found : maps of bones so far; their target surfaces share one frame
+    poses : of the source's bodies in ground, in the posture that the scan is most like
+
+    Returns
+    -------
+    from the source body's frame to the shared one, None where no bone is mapped yet
+    """
+    near = _nearest(model, body, found)
+    if near is None:
+        return None
+    beside = poses[near].inverse() @ poses[body]
+    whole = found[near].whole
+    return Similarity(whole.rotation @ beside.rotation, whole.apply(beside.translation), whole.scale)
+
+
+def _nearest(model: Model, body: str, found: Mapping[str, BoneMap]) -> str | None:
+    """The mapped body with the fewest joints between."""
+    beside: dict[str, list[str]] = {name: [] for name in model.body_names}
+    for joint in model.joints:
+        if joint.parent in beside:
+            beside[joint.parent].append(joint.child)
+            beside[joint.child].append(joint.parent)
+    reached, layer = {body}, [body]
+    while layer:
+        layer = [other for one in layer for other in beside[one] if other not in reached]
+        reached.update(layer)
+        for one in layer:
+            if one in found:
+                return one
+    return None

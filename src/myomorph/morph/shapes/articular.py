@@ -1,0 +1,386 @@
+"""Articular surfaces found on bones: heads and sockets as spheres, condyles and trochleae as cylinders.
+
+From a center (or an axis) and a radius that are nearly right, as a registration of the source's bone gives them, the
+region of the surface that lies on the sphere is grown and fitted in turn until it stays: vertices near the sphere that
+face along its radius, in the one patch that hangs together. `spherical_patches` needs no start: every vertex votes for
+centers along its normal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.surface import Surface
+from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
+
+FACING = 0.82
+"""Cosine of the angle to the radius (35 degrees) up to which a vertex may belong to a round region."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Vertices of a surface, equal ones as one.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+    normals : (n, 3) outward, of the faces around, by their areas
+    areas : (n,) a third of the faces around [m^2]
+    edges : (m, 2) pairs of vertices that a face has
+    """
+
+    points: Array
+    normals: Array
+    areas: Array
+    edges: np.ndarray
+
+    @staticmethod
+    def of(surface: Surface) -> Corners:
+        """All that faces with an area have."""
+        _, first, same = np.unique(np.round(surface.vertices, 9), axis=0, return_index=True, return_inverse=True)
+        points, faces = surface.vertices[first], same.reshape(-1)[surface.faces]
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        crossed = np.cross(b - a, c - a)
+        normals, areas = np.zeros_like(points), np.zeros(len(points))
+        for k in range(3):
+            np.add.at(normals, faces[:, k], crossed)
+            np.add.at(areas, faces[:, k], np.linalg.norm(crossed, axis=1) / 6.0)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        return Corners(points, normals, areas, edges)._where(areas > 0)
+
+    def _where(self, kept: np.ndarray) -> Corners:
+        number = np.cumsum(kept) - 1
+        edges = number[self.edges[kept[self.edges].all(axis=1)]]
+        return Corners(self.points[kept], self.normals[kept], self.areas[kept], edges)
+
+    def within(self, middle: Array, reach: float) -> Corners:
+        """Those near a point."""
+        away = self.points - middle
+        return self._where(np.einsum("ij,ij->i", away, away) < reach**2)
+
+    def some(self, count: int) -> Corners:
+        """So many of them or fewer, in a random order in which large areas come first, without edges."""
+        order = np.argsort(np.random.default_rng(0).random(len(self.points)) / self.areas)[:count]
+        areas = self.areas[order]
+        return Corners(
+            self.points[order],
+            self.normals[order],
+            areas * (self.areas.sum() / areas.sum()),
+            np.zeros((0, 2), np.int64),
+        )
+
+    def around(self, away: Array, radius: float, shell: float, hollow: bool) -> np.ndarray:
+        """Which face along the radius within a share of it, where `away` (n, 3) is from the center or the axis."""
+        reach = np.sqrt(np.einsum("ij,ij->i", away, away))
+        facing = np.einsum("ij,ij->i", self.normals, away) * (-1.0 if hollow else 1.0)
+        chosen: np.ndarray = (np.abs(reach - radius) <= shell * radius) & (facing >= FACING * reach)
+        return chosen
+
+    def patch(
+        self, away: Array, radius: float, shell: float, hollow: bool, inside: np.ndarray | None = None, pieces: int = 1
+    ) -> np.ndarray:
+        """Those around that are inside, in the piece (or pieces) with the largest area that hangs together."""
+        chosen = self.around(away, radius, shell, hollow)
+        if inside is not None:
+            chosen &= inside
+        edges = self.edges[chosen[self.edges].all(axis=1)]
+        count = len(self.points)
+        graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+        label = connected_components(graph, directed=False)[1]
+        sizes = np.bincount(label, weights=np.where(chosen, self.areas, 0.0))
+        result: np.ndarray = chosen & np.isin(label, np.argsort(-sizes)[:pieces])
+        return result
+
+
+__all__ = [
+    "CylinderFit",
+    "SphereFit",
+    "articular_cylinder",
+    "articular_sphere",
+    "fit_cylinder",
+    "fit_sphere",
+    "spherical_patches",
+    "warning_of",
+]
+
+REACH = 0.35
+"""Shell in which the region is looked for at first, as a share of the radius: as wrong as the start may be."""
+
+NARROW = 0.08
+"""Shell in which it is grown in the end: a fovea is deeper, the coarsest meshes' corners are not."""
+
+CLOSER = 0.7
+"""By which the shell shrinks from one to the other."""
+
+ROUNDS = 40
+FEWEST = 8
+"""Vertices of a region, at least."""
+
+GROWTH = 1.6
+"""A radius that becomes so many times the one given, or one over it, is that of something else."""
+
+ROUGH = 0.06
+"""Root mean square distance, as a share of the radius, above which a surface is not round."""
+
+COVERED = 0.12
+"""Share of the sphere (a cap of 40 degrees) below which center and radius cannot be told apart on a bone."""
+
+TURNED = 0.15
+"""Share of a cylinder's turn (54 degrees) below which its axis cannot be told."""
+
+BENT = 0.35
+"""Least bend of a surface, over that of the sphere, below which it is no sphere but a shaft or an edge."""
+
+UNSURE = 0.1
+"""Standard deviation of a center, as a share of the radius, above which it is not one to go by."""
+
+LEANING = 0.82
+"""Cosine of the angle (35 degrees) by which a cylinder's axis may lean from the one given."""
+
+STARTS = 0.35, 0.8
+"""A cylinder is looked for from starts so many radii beside the one given, and so many times its size: condyles are not
+quite round, and of the cylinders that fit parts of them that is taken on which most of the surface lies."""
+
+EXPECTED = 0.25
+"""Standard deviation in that choice of how far off the start is: the logarithm of its radius, its place in radii, its
+direction [rad]."""
+
+VOTERS, SEEDS, TRIES = 4000, 300, 10
+"""Vertices that count in a vote, those that propose centers, and proposals that are fitted for every sphere wanted."""
+
+LADDER = 1.35
+"""Ratio of neighboring radii that vertices vote for."""
+
+_Fit = TypeVar("_Fit", SphereFit, CylinderFit)
+
+
+def articular_sphere(surface: Surface, near: ArrayLike, radius: float, hollow: bool = False) -> SphereFit:
+    """The sphere of a joint's head or socket.
+
+    Parameters
+    ----------
+    surface : of the bone, facing outward
+    near : (3,) where its center is about, within a third of the radius [m]
+    radius : about [m]
+    hollow : whether it is a socket, which looks towards its center
+
+    Raises
+    ------
+    BadData : there is no round surface there, or it has another size or another place than was said
+    """
+    start = np.asarray(near, dtype=np.float64)
+    return _sphere(_near(surface, start, 2.5 * radius), start, radius, hollow)
+
+
+def articular_cylinder(
+    surface: Surface, near: ArrayLike, axis: ArrayLike, radius: float, width: float | None = None, hollow: bool = False
+) -> CylinderFit:
+    """The cylinder of a hinge's rollers: both condyles of a femur, the trochlea of a talus or a humerus.
+
+    Parameters
+    ----------
+    surface : of the bone, facing outward
+    near : (3,) point amid the joint, near the axis [m]
+    axis : (3,) about where it points
+    radius : about [m]
+    width : of the joint along the axis, 4 radii by default [m]
+    hollow : whether it is the notch that holds the roller
+
+    Raises
+    ------
+    BadData : there is no round surface there, or it has another size or another place than was said
+    """
+    start, line = np.asarray(near, dtype=np.float64), np.asarray(axis, dtype=np.float64)
+    line = line / np.linalg.norm(line)
+    half = 0.5 * (4.0 * radius if width is None else width)
+    corners = _near(surface, start, float(np.hypot(2.5 * radius, half)))
+    found: list[tuple[float, CylinderFit]] = []
+    told = ""
+    for begin, size in _cylinder_starts(start, line, radius):
+        try:
+            fit = _cylinder(corners, (begin, line, size), (start, half), hollow)
+        except BadData as error:
+            told = told or str(error)
+            continue
+        beside = fit.point - start
+        apart = float(np.linalg.norm(beside - beside @ fit.axis * fit.axis))
+        if apart > radius:
+            told = told or f"its axis lies {_mm(apart)} away, past its radius"
+        elif abs(fit.axis @ line) < LEANING:
+            told = (
+                told or f"its axis leans {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees from the one given"
+            )
+        elif not 1.0 / GROWTH < fit.radius / radius < GROWTH:
+            told = told or f"its radius is {_mm(fit.radius)}, but {_mm(radius)} was expected"
+        else:
+            lean = float(np.linalg.norm(np.cross(fit.axis, line)))
+            off = np.array([np.log(fit.radius / radius), apart / radius, lean]) / EXPECTED
+            likely = float(np.exp(-0.5 * off @ off))
+            found.append((likely * _consensus(corners, fit, (start, half), NARROW * radius, hollow), fit))
+    if not found:
+        raise BadData(f"no cylinder was found near {_text(start)}: {told}")
+    return max(found, key=lambda one: one[0])[1]
+
+
+def warning_of(fit: SphereFit | CylinderFit) -> str:
+    """Why a fit should not be relied on, in words; "" where it may be."""
+    if fit.rms > ROUGH * fit.radius:
+        return f"the surface is not round: {_mm(fit.rms)} off at a radius of {_mm(fit.radius)}"
+    if fit.count < FEWEST:
+        return f"only {fit.count} vertices of the surface are on it"
+    if isinstance(fit, SphereFit) and fit.bent < BENT:
+        return "the surface bends one way more than the other, as a shaft does"
+    if fit.coverage < (COVERED if isinstance(fit, SphereFit) else TURNED):
+        return f"only {100 * fit.coverage:.0f} % of the round is there"
+    if fit.deviation > UNSURE * fit.radius:
+        return f"its place is known within {_mm(fit.deviation)} only, at a radius of {_mm(fit.radius)}"
+    return ""
+
+
+def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> tuple[SphereFit, ...]:
+    """Where a bone is round: spheres that fit parts of its surface, those of which most is there first.
+
+    Each of many vertices proposes centers along its normal, for a ladder of radii from 1/100 to 1/4 of the bone's
+    length; the proposals with most surface on their sphere are fitted as in `articular_sphere`.
+
+    Parameters
+    ----------
+    surface : of the bone, facing outward
+    hollow : look for sockets instead of heads
+    most : of them
+
+    Returns
+    -------
+    fits without `warning_of`, those that cover most of their sphere first; none of them meets another's center
+    """
+    corners = Corners.of(surface)
+    length = float(np.ptp(corners.points, axis=0).max())
+    radii = 0.01 * length * LADDER ** np.arange(np.log(25.0) / np.log(LADDER))
+    asked = corners.some(VOTERS)
+    voted: list[tuple[float, Array, float]] = []
+    for seed in range(min(SEEDS, len(asked.points))):
+        for radius in radii.tolist():
+            center = asked.points[seed] + (radius if hollow else -radius) * asked.normals[seed]
+            near = asked.around(asked.points - center, radius, NARROW, hollow)
+            share = float(asked.areas[near].sum() / (4.0 * np.pi * radius**2))
+            if share > COVERED and near.sum() >= FEWEST:
+                voted.append((min(share, 1.0), center, radius))
+    voted.sort(key=lambda one: -one[0])
+    found: list[SphereFit] = []
+    tried: list[tuple[Array, float]] = []
+    for _, center, radius in voted:
+        if any(np.linalg.norm(center - other) < 0.5 * max(radius, size) for other, size in tried):
+            continue
+        if len(tried) == TRIES * most:
+            break
+        tried.append((center, radius))
+        try:
+            fit = _sphere(corners.within(center, 2.5 * radius), center, radius, hollow)
+        except BadData:
+            continue
+        if not warning_of(fit) and all(np.linalg.norm(fit.center - one.center) > one.radius for one in found):
+            found.append(fit)
+    return tuple(sorted(found, key=lambda one: -one.coverage)[:most])
+
+
+def _cylinder_starts(start: Array, line: Array, radius: float) -> list[tuple[Array, float]]:
+    one = np.cross(line, np.eye(3)[np.argmin(np.abs(line))])
+    one = one / np.linalg.norm(one)
+    other = np.cross(line, one)
+    beside = (np.zeros(3), one, -one, other, -other)
+    return [
+        (start + STARTS[0] * radius * side, radius * growth)
+        for growth in (1.0, STARTS[1], 1.0 / STARTS[1])
+        for side in beside
+    ]
+
+
+def _cylinder(
+    corners: Corners, begin: tuple[Array, Array, float], window: tuple[Array, float], hollow: bool
+) -> CylinderFit:
+    """Grown from a point, a direction and a radius, inside a window: its middle and half its width along the axis."""
+    inside = np.abs((corners.points - window[0]) @ begin[1]) <= window[1]
+
+    def region(fit: CylinderFit | None, shell: float) -> np.ndarray:
+        point, direction, size = begin if fit is None else (fit.point, fit.axis, fit.radius)
+        away = corners.points - point
+        across = away - np.outer(away @ direction, direction)
+        # Condyles are two patches, with a notch between them.
+        return corners.patch(across, size, shell, hollow, inside, 2)
+
+    def fitted(chosen: np.ndarray) -> CylinderFit:
+        return fit_cylinder(corners.points[chosen], corners.normals[chosen], corners.areas[chosen], begin[1])
+
+    return _grown(region, fitted, begin[2])
+
+
+def _consensus(corners: Corners, fit: CylinderFit, window: tuple[Array, float], width: float, hollow: bool) -> float:
+    """How much of a cylinder's turn and length the surface lies on, less where it is off."""
+    inside = np.abs((corners.points - window[0]) @ fit.axis) <= window[1]
+    away = corners.points - fit.point
+    across = away - np.outer(away @ fit.axis, fit.axis)
+    on = corners.patch(across, fit.radius, width / fit.radius, hollow, inside, 2)
+    apart = (np.linalg.norm(across[on], axis=1) - fit.radius) / width
+    return float(corners.areas[on] @ np.maximum(0.0, 1.0 - apart**2)) / fit.radius
+
+
+def _sphere(corners: Corners, start: Array, radius: float, hollow: bool) -> SphereFit:
+    def region(fit: SphereFit | None, shell: float) -> np.ndarray:
+        center, size = (start, radius) if fit is None else (fit.center, fit.radius)
+        return corners.patch(corners.points - center, size, shell, hollow)
+
+    def fitted(chosen: np.ndarray) -> SphereFit:
+        return fit_sphere(corners.points[chosen], corners.normals[chosen], corners.areas[chosen])
+
+    found = _grown(region, fitted, radius)
+    apart = float(np.linalg.norm(found.center - start))
+    if apart > radius:
+        raise BadData(f"the round surface near {_text(start)} has its center {_mm(apart)} from there, past its radius")
+    return found
+
+
+def _grown(
+    region: Callable[[_Fit | None, float], np.ndarray], fitted: Callable[[np.ndarray], _Fit], radius: float
+) -> _Fit:
+    """Region and fit in turn until the region stays."""
+    fit: _Fit | None = None
+    chosen, shell = np.zeros(0, dtype=bool), REACH
+    for _ in range(ROUNDS):
+        before, chosen = chosen, region(fit, shell)
+        if chosen.sum() < FEWEST:
+            raise BadData(f"only {int(chosen.sum())} vertices of the surface are round with a radius of {_mm(radius)}")
+        if fit is not None and shell == NARROW and np.array_equal(before, chosen):
+            break
+        fit = fitted(chosen)
+        if not 1.0 / GROWTH < fit.radius / radius < GROWTH:
+            raise BadData(f"the round surface there has a radius of {_mm(fit.radius)}, but {_mm(radius)} was expected")
+        shell = max(NARROW, CLOSER * shell)
+    assert fit is not None
+    return fit
+
+
+def _near(surface: Surface, middle: Array, reach: float) -> Corners:
+    close = np.linalg.norm(surface.vertices - middle, axis=1) < reach
+    faces = surface.faces[close[surface.faces].all(axis=1)]
+    if len(faces) < FEWEST:
+        raise BadData(f"no part of the surface lies within {_mm(reach)} of {_text(middle)}")
+    used, compact = np.unique(faces, return_inverse=True)
+    return Corners.of(Surface(surface.vertices[used], compact.reshape(-1, 3)))
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.3g} mm"
+
+
+def _text(point: Array) -> str:
+    return "(" + ", ".join(f"{one:.4g}" for one in point) + ")"

@@ -1,0 +1,377 @@
+"""What corresponds between two species: bones, landmarks, coordinates and muscles ([D] chapter 6), as a value.
+
+Bones of two animals are compared in the directions of the anatomy, not in those of their files: proximal (for the
+trunk cranial, for the foot dorsal), anterior (for the trunk ventral, for the foot towards the toes) and right.
+A table is written once per pair of species; `study.subject.species_table` reads it from a
+file. A bone of one may be several in the other: their bodies are looked at in postures in which the bones lie alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Body, Joint, Model
+from myomorph.model.paths import Muscle, PathPoint
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+from myomorph.model.surface import Surface
+from myomorph.morph.maps.fields import BoneMap, PointMap
+from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.shapes.surface_points import Shape
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+DIRECTIONS = ("proximal", "anterior", "right")
+RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
+Part: TypeAlias = Literal["", "joint", "middle", "first", "second"]
+Box: TypeAlias = Mapping[str, tuple[float, float]]
+
+
+def _none() -> Mapping[str, Any]:
+    return MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class AnatomicalFrame:
+    """Directions of the anatomy in the frames of bodies.
+
+    Attributes
+    ----------
+    axes : (3, 3) rows proximal, anterior, right: unit vectors in a body's frame
+    """
+
+    axes: Array
+
+    def __post_init__(self) -> None:
+        axes = frozen_array(self.axes, (3, 3))
+        if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-6):
+            raise BadData("proximal, anterior and right must be at right angles to each other")
+        if np.linalg.det(axes) > 0.0:
+            raise BadData("proximal, anterior and right make a mirrored body: is right really left?")
+        object.__setattr__(self, "axes", axes)
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkRule:
+    """How a landmark is found on a bone of either species.
+
+    Attributes
+    ----------
+    rule : "joint" is the center of the joint by which a body hangs on its parent; "farthest" is the vertex farthest in
+        a direction; "section" is the points of a cross-section farthest in directions evenly around, named after
+        these; "box" is the eight corners of the bone's extent along the anatomy, for bones that are only scaled
+    toward : of "farthest", how much each direction of the anatomy counts
+    within : the region looked at, by direction, in shares of the part's extent from 0 to 1
+    source_within, target_within : the same of one species only
+    at : of "section", where along a direction, in shares of the part's extent
+    along : that direction
+    around : of "section", how many directions, the first anterior, in sections along anterior proximal
+    source_joint, target_joint : of "joint", the body
+    part : which connected parts count: "joint" the one nearest to the bone's first joint landmark, "middle" the
+        others that straddle the midline, "first" and "second" by area, "" all
+    """
+
+    name: str
+    rule: RuleKind
+    toward: Mapping[str, float] = field(default_factory=_none)
+    within: Box = field(default_factory=_none)
+    source_within: Box = field(default_factory=_none)
+    target_within: Box = field(default_factory=_none)
+    at: tuple[float, ...] = ()
+    along: Literal["proximal", "anterior"] = "proximal"
+    around: int = 4
+    source_joint: str = ""
+    target_joint: str = ""
+    part: Part = ""
+
+    def __post_init__(self) -> None:
+        for given in (self.toward, self.within, self.source_within, self.target_within):
+            for name in given:
+                if name not in DIRECTIONS:
+                    raise BadData(f"landmark '{self.name}': no direction '{name}': there are {', '.join(DIRECTIONS)}")
+        if self.rule not in get_args(RuleKind):
+            raise BadData(f"landmark '{self.name}': no rule '{self.rule}': there are {', '.join(get_args(RuleKind))}")
+        lacking = {
+            "joint": not (self.source_joint and self.target_joint),
+            "farthest": not self.toward,
+            "section": not self.at or self.around < 3,
+        }
+        if lacking.get(self.rule):
+            wants = {
+                "joint": "source_joint and target_joint",
+                "farthest": "toward",
+                "section": "at, 3 or more around",
+            }
+            raise BadData(f"landmark '{self.name}': the rule '{self.rule}' needs {wants[self.rule]}")
+
+
+@dataclass(frozen=True, eq=False)
+class BoneHomology:
+    """Bones that correspond.
+
+    Attributes
+    ----------
+    sources : bodies of the source; several are fused in the target, and lie in the frame of the first as in the
+        source's posture
+    targets : bodies of the target; several are fused in the source, and lie in the frame of the first as in the
+        target's posture
+    source_frame, target_frame : where they differ from the species'
+    carried : bodies of the source that have no bone of their own in the target and ride on this one
+    spread : muscle points go to the nearest of the targets; otherwise all to the first
+    half : only what lies to the right of the body's origin counts
+    match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
+        alone; "similarity" lays the bones on each other by them and no more, where too little is alike
+    """
+
+    sources: tuple[str, ...]
+    targets: tuple[str, ...]
+    landmarks: tuple[LandmarkRule, ...]
+    source_frame: AnatomicalFrame | None = None
+    target_frame: AnatomicalFrame | None = None
+    carried: tuple[str, ...] = ()
+    spread: bool = False
+    half: bool = False
+    match: Literal["dense", "landmarks", "similarity"] = "dense"
+
+    def __post_init__(self) -> None:
+        if not self.sources or not self.targets:
+            raise BadData("a pair of bones needs at least one body of the source and one of the target")
+
+
+@dataclass(frozen=True)
+class CoordinateHomology:
+    """target = factor source + offset, of coordinates that mean the same movement [rad or m]."""
+
+    source: str
+    target: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class MuscleHomology:
+    """Muscles that correspond, by the names of the models that were compared.
+
+    Attributes
+    ----------
+    sources, targets : parts of one muscle in one species may be several in the other
+    why : where it is not evident
+    """
+
+    sources: tuple[str, ...]
+    targets: tuple[str, ...]
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeciesTable:
+    """Everything that corresponds between two species.
+
+    Attributes
+    ----------
+    source_frame, target_frame : directions of the anatomy in the bodies' frames, unless a bone says otherwise
+    posture : coordinates of the source that bring its bones together as the target's are at `target_posture`
+    missing : bodies of the source without a counterpart, and why
+    extra : bodies of the target without a counterpart, and why
+    """
+
+    name: str
+    source_frame: AnatomicalFrame
+    target_frame: AnatomicalFrame
+    bones: tuple[BoneHomology, ...]
+    coordinates: tuple[CoordinateHomology, ...] = ()
+    muscles: tuple[MuscleHomology, ...] = ()
+    posture: Mapping[str, float] = field(default_factory=_none)
+    target_posture: Mapping[str, float] = field(default_factory=_none)
+    missing: Mapping[str, str] = field(default_factory=_none)
+    extra: Mapping[str, str] = field(default_factory=_none)
+
+    def __post_init__(self) -> None:
+        named = [body for bone in self.bones for body in (*bone.sources, *bone.carried)]
+        twice = next((body for body in named if named.count(body) > 1), "")
+        if twice:
+            raise BadData(
+                f"species table '{self.name}': body '{twice}' of the source becomes two bones: use one entry "
+                "with several targets"
+            )
+
+    def frames(self, bone: BoneHomology) -> tuple[AnatomicalFrame, AnatomicalFrame]:
+        """Directions in the source's and in the target's body."""
+        return bone.source_frame or self.source_frame, bone.target_frame or self.target_frame
+
+    def homologous(self, muscle: str) -> tuple[str, ...]:
+        """Names of a source muscle's counterparts in the target, () where it has none."""
+        return tuple(name for one in self.muscles if muscle in one.sources for name in one.targets)
+
+
+Surfaces = Mapping[str, Surface]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMap:
+    """A map with a rigid transform before it and an affine one after it: y = after(map(before(x)))."""
+
+    before: Transform
+    map: PointMap
+    after: AffineMap
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Points (..., 3) of the source's frame in the target's [m]."""
+        return self.after.apply(self.map.apply(self.before.apply(points)))
+
+    def jacobian(self, points: ArrayLike) -> Array:
+        """Derivatives (..., 3, 3) of the mapped points."""
+        inner = self.map.jacobian(self.before.apply(points))
+        found: Array = self.after.matrix @ inner @ self.before.rotation
+        return found
+
+
+class Posed:
+    """A model in one posture: where bodies and joints are.
+
+    Raises
+    ------
+    UnknownName : a coordinate of the posture that the model lacks
+    """
+
+    def __init__(self, model: Model, posture: Mapping[str, float]):
+        for name in posture:
+            model.coordinate(name)
+        tree = compile_tree(model)
+        at = Motion(np.zeros(1), tuple(posture), np.array([list(posture.values())], dtype=np.float64).reshape(1, -1))
+        poses = forward_kinematics(tree, tree.coordinates_of(at).astype(np.float64))
+        self.model = model
+        self._pose = {
+            name: Transform(poses.rotations[0, i], poses.origins[0, i]) for name, i in tree.body_index.items()
+        }
+
+    def within(self, body: str, other: str) -> Transform:
+        """Pose of one body in another's frame."""
+        for name in (body, other):
+            if name not in self._pose:
+                raise UnknownName("body", name, self.model.body_names)
+        return self._pose[other].inverse() @ self._pose[body]
+
+    def joints(self, body: str) -> dict[str, Array]:
+        """Centers (3,) of all joints, by the body that hangs on them, in a body's frame [m]."""
+        return {
+            joint.child: self.within(joint.child, body).apply(joint.child_frame.translation)
+            for joint in self.model.joints
+        }
+
+    def surface(self, bodies: tuple[str, ...], surfaces: Surfaces) -> Surface:
+        """Surfaces of several bodies as one, in the frame of the first.
+
+        Raises
+        ------
+        BadData : none of them has a surface
+        """
+        vertices, faces, count = [], [], 0
+        for body in bodies:
+            if body in surfaces:
+                vertices.append(self.within(body, bodies[0]).apply(surfaces[body].vertices))
+                faces.append(surfaces[body].faces + count)
+                count += len(vertices[-1])
+        if not vertices:
+            raise BadData(f"no surface of {' or '.join(bodies)}: give the bone's mesh")
+        return Surface(np.vstack(vertices), np.vstack(faces))
+
+
+def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]:
+    """The map of the first body, and those of the bodies that are one bone with it or ride on it."""
+    found = {bone.body: bone}
+    for name in (*pair.sources[1:], *pair.carried):
+        if name in here.model.body_names:
+            found[name] = _moved(bone, name, here.within(name, bone.body))
+    return found
+
+
+def _moved(bone: BoneMap, body: str, pose: Transform) -> BoneMap:
+    """The map of what is fixed at a pose of a bone's source body."""
+    whole = bone.whole
+    back = pose.inverse()
+    marks = bone.features
+    return replace(
+        bone,
+        body=body,
+        map=PlacedMap(pose, bone.map, AffineMap(np.eye(3), np.zeros(3))),
+        whole=Similarity(whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale),
+        source=None if bone.source is None else Surface(back.apply(bone.source.vertices), bone.source.faces),
+        features=None if marks is None else replace(marks, source=back.apply(marks.source)),
+    )
+
+
+def part_name(body: str, target: str) -> str:
+    """Name of the part of a source body whose points go to one of several targets."""
+    return f"{body}@{target}"
+
+
+def seated(bone: BoneMap, body: str, pair: BoneHomology, number: int, there: Posed) -> BoneMap:
+    """The map of a source body to another of its targets."""
+    name = pair.targets[number]
+    pose = there.within(pair.targets[0], name)
+    after = AffineMap(pose.rotation, pose.translation)
+    whole, marks, target = bone.whole, bone.features, bone.target
+    return replace(
+        bone,
+        body=part_name(body, name),
+        target_body=name,
+        map=PlacedMap(Transform.identity(), bone.map, after),
+        whole=Similarity(pose.rotation @ whole.rotation, pose.apply(whole.translation), whole.scale),
+        target=None if target is None else Surface(pose.apply(target.vertices), target.faces),
+        features=None if marks is None else replace(marks, target=pose.apply(marks.target)),
+    )
+
+
+def spread_over_targets(
+    source: Model,
+    parts: Mapping[str, tuple[str, ...]],
+    bones: Mapping[str, BoneMap],
+    there: Posed,
+    surfaces: Surfaces,
+) -> Model:
+    """The source with a body for every target that a body's muscle points go to."""
+    shapes = {
+        (targets[0], name): Shape(there.surface((targets[0], name), {name: surfaces[name]}))
+        for targets in parts.values()
+        for name in targets
+        if name in surfaces
+    }
+
+    def nearest(body: str, place: Array) -> str:
+        targets = parts[body]
+        mapped = bones[body].map.apply(place)[None]
+        known = [name for name in targets if (targets[0], name) in shapes]
+        apart = [
+            float(np.linalg.norm(shapes[targets[0], name].nearest(mapped, True).points - mapped)) for name in known
+        ]
+        best = known[int(np.argmin(apart))]
+        return body if best == targets[0] else part_name(body, best)
+
+    def carried(muscle: Muscle) -> Muscle:
+        points = tuple(
+            replace(one, body=nearest(one.body, one.location))
+            if isinstance(one, PathPoint) and one.body in parts
+            else one
+            for one in muscle.path.points
+        )
+        return replace(muscle, path=replace(muscle.path, points=points))
+
+    new = [(part_name(body, name), body) for body, targets in parts.items() for name in targets[1:]]
+    bodies = tuple(Body(name, 0.0, np.zeros(3), np.zeros((3, 3))) for name, _ in new)
+    still = Transform.identity()
+    joints = tuple(Joint(name, "WeldJoint", body, name, still, still) for name, body in new)
+    return replace(
+        source,
+        bodies=(*source.bodies, *bodies),
+        joints=(*source.joints, *joints),
+        muscles=tuple(carried(one) for one in source.muscles),
+    )

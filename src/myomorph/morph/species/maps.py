@@ -1,0 +1,263 @@
+"""Maps between the bones of two species, and the muscles of one put on the skeleton of the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.spatial import Transform
+from myomorph.model.surface import Surface
+from myomorph.morph.checks.moment_arms import CoordinateTable
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
+from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.registration.map_bone import map_bone
+from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.species.counterparts import (
+    BoneHomology,
+    PlacedMap,
+    Posed,
+    SpeciesTable,
+    Surfaces,
+    part_name,
+    riders,
+    seated,
+    spread_over_targets,
+)
+from myomorph.morph.species.landmarks import landmarks_by_rules
+from myomorph.morph.transfer.model import graft_muscles
+
+MEASURED_IN_METERS = "[m]"
+
+FEWEST = 4
+"""Landmarks that a bone needs."""
+
+STEEPEST = 3.0
+"""Two landmarks may be so many times farther apart in the target, in the source's proportions, than in the source."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeciesBones:
+    """Bones of the source with their maps to the target's.
+
+    Attributes
+    ----------
+    source : the model; a body whose muscle points go to several bones has parts of it as bodies of their own
+    bones : by body of `source`
+    notes : what was assumed or looks wrong, one line each
+    """
+
+    source: Model
+    bones: Mapping[str, BoneMap]
+    notes: tuple[str, ...] = ()
+
+
+def species_bones(
+    source: Model,
+    source_surfaces: Surfaces,
+    target: Model,
+    target_surfaces: Surfaces,
+    table: SpeciesTable,
+    map_options: MapOptions | None = None,
+    match: MatchOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> SpeciesBones:
+    """A map for every bone of a species table whose bodies both models have.
+
+    The target's bone is first given the source's proportions, by the affine map nearest to the landmarks, compared,
+    and the map then brought to its own: so surfaces meet although one is slender and the other stout, and lengths of
+    options and of checks mean the same for a mouse as for a man.
+
+    Parameters
+    ----------
+    source_surfaces, target_surfaces : by body, in the bodies' frames [m]
+    match : how dense correspondence is found, for bones of which the table wants it; "landmarks" maps all by landmarks
+    progress : called with a bone's name before it is mapped
+
+    Raises
+    ------
+    BadData : a bone without a surface, or with fewer than four landmarks in common
+    UnknownName : a coordinate or joint that a model lacks
+    """
+    here, there = Posed(source, table.posture), Posed(target, table.target_posture)
+    bones: dict[str, BoneMap] = {}
+    notes: list[str] = []
+    parts: dict[str, tuple[str, ...]] = {}
+    for bone in table.bones:
+        lacking = [name for name in bone.sources[:1] if name not in source.body_names]
+        lacking += [name for name in bone.targets[:1] if name not in target.body_names]
+        if lacking:
+            notes.append(f"{bone.sources[0]} to {bone.targets[0]}: left out, no body '{lacking[0]}'")
+            continue
+        if progress is not None:
+            progress(bone.sources[0])
+        first, own = _map(bone, table, (here, there), (source_surfaces, target_surfaces), map_options, match)
+        notes += own
+        bones |= riders(first, bone, here)
+        if bone.spread:
+            for number, name in enumerate(bone.targets[1:], start=1):
+                if name in target.body_names:
+                    bones |= {
+                        part_name(body, name): seated(one, body, bone, number, there)
+                        for body, one in riders(first, bone, here).items()
+                    }
+            parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
+    spread = spread_over_targets(source, parts, bones, there, target_surfaces) if parts else source
+    return SpeciesBones(spread, bones, tuple(notes))
+
+
+def _map(
+    bone: BoneHomology,
+    table: SpeciesTable,
+    posed: tuple[Posed, Posed],
+    surfaces: tuple[Surfaces, Surfaces],
+    options: MapOptions | None,
+    match: MatchOptions | None,
+) -> tuple[BoneMap, tuple[str, ...]]:
+    """The map of a pair's first bodies."""
+    pair = f"{bone.sources[0]} to {bone.targets[0]}"
+    frames = table.frames(bone)
+    found = []
+    shapes = []
+    notes: list[str] = []
+    for k, bodies in enumerate((bone.sources, bone.targets)):
+        shape = posed[k].surface(tuple(n for n in bodies if n in posed[k].model.body_names), surfaces[k])
+        joints = posed[k].joints(bodies[0])
+        marks, lost = landmarks_by_rules(bone.landmarks, shape, frames[k], joints, k == 0, bone.half)
+        shapes.append(shape)
+        found.append(marks)
+        notes += [f"{pair}: {line}" for line in lost]
+    names = tuple(name for name in found[0] if name in found[1])
+    if len(names) < FEWEST:
+        raise BadData(f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more")
+    ours, theirs = (np.array([one[name] for name in names]) for one in found)
+    body, target = bone.sources[0], bone.targets[0]
+    if bone.match == "similarity" or any(rule.rule == "box" for rule in bone.landmarks):
+        # The corners of a box are not on the bone: nothing about them can be checked against its surface.
+        points = FeaturePoints(names, ours, theirs)
+        fitted = fit_map(points, MapOptions("similarity") if bone.match == "similarity" else options)
+        whole = procrustes(ours, theirs, True)
+        made = BoneMap(body, target, fitted, whole, "landmarks", shapes[0], shapes[1], points)
+        return made, tuple(notes)
+    names, ours, theirs, steep = _consistent(names, ours, theirs)
+    notes += [f"{pair}: {line}" for line in steep]
+    stretch = fit_affine(theirs, ours)
+    if np.linalg.det(stretch.matrix) <= 0.0:
+        raise BadData(f"{pair}: the landmarks turn right into left: is one of the bones of the other side?")
+    wanted, points = match or MatchOptions(), FeaturePoints(names, ours, stretch.apply(theirs))
+    if wanted.features == "dense" and bone.match == "dense":
+        stretched = Surface(stretch.apply(shapes[1].vertices), shapes[1].faces)
+        given = map_bone(body, shapes[0], stretched, points, options, wanted, target)
+    else:
+        # What rules found on a bone need not be checked against it.
+        given = map_bone(body, None, None, points, options, wanted, target)
+    return _stretched(given, shapes[0], shapes[1], stretch.inverse()), tuple(notes)
+
+
+def _consistent(
+    names: tuple[str, ...], ours: Array, theirs: Array
+) -> tuple[tuple[str, ...], Array, Array, tuple[str, ...]]:
+    """Landmarks without those that lie together in the source but not in the target, and which these are.
+
+    Rules that look for extremes may find one place twice on a bone and two places on another's; a map through both
+    would tear the space between them.
+    """
+    goal = fit_affine(theirs, ours).apply(theirs)
+    kept = list(range(len(names)))
+    dropped: list[str] = []
+    while len(kept) > FEWEST:
+        apart, wanted = (np.linalg.norm(one[kept][:, None] - one[kept], axis=2) for one in (ours, goal))
+        torn = (wanted > STEEPEST * apart) & (wanted > 0.0)
+        if not torn.any():
+            break
+        # The one that most others contradict; of equals the later in the table.
+        worst = len(kept) - 1 - int(np.argmax(torn.sum(axis=1)[::-1]))
+        dropped.append(names[kept.pop(worst)])
+    notes = (f"landmarks left out, as beside them others lie in the source alone: {', '.join(dropped)}",)
+    return tuple(names[i] for i in kept), ours[kept], theirs[kept], notes if dropped else ()
+
+
+def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap) -> BoneMap:
+    """The same with the target's bone in its own proportions."""
+    marks = bone.features
+    assert marks is not None
+    marks = replace(marks, target=back.apply(marks.target))
+    size = float(np.cbrt(np.linalg.det(back.matrix)))
+    return replace(
+        bone,
+        map=PlacedMap(Transform.identity(), bone.map, back),
+        whole=procrustes(marks.source, marks.target, True, marks.weights),
+        source=source,
+        target=target,
+        features=marks,
+        measures={
+            name: size * value if name.endswith(MEASURED_IN_METERS) else value for name, value in bone.measures.items()
+        },
+    )
+
+
+def species_morph(
+    source: Model,
+    source_surfaces: Surfaces,
+    target: Model,
+    target_surfaces: Surfaces,
+    table: SpeciesTable,
+    options: MorphOptions | None = None,
+    map_options: MapOptions | None = None,
+    match: MatchOptions | None = None,
+    *,
+    beside: bool = False,
+    name: str = "",
+    progress: Callable[[str], None] | None = None,
+) -> Morph:
+    """The target's skeleton, with its own joints and masses, and the source's muscles on it.
+
+    Parameters
+    ----------
+    source_surfaces, target_surfaces : of bones by body, in the bodies' frames [m]
+    options : what becomes of points on surfaces and of the muscles' parameters
+    map_options, match : how bones are mapped, and matched where the table wants dense correspondence
+    beside : keep the target's own muscles too
+    name : of the new model; by default the target's
+    progress : called with a bone's name before it is mapped, and with "muscles" before they are carried
+
+    Returns
+    -------
+    its `source` is that model with parts of bodies as bodies of their own where the table spreads one over several
+
+    Raises
+    ------
+    BadData : no bone of the table is in both models, a bone lacks its surface or has too few landmarks in common
+    UnknownName : a coordinate or joint that a model lacks
+    """
+    bones = species_bones(source, source_surfaces, target, target_surfaces, table, map_options, match, progress)
+    if not bones.bones:
+        wanted = ", ".join(f"'{one.sources[0]}' and '{one.targets[0]}'" for one in table.bones[:3])
+        raise BadData(f"species table '{table.name}': no pair of its bodies is in the models: it wants {wanted}, ...")
+    if progress is not None:
+        progress("muscles")
+    morph = graft_muscles(
+        bones.source,
+        target,
+        bones.bones,
+        options,
+        coordinates=coordinate_table(table, source, target),
+        postures=(table.posture, table.target_posture),
+        beside=beside,
+        name=name,
+    )
+    return replace(morph, notes=(*bones.notes, *morph.notes))
+
+
+def coordinate_table(table: SpeciesTable, source: Model, target: Model) -> CoordinateTable:
+    """Coordinates of a species table that both models have."""
+    return {
+        one.source: (one.target, one.factor, one.offset)
+        for one in table.coordinates
+        if one.source in source.coordinate_names and one.target in target.coordinate_names
+    }

@@ -1,0 +1,261 @@
+"""Bodies in other bones: with a bone of their own, scaled with their neighbors, or mapped by the bones around them.
+
+What is fixed to a body beside muscles goes with it: mass, meshes, markers, points of forces. Virtual links are bodies
+without a bone on which muscles branch ([D] chapter 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
+from myomorph.model.paths import Bushing
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.transfer.carrier import Carrier, Carriers, few, nearest_rotation, scaled_map
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+Tie = TypeVar("Tie", Loop, Bushing)
+
+
+def transferred_body(body: Body, carrier: Carrier) -> Body:
+    """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone spreads it.
+
+    The second moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
+    """
+    A, mass = carrier.linear, body.mass * carrier.volume
+    second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
+    second = carrier.volume * A @ second @ A.T
+    return replace(
+        body,
+        mass=mass,
+        mass_center=carrier.points(body.mass_center),
+        inertia=np.trace(second) * np.eye(3) - second,
+        meshes=tuple(transferred_mesh(one, carrier) for one in body.meshes),
+    )
+
+
+def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
+    """The bodies with their masses in proportion, of a total mass [kg].
+
+    Raises
+    ------
+    BadData : a mass that is not positive, or bodies without mass
+    """
+    if mass is None:
+        return bodies
+    total = sum(body.mass for body in bodies)
+    if not (np.isfinite(mass) and mass > 0.0 and total > 0.0):
+        raise BadData(f"expected a positive mass and bodies that have some, but got {mass} for {total:g} kg")
+    share = mass / total
+    return tuple(replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies)
+
+
+def transferred_mesh(mesh: Mesh, carrier: Carrier) -> Mesh:
+    """A mesh stretched along its own axes as its bone is: what can be shown where the target's bone has no file."""
+    matrix = carrier.linear @ mesh.pose.rotation
+    pose = Transform(nearest_rotation(matrix), carrier.points(mesh.pose.translation))
+    return replace(mesh, pose=pose, scale=np.asarray(mesh.scale) * np.linalg.norm(matrix, axis=0))
+
+
+def transferred_marker(marker: Marker, carriers: Carriers) -> Marker:
+    """A marker, by its body's map."""
+    carrier = carriers[marker.body]
+    return replace(marker, body=carrier.body, location=carrier.points(marker.location))
+
+
+def transferred_tie(tie: Tie, carriers: Carriers) -> Tie:
+    """A closed loop or a bushing: both of its frames."""
+    one, other = carriers[tie.body_1], carriers[tie.body_2]
+    return replace(tie, body_1=one.body, body_2=other.body, pose_1=one.pose(tie.pose_1), pose_2=other.pose(tie.pose_2))
+
+
+def transferred_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
+    """Points and directions of an ideal actuator that are fixed to bodies."""
+
+    def there(body: str, point: Array) -> Array:
+        return carriers[body].points(point) if body and not actuator.point_is_global else point
+
+    direction = actuator.direction
+    if actuator.body and actuator.body != GROUND and not actuator.direction_is_global:
+        direction = carriers[actuator.body].rotation @ direction
+    return replace(
+        actuator,
+        point=there(actuator.body, actuator.point),
+        other_point=there(actuator.other_body, actuator.other_point),
+        direction=direction,
+    )
+
+
+def not_transferred(model: Model) -> list[str]:
+    """One line on each kind of thing that a file keeps with geometry of its own, and that stays as it is."""
+    placed = ("Contact", "Path", "Force")
+    kinds: dict[str, int] = {}
+    for part in model.kept:
+        if any(word in part.kind for word in placed) and not part.kind.startswith(("Coordinate", "Path", "SpringG")):
+            kinds[part.kind] = kinds.get(part.kind, 0) + 1
+    return [f"{kind} ({count} of them) is kept as the file has it: it is not moved" for kind, count in kinds.items()]
+
+
+def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, BoneMap]:
+    """Maps of all bodies and of the ground, in which a body without one takes the size of its nearest neighbors.
+
+    Such a body keeps its frame; its size is the geometric mean over the bodies nearest in the tree that have a bone.
+    The ground neither turns nor moves, whatever hangs on it.
+
+    Parameters
+    ----------
+    bones : at least one, by body of the model
+    """
+    ties = {name: set[str]() for name in (GROUND, *model.body_names)}
+    for joint in model.joints:
+        ties[joint.parent].add(joint.child)
+        ties[joint.child].add(joint.parent)
+    found = dict(bones)
+    sizes = {name: bone.whole.scale for name, bone in bones.items()}
+    while len(found) < len(ties):
+        # The ground passes nothing on: what hangs on it beside a subject is not of its size.
+        beside = {
+            name: [sizes[one] for one in ties[name] if one in sizes and (one != GROUND or GROUND in bones)]
+            for name in ties
+            if name not in found
+        }
+        near = {name: float(np.exp(np.mean(np.log(given)))) for name, given in beside.items() if given}
+        for name, size in near.items() if near else [(name, 1.0) for name in beside]:
+            found[name] = _resized(name, size)
+            sizes[name] = size
+    return {name: found[name] for name in ties}
+
+
+def _resized(body: str, size: float) -> BoneMap:
+    whole = Similarity(np.eye(3), np.zeros(3), size)
+    return BoneMap(body, body, scaled_map(body, size), whole, "neighbors")
+
+
+def neighbor_notes(bones: Mapping[str, BoneMap]) -> list[str]:
+    """One line on the bodies that were scaled with their neighbors."""
+    scaled = {name: bone.whole.scale for name, bone in bones.items() if bone.basis == "neighbors" and name != GROUND}
+    if not scaled:
+        return []
+    low, high = min(scaled.values()), max(scaled.values())
+    by = f"by {low:.3g}" if high - low < 5e-4 * high else f"by {low:.3g} to {high:.3g}"
+    return [f"scaled with their neighbors {by}, as no bone is given: {few(scaled)}"]
+
+
+FEATURES = 60
+"""Of each bone around a virtual link count, spread over those it has."""
+
+
+def bones_around(
+    model: Model, bones: Mapping[str, BoneMap], given: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, tuple[str, ...]]:
+    """The bones that surround each virtual link: those given, and those found in the tree.
+
+    A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of the target, and lies
+    between at least two bones.
+
+    Raises
+    ------
+    UnknownName : a body that the model does not have
+    BadData : a bone that has no map, or fewer than two of them
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for link, around in (given or {}).items():
+        for name in (link, *around):
+            if name not in model.body_names:
+                raise UnknownName("body", name, model.body_names)
+        missing = [name for name in around if name not in bones]
+        if missing or len(around) < 2:
+            raise BadData(
+                f"virtual link '{link}' needs at least two bones around it, but got {list(around)}"
+                + (f", of which {missing} have no map" if missing else "")
+            )
+        found[link] = tuple(around)
+    used = {point.body for muscle in model.muscles for point in muscle.path.points}
+    for body in model.bodies:
+        if body.name in used and body.name not in bones and body.name not in found and not body.meshes:
+            around = _nearest_bones(model, body.name, bones)
+            if len(around) > 1:
+                found[body.name] = around
+    return found
+
+
+def _nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
+    """Bones that are reached from a body through the tree without passing another."""
+    ties: dict[str, list[str]] = {name: [] for name in (GROUND, *model.body_names)}
+    for joint in model.joints:
+        ties[joint.parent].append(joint.child)
+        ties[joint.child].append(joint.parent)
+    reached: list[str] = []
+    open_, seen = [body], {body, GROUND}
+    while open_:
+        for name in ties[open_.pop(0)]:
+            if name in seen:
+                continue
+            seen.add(name)
+            (reached if name in bones else open_).append(name)
+    return tuple(reached)
+
+
+def surrounded_map(
+    link: str,
+    there: str,
+    around: Sequence[str],
+    carriers: Carriers,
+    source: Mapping[str, Transform],
+    target: Mapping[str, Transform],
+    options: MapOptions | None = None,
+) -> BoneMap:
+    """The map of a virtual link from the features of several bones, each where it lies in one posture.
+
+    Parameters
+    ----------
+    there : the target body that the link's points are fixed to
+    carriers : of the bones around it
+    source, target : poses of bodies in ground, of both models
+    """
+    names: list[str] = []
+    before, after = [], []
+    for bone in around:
+        features = _features(carriers, bone)
+        names += [f"{bone} {name}" for name in features.names]
+        before.append((source[link].inverse() @ source[bone]).apply(features.source))
+        after.append((target[there].inverse() @ target[carriers[bone].body]).apply(features.target))
+    features = FeaturePoints(tuple(names), np.concatenate(before), np.concatenate(after))
+    return BoneMap(
+        link,
+        there,
+        fit_map(features, options),
+        procrustes(features.source, features.target, True),
+        "surrounding",
+        features=features,
+        notes=(f"mapped by {len(features)} features of {', '.join(around)}",),
+    )
+
+
+def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
+    """Poses in ground of all bodies and of the ground at given coordinates, the others at their defaults."""
+    tree = compile_tree(model)
+    values = values or {}
+    posture = Motion(np.zeros(1), tuple(values), np.array([list(values.values())], dtype=np.float64).reshape(1, -1))
+    poses = forward_kinematics(tree, tree.coordinates_of(posture))
+    return {body: Transform(poses.rotations[0, i], poses.origins[0, i]) for body, i in tree.body_index.items()}
+
+
+def _features(carriers: Carriers, bone: str) -> FeaturePoints:
+    """Features of a bone, at most `FEATURES`; of a bone that has none, points of it and where they go."""
+    given = carriers[bone].bone.features
+    if given is None or len(given) < 3:
+        places = carriers[bone].samples
+        given = FeaturePoints(tuple(str(i) for i in range(len(places))), places, carriers[bone].points(places))
+    chosen = np.unique(np.linspace(0, len(given) - 1, min(FEATURES, len(given))).round().astype(int))
+    return FeaturePoints(tuple(given.names[i] for i in chosen), given.source[chosen], given.target[chosen])

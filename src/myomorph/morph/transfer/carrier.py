@@ -1,0 +1,147 @@
+"""A body on its way: its map, and what the map does to places, directions and sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.spatial import Transform
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import AffineMap, fit_affine
+from myomorph.morph.shapes.surface_points import Shape
+
+NEIGHBORHOOD = 0.1
+"""What a map does around a place is taken over this share of the bone's length: a blended map's derivative at one point
+says more of the feature points nearby than of the bone."""
+
+SAMPLES = 150
+"""Of a bone's vertices or features tell what becomes of the bone as a whole."""
+
+UNKNOWN_LENGTH = 0.1
+"""Of a body of which neither surface nor features tell a length [m]; its map is the same everywhere."""
+
+_SPHERE = np.vstack([np.eye(3), -np.eye(3), np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T / np.sqrt(3.0)])
+
+
+@dataclass(frozen=True, eq=False)
+class Carrier:
+    """What is fixed to a body of the source, carried to the target.
+
+    Attributes
+    ----------
+    bone : the body's map
+    body : of the target, to which things are fixed afterwards
+
+    Raises
+    ------
+    BadData : the map turns right into left, or the bone inside out
+    """
+
+    bone: BoneMap
+    body: str
+
+    def __post_init__(self) -> None:
+        if np.linalg.det(self.bone.whole.rotation) < 0.0 or np.linalg.det(self.linear) <= 0.0:
+            raise BadData(
+                f"the map of '{self.bone.body}' turns right into left: mirror the model first (myomorph.morph.mirror), "
+                "or give the bone of the same side"
+            )
+
+    def points(self, points: ArrayLike) -> Array:
+        """Points (..., 3) of the source body in the target body [m]."""
+        return self.bone.map.apply(points)
+
+    @cached_property
+    def samples(self) -> Array:
+        """(n, 3) points that stand for the source's bone: of its surface, else its features [m]."""
+        bone = self.bone
+        points = UNKNOWN_LENGTH * _SPHERE
+        if bone.source is not None and len(bone.source.vertices):
+            points = bone.source.vertices
+        elif bone.features is not None and len(bone.features) > 3:
+            points = bone.features.source
+        return points[:: max(1, len(points) // SAMPLES)]
+
+    @cached_property
+    def linear(self) -> Array:
+        """(3, 3) of the affine map that comes nearest over the whole bone."""
+        matrix: Array = fit_affine(self.samples, self.points(self.samples)).matrix
+        return matrix
+
+    @cached_property
+    def length(self) -> float:
+        """Of the source's bone: its greatest extent along an axis of its frame [m]."""
+        return float(np.ptp(self.samples, axis=0).max())
+
+    @property
+    def size(self) -> float:
+        """Length of the target's bone over that of the source's."""
+        return self.bone.whole.scale
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the target's bone over that of the source's."""
+        return float(np.linalg.det(self.linear))
+
+    def near(self, place: ArrayLike) -> Array:
+        """(3, 3) of the affine map that comes nearest around a place (3,) of the source body."""
+        radius = NEIGHBORHOOD * self.length
+        moved = self.points(np.asarray(place) + radius * _SPHERE)
+        matrix: Array = 3.0 / (len(_SPHERE) * radius) * moved.T @ _SPHERE
+        return matrix if np.linalg.det(matrix) > 0.0 else self.linear
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3) by which directions fixed to the bone turn: that of the whole bone, so of a long one's shaft."""
+        return self.bone.whole.rotation
+
+    def turn(self, place: ArrayLike) -> Array:
+        """Rotation (3, 3) of what is around a place (3,) of the source body: a condyle may turn against the shaft."""
+        return nearest_rotation(self.near(place))
+
+    def pose(self, pose: Transform) -> Transform:
+        """A frame fixed to the source body, fixed to the target's."""
+        return Transform(self.rotation @ pose.rotation, self.points(pose.translation))
+
+    @cached_property
+    def shapes(self) -> tuple[Shape, Shape] | None:
+        """Surfaces of source and target, where both have one."""
+        bone = self.bone
+        if bone.source is None or bone.target is None:
+            return None
+        return Shape(bone.source), Shape(bone.target)
+
+
+Carriers = Mapping[str, Carrier]
+
+
+def nearest_rotation(matrix: Array) -> Array:
+    """The rotation (3, 3) nearest to a matrix that keeps right right (its polar factor)."""
+    u, _, vt = np.linalg.svd(matrix)
+    rotation: Array = (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return rotation
+
+
+def few(names: Iterable[str], most: int = 6) -> str:
+    """Names in quotes for a note, and how many more there are."""
+    given = tuple(dict.fromkeys(names))
+    more = f" and {len(given) - most} more" if len(given) > most else ""
+    return ", ".join(f"'{name}'" for name in given[:most]) + more
+
+
+def scaled_map(body: str, size: float) -> AffineMap:
+    """The map of a body that keeps its frame and changes its size.
+
+    Raises
+    ------
+    BadData : a size that is not a positive number
+    """
+    if not (np.isfinite(size) and size > 0.0):
+        raise BadData(f"the size of '{body}' would be {size}: its neighbors' maps are no good")
+    return AffineMap(size * np.eye(3), np.zeros(3))

@@ -1,0 +1,384 @@
+"""Joints in other bones: centers by the maps of parent and child or amid round surfaces, axes, travel of slides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.functions import Function, PiecewisePolynomial
+from myomorph.model.model import Axis, Coordinate, Coupler, Joint, Model
+from myomorph.model.paths import PassiveTorque
+from myomorph.model.scale import slides_freely, stretched
+from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.morph.morphed import RebuiltJoint
+from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, warning_of
+from myomorph.morph.transfer.carrier import Carrier, Carriers, nearest_rotation
+
+APART = 0.05
+"""Centers further apart than this share of the longer bone's length are left apart: the bones are not as in a body."""
+
+AGREES = 0.2
+"""The source's joint center is that of a round surface where it lies this near to it, as a share of the radius."""
+
+STRAYS = 0.1
+"""Where surfaces were matched, a round one further from where the map puts its center, as a share of the radius, is not
+believed: a deformed head is no sphere any more, and condyles are round only in part."""
+
+TILTED = np.cos(np.radians(15.0))
+"""A hinge turns about a cylinder whose axis is within this of its own."""
+
+Round = Literal["sphere", "cylinder"]
+
+
+@dataclass(frozen=True, eq=False)
+class Center:
+    """A joint's center in the target's bones; see `RebuiltJoint`."""
+
+    method: str
+    in_parent: Array
+    in_child: Array
+    moved: float = 0.0
+    gap: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A center in one of the target's bones, by a round surface or by the map, and whether it lies inside the bone."""
+
+    center: Array
+    method: str = "mapped"
+    moved: float = 0.0
+    inside: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CenterFinder:
+    """Finds the centers of joints.
+
+    Attributes
+    ----------
+    carriers : of all bodies and of the ground
+    fitted : take them from round surfaces of the target where such fit as in the source
+    together : the target's bones share a frame, so parent and child must agree
+    """
+
+    carriers: Carriers
+    fitted: bool
+    together: bool
+
+    def center(self, joint: Joint, in_parent: Array, in_child: Array) -> Center:
+        """Where a center (3,) known in the source's parent and child lies in the target's.
+
+        A ball joint (that turns by two coordinates or more) is centered in a sphere, a hinge on a cylinder, of either
+        bone, if the source's joint is so in the source's bone: what is between the joint's center and the surface's in
+        the source is kept. Bones that share a frame share the center: a fitted one before a mapped one, that of a bone
+        that it lies in before that of one beside which it lies, else the middle.
+        """
+        parent, child = self.carriers[joint.parent], self.carriers[joint.child]
+        turns = [axis for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
+        found = [_mapped(parent, in_parent), _mapped(child, in_child)]
+        if self.fitted and turns:
+            shape: Round = "sphere" if len({name for axis in turns for name in axis.coordinates}) > 1 else "cylinder"
+            frames = joint.parent_frame, joint.child_frame
+            found = [
+                _fitted(carrier, place, frame.rotation @ turns[0].vector, shape)
+                for carrier, place, frame in zip((parent, child), (in_parent, in_child), frames, strict=True)
+            ]
+        ours, theirs = found
+        method = theirs.method if theirs.method != "mapped" else ours.method
+        moved = max(ours.moved, theirs.moved)
+        if not self.together or not {parent.bone.basis, child.bone.basis} <= {"bone", "landmarks", "given"}:
+            return Center(method, ours.center, theirs.center, moved)
+        gap = float(np.linalg.norm(ours.center - theirs.center))
+        if gap > furthest_gap(parent, child):
+            return Center(method, ours.center, theirs.center, moved, gap)
+        shared = _shared(found)
+        return Center(method, shared, shared, moved, gap)
+
+
+def furthest_gap(parent: Carrier, child: Carrier) -> float:
+    """How far the centers that two bones in one frame give their joint may be from each other [m]."""
+    return APART * max(one.length * one.size for one in (parent, child))
+
+
+def _shared(found: list[_Fitted]) -> Array:
+    """One center for both bones: fitted rather than mapped, of a head rather than a socket."""
+    ranks = [2 * (one.method != "mapped") + one.inside for one in found]
+    best = [one.center for one, rank in zip(found, ranks, strict=True) if rank == max(ranks)]
+    return np.mean(best, axis=0)
+
+
+def _depth(carrier: Carrier, place: Array) -> float:
+    """Of a place (3,) of the source over its bone's surface, negative inside, NaN without surfaces [m]."""
+    return float("nan") if carrier.shapes is None else float(carrier.shapes[0].signed(place[None])[0])
+
+
+def _mapped(carrier: Carrier, place: Array) -> _Fitted:
+    return _Fitted(carrier.points(place), inside=_depth(carrier, place) < 0.0)
+
+
+def _fitted(carrier: Carrier, place: Array, axis: Array, shape: Round) -> _Fitted:
+    """A center (3,) of the source in the target's bone, by the round surface about it if there is one."""
+    mapped = _mapped(carrier, place)
+    if carrier.shapes is None:
+        return mapped
+    depth = _depth(carrier, place)
+    try:
+        fitted = _center(carrier, place, axis, shape, abs(depth), depth > 0.0)
+    except BadData:  # there is nothing round
+        return mapped
+    if fitted is None:
+        return mapped
+    return _Fitted(fitted, shape, float(np.linalg.norm(fitted - mapped.center)), mapped.inside)
+
+
+def _center(carrier: Carrier, place: Array, axis: Array, shape: Round, radius: float, hollow: bool) -> Array | None:
+    source, target = carrier.bone.source, carrier.bone.target
+    assert source is not None
+    assert target is not None
+    matrix = carrier.near(place)
+    if shape == "sphere":
+        ball = articular_sphere(source, place, radius, hollow)
+        beside = place - ball.center
+        if warning_of(ball) or np.linalg.norm(beside) > AGREES * ball.radius:
+            return None
+        other = articular_sphere(target, carrier.points(ball.center), ball.radius * carrier.size, hollow)
+        if warning_of(other) or _strays(carrier, other.center, carrier.points(ball.center), other.radius):
+            return None
+        return np.asarray(other.center + matrix @ beside)
+    roller = articular_cylinder(source, place, axis, radius, hollow=hollow)
+    beside = (place - roller.point) - (place - roller.point) @ roller.axis * roller.axis
+    if warning_of(roller) or abs(roller.axis @ axis) < TILTED or np.linalg.norm(beside) > AGREES * roller.radius:
+        return None
+    along = matrix @ roller.axis
+    size = carrier.size
+    there = articular_cylinder(
+        target, carrier.points(place), along, roller.radius * size, 2.0 * roller.length * size, hollow
+    )
+    goal = carrier.points(place)
+    center: Array = there.point + (goal - there.point) @ there.axis * there.axis + matrix @ beside
+    return None if warning_of(there) or _strays(carrier, center, goal, there.radius) else center
+
+
+def _strays(carrier: Carrier, fitted: Array, mapped: Array, radius: float) -> bool:
+    return carrier.bone.basis == "bone" and bool(np.linalg.norm(fitted - mapped) > STRAYS * radius)
+
+
+@dataclass(frozen=True, eq=False)
+class TransferredJoints:
+    """A skeleton in other bones.
+
+    Attributes
+    ----------
+    travel : how much further a sliding coordinate goes, for the coordinates that slide
+    """
+
+    joints: tuple[Joint, ...]
+    coordinates: tuple[Coordinate, ...]
+    couplers: tuple[Coupler, ...]
+    passive_torques: tuple[PassiveTorque, ...]
+    travel: Mapping[str, float]
+    rebuilt: tuple[RebuiltJoint, ...]
+    notes: tuple[str, ...] = ()
+
+
+def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) -> TransferredJoints:
+    """All joints of a model, with the coordinates that slide in meters.
+
+    A joint's center is where the child's joint frame is in the default pose. Parent and child carry it each by its own
+    map. Their frames turn as the whole bones do, so that at equal coordinates shafts lie to each other as they did; the
+    axis of a hinge turns as the bone around it does, as condyles and malleoli may be twisted against their shaft.
+
+    Parameters
+    ----------
+    carriers : of all bodies and of the ground
+    centers : where the center comes to lie
+    """
+    defaults = _defaults(model)
+    anchored = [_anchored(joint) for joint in model.joints]
+    stretches = [_stretches(joint, carriers, defaults) for joint in anchored]
+    travel = {
+        axis.coordinates[0]: stretch
+        for joint, along in zip(anchored, stretches, strict=True)
+        for axis, stretch in zip(joint.axes, along, strict=True)
+        if axis.kind == "translation" and axis.coordinates and slides_freely(axis.function)
+    }
+    found = [
+        _carried(joint, along, travel, defaults, carriers, centers)
+        for joint, along in zip(anchored, stretches, strict=True)
+    ]
+    return TransferredJoints(
+        tuple(joint for joint, _ in found),
+        tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
+        tuple(_coupler(one, travel) for one in model.couplers),
+        tuple(_torque(one, travel.get(one.coordinate, 1.0)) for one in model.passive_torques),
+        MappingProxyType(travel),
+        tuple(rebuilt for _, rebuilt in found),
+        tuple(note for joint, rebuilt in found for note in _warnings(joint, rebuilt, carriers)),
+    )
+
+
+def _defaults(model: Model) -> dict[str, float]:
+    """Coordinates of the default pose, those that follow others included."""
+    values = {one.name: one.default for one in model.coordinates}
+    for _ in model.couplers:  # each round sets at least one more of a chain of couplers
+        for one in model.couplers:
+            values[one.dependent] = _value(one.function, one.independents, values)
+    return values
+
+
+def _value(function: Function, coordinates: tuple[str, ...], values: Mapping[str, float]) -> float:
+    if isinstance(function, PiecewisePolynomial):
+        return float(function(values[coordinates[0]] if function.arity else 0.0))
+    return float(function(*(values[name] for name in coordinates[: function.arity])))
+
+
+def _anchored(joint: Joint) -> Joint:
+    """The same joint with its frames at the first point that it turns about (MuJoCo's anchor)."""
+    anchor = next((axis.origin for axis in joint.axes if axis.kind == "rotation"), np.zeros(3))
+    if not anchor.any():
+        return joint
+    to_anchor = Transform(np.eye(3), anchor)
+    return replace(
+        joint,
+        parent_frame=joint.parent_frame @ to_anchor,
+        child_frame=joint.child_frame @ to_anchor,
+        axes=tuple(replace(axis, origin=axis.origin - anchor) for axis in joint.axes),
+    )
+
+
+def _moved(axis: Axis, amount: float) -> Transform:
+    if axis.kind == "translation":
+        return Transform(np.eye(3), amount * axis.vector)
+    turn = axis_rotation(axis.vector / np.linalg.norm(axis.vector), amount)
+    return Transform(turn, axis.origin - turn @ axis.origin)
+
+
+def _pose(axes: tuple[Axis, ...], values: Mapping[str, float]) -> Transform:
+    """Of the child's joint frame in the parent's."""
+    pose = Transform.identity()
+    for axis in axes:
+        pose = pose @ _moved(axis, _value(axis.function, axis.coordinates, values))
+    return pose
+
+
+def _stretches(joint: Joint, carriers: Carriers, values: Mapping[str, float]) -> list[float]:
+    """How much longer the parent becomes along each sliding axis, at the joint; 1 for axes of rotation."""
+    amounts = [_value(axis.function, axis.coordinates, values) for axis in joint.axes]
+    found = [1.0] * len(joint.axes)
+    sliding = [
+        axis.kind == "translation" and (axis.function.arity > 0 or amount != 0.0)
+        for axis, amount in zip(joint.axes, amounts, strict=True)
+    ]
+    if not any(sliding):
+        return found
+    center = (joint.parent_frame @ _pose(joint.axes, values)).translation
+    matrix = carriers[joint.parent].near(center)
+    rotation, pose = nearest_rotation(matrix), joint.parent_frame
+    for i, (axis, amount) in enumerate(zip(joint.axes, amounts, strict=True)):
+        if sliding[i]:
+            along = pose.rotation @ axis.vector / np.linalg.norm(axis.vector)
+            found[i] = float((rotation @ along) @ (matrix @ along))
+        pose = pose @ _moved(axis, amount)
+    return found
+
+
+def _carried(
+    joint: Joint,
+    stretches: list[float],
+    travel: Mapping[str, float],
+    defaults: Mapping[str, float],
+    carriers: Carriers,
+    centers: CenterFinder,
+) -> tuple[Joint, RebuiltJoint]:
+    parent, child = carriers[joint.parent], carriers[joint.child]
+    was = _pose(joint.axes, defaults).translation
+    in_parent, in_child = joint.parent_frame.apply(was), joint.child_frame.translation
+    center = centers.center(joint, in_parent, in_child)
+    hinge = _hinge(joint)
+    child_frame = Transform(_turned(child, in_child, joint.child_frame, hinge), center.in_child)
+    axes = tuple(
+        replace(
+            axis,
+            function=_travelled(axis, stretch, travel),
+            origin=child_frame.inverse().apply(child.points(joint.child_frame.apply(axis.origin)))
+            if axis.origin.any()
+            else axis.origin,
+        )
+        for axis, stretch in zip(joint.axes, stretches, strict=True)
+    )
+    after = {name: value * travel.get(name, 1.0) for name, value in defaults.items()}
+    turn = _turned(parent, in_parent, joint.parent_frame, hinge)
+    origin = center.in_parent - turn @ _pose(axes, after).translation
+    moved = replace(joint, parent_frame=Transform(turn, origin), child_frame=child_frame, axes=axes)
+    return moved, _rebuilt(joint.name, center)
+
+
+def _hinge(joint: Joint) -> Array | None:
+    """The axis (3,) of a joint that turns by one coordinate alone, in its frames."""
+    turns = [axis for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
+    if len({name for axis in turns for name in axis.coordinates}) != 1:
+        return None
+    return turns[0].vector / np.linalg.norm(turns[0].vector)
+
+
+def _turned(carrier: Carrier, place: Array, frame: Transform, hinge: Array | None) -> Array:
+    """Rotation (3, 3) of a joint's frame in the target: of the whole bone, swung so that a hinge follows its end."""
+    whole = carrier.rotation @ frame.rotation
+    if hinge is None:
+        return whole
+    along, goal = whole @ hinge, carrier.turn(place) @ frame.rotation @ hinge
+    swing = np.cross(along, goal)
+    sine = float(np.linalg.norm(swing))
+    if sine < 1e-12:
+        return whole
+    turned: Array = axis_rotation(swing / sine, float(np.arctan2(sine, along @ goal))) @ whole
+    return turned
+
+
+def _rebuilt(name: str, center: Center) -> RebuiltJoint:
+    return RebuiltJoint(name, center.method, center.in_parent, center.in_child, center.moved, center.gap)
+
+
+def _travelled(axis: Axis, stretch: float, travel: Mapping[str, float]) -> Function:
+    """Amounts grow by the stretch; coordinates in meters are read in their own new size."""
+    factor = stretch if axis.kind == "translation" else 1.0
+    source = travel.get(axis.coordinates[0], 1.0) if axis.coordinates else 1.0
+    return axis.function if factor == source == 1.0 else stretched(axis.function, factor, source)
+
+
+def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
+    if factor == 1.0:
+        return coordinate
+    low, high = coordinate.range
+    return replace(coordinate, default=coordinate.default * factor, range=(low * factor, high * factor))
+
+
+def _coupler(coupler: Coupler, travel: Mapping[str, float]) -> Coupler:
+    factor = travel.get(coupler.dependent, 1.0)
+    source = travel.get(coupler.independents[0], 1.0) if coupler.independents else 1.0
+    return (
+        coupler if factor == source == 1.0 else replace(coupler, function=stretched(coupler.function, factor, source))
+    )
+
+
+def _torque(torque: PassiveTorque, factor: float) -> PassiveTorque:
+    """Forces along a sliding coordinate stay at the same share of the way."""
+    if factor == 1.0:
+        return torque
+    return replace(torque, torque=stretched(torque.torque, 1.0, factor), damping=stretched(torque.damping, 1.0, factor))
+
+
+def _warnings(joint: Joint, rebuilt: RebuiltJoint, carriers: Carriers) -> list[str]:
+    if not rebuilt.gap > furthest_gap(carriers[joint.parent], carriers[joint.child]):
+        return []
+    return [
+        f"joint '{joint.name}': in the frame that they share the bones of '{joint.parent}' and '{joint.child}' put its "
+        f"center {1e3 * rebuilt.gap:.1f} mm apart: each keeps its own"
+    ]

@@ -1,0 +1,339 @@
+"""A model's muscles, and all that is fixed to its bones, carried to other bones ([D] chapters 2 and 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND, Kept, Marker, Model, index_of
+from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWrap
+from myomorph.model.scale import taut_ligaments
+from myomorph.morph.checks.clearance import cleared
+from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.transfer.bodies import (
+    bones_around,
+    neighbor_notes,
+    not_transferred,
+    of_mass,
+    standing_poses,
+    surrounded_map,
+    transferred_actuator,
+    transferred_body,
+    transferred_marker,
+    transferred_mesh,
+    transferred_tie,
+    with_neighbors,
+)
+from myomorph.morph.transfer.carrier import Carrier, few
+from myomorph.morph.transfer.joints import CenterFinder, TransferredJoints, transferred_joints
+from myomorph.morph.transfer.moving_points import translated_path
+from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
+from myomorph.morph.transfer.paths import transferred_lines
+from myomorph.muscles.scaling import default_path_lengths
+
+
+def morph_model(
+    model: Model,
+    bones: Mapping[str, BoneMap],
+    options: MorphOptions | None = None,
+    *,
+    mass: float | None = None,
+    name: str = "",
+    together: bool = False,
+    surrounding: Mapping[str, Sequence[str]] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Morph:
+    """The model in other bones: its joints, muscles and all that is fixed to its bodies carried by the bones' maps.
+
+    Everything fixed to one body goes by that body's map alone. A body without a map takes its neighbors' size; one
+    that has no bone at all, but muscle points, is mapped by the bones around it (a virtual link). The new model has
+    the coordinates of the old one: at equal values homologous directions of the bones lie alike.
+
+    Parameters
+    ----------
+    bones : maps by body, "ground" among them where it holds a bone; at least one
+    mass : of the new model [kg]; by default masses grow with the bones' volumes
+    name : of the new model; by default the old one's
+    together : the target's bones share one frame, as in one scan, so that parent and child must agree on joint centers
+    surrounding : bodies that are virtual links, with the bones around each
+    progress : called with the number of postures just done, of which there are `postures.COUNT` + 1 for each model
+
+    Raises
+    ------
+    UnknownName : a map, or a virtual link, of a body that the model does not have
+    BadData : no map, or one that turns right into left
+    """
+    options = options or MorphOptions()
+    _check(model, bones)
+    carriers = {body: Carrier(bone, body) for body, bone in with_neighbors(model, bones).items()}
+    joints = transferred_joints(model, carriers, CenterFinder(carriers, options.joints == "fitted", together))
+    carriers |= _virtual_links(model, _skeleton(model, joints), bones, carriers, surrounding)
+    strings = transferred_lines(
+        model, model.muscles, model.ligaments, carriers, model.coordinates, joints.travel, options.surface_within
+    )
+    bodies = of_mass(tuple(transferred_body(body, carriers[body.name]) for body in model.bodies), mass)
+    moved = replace(
+        _skeleton(model, joints),
+        name=name or model.name,
+        bodies=bodies,
+        gravity=carriers[GROUND].rotation @ model.gravity,
+        markers=tuple(transferred_marker(one, carriers) for one in model.markers),
+        muscles=strings.muscles,
+        ligaments=strings.ligaments,
+        wrap_objects=strings.wrap_objects,
+        actuators=tuple(transferred_actuator(one, carriers) for one in model.actuators),
+        loops=tuple(transferred_tie(one, carriers) for one in model.loops),
+        frames=tuple(replace(one, pose=carriers[one.body].pose(one.pose)) for one in model.frames),
+        ground_meshes=tuple(transferred_mesh(one, carriers[GROUND]) for one in model.ground_meshes),
+        bushings=tuple(transferred_tie(one, carriers) for one in model.bushings),
+        warnings=(),
+    )
+    solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
+    moved, points, clearing = cleared(model, moved, solid, strings.points)
+    lengths = path_lengths(model, moved, paired_postures(model, moved), progress)
+    ratio = moved.mass / model.mass if model.mass > 0.0 else 1.0
+    source = {one.name: one for one in model.muscles}
+    muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
+    found = {body: carrier.bone for body, carrier in carriers.items()}
+    notes = (*neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
+    return Morph(
+        source=model,
+        model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
+        bones=MappingProxyType(found),
+        points=points,
+        joints=joints.rebuilt,
+        muscles=changes,
+        options=options,
+        notes=(*notes, *not_transferred(model)),
+    )
+
+
+def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
+    if not bones:
+        raise BadData("no bone is given: the map of at least one body is needed")
+    for body in bones:
+        if body not in (GROUND, *model.body_names):
+            raise UnknownName("body", body, model.body_names)
+
+
+def _skeleton(model: Model, joints: TransferredJoints) -> Model:
+    """The model with its joints carried and nothing else."""
+    return replace(
+        model,
+        joints=joints.joints,
+        coordinates=joints.coordinates,
+        couplers=joints.couplers,
+        passive_torques=joints.passive_torques,
+    )
+
+
+def _virtual_links(
+    model: Model,
+    skeleton: Model,
+    bones: Mapping[str, BoneMap],
+    carriers: Mapping[str, Carrier],
+    surrounding: Mapping[str, Sequence[str]] | None,
+) -> dict[str, Carrier]:
+    """Carriers of the virtual links, by the bones around them as they lie in both default poses.
+
+    Their joints stay where their neighbors' size puts them, for the pose in which the bones are compared hangs on them.
+    """
+    links = bones_around(model, bones, surrounding)
+    if not links:
+        return {}
+    before, after = standing_poses(model), standing_poses(skeleton)
+    return {
+        link: Carrier(surrounded_map(link, link, around, carriers, before, after), link)
+        for link, around in links.items()
+    }
+
+
+def graft_muscles(
+    source: Model,
+    target: Model,
+    bones: Mapping[str, BoneMap],
+    options: MorphOptions | None = None,
+    *,
+    coordinates: CoordinateTable | None = None,
+    postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+    surrounding: Mapping[str, Sequence[str]] | None = None,
+    beside: bool = False,
+    name: str = "",
+    progress: Callable[[int], None] | None = None,
+) -> Morph:
+    """The target's skeleton with the source's muscles on it, and their wrap objects and markers ([D] chapter 6).
+
+    Several bodies of the source may lead to one of the target, where bones are fused. A muscle one of whose bodies has
+    no counterpart is left out, and so is a wrap object. Joints, masses and meshes are the target's own.
+
+    Parameters
+    ----------
+    bones : maps by body of the source; each tells the target's body
+    coordinates : by coordinate of the source the target's, factor and offset: target = factor source + offset; by
+        default those of the same name. Conditional and moving points follow them, and fibers keep the range of
+        normalized lengths over the ranges of these
+    postures : coordinates of source and target in which their bones lie alike, the others at their defaults; virtual
+        links are mapped in them, paths compared
+    surrounding : bodies of the source that are virtual links, with the bones around each
+    beside : keep the target's own muscles too
+    name : of the new model; by default the target's
+
+    Raises
+    ------
+    UnknownName : a map, virtual link or coordinate of something that the models do not have
+    BadData : no map, one that turns right into left, or muscles of one name in both
+    """
+    options = options or MorphOptions()
+    _check(source, bones)
+    table = _same_coordinates(source, target) if coordinates is None else coordinates
+    carriers = _grafted(source, target, bones, postures, surrounding)
+    left_out = _left_out(source, carriers)
+    muscles, notes = _translated(
+        source, [one for one in source.muscles if one.name not in left_out], carriers, table, postures[0]
+    )
+    ligaments = _whole_ligaments(source, carriers)
+    known = (*source.coordinates, *target.coordinates)
+    strings = transferred_lines(source, muscles, ligaments, carriers, known, {}, options.surface_within)
+    moved = replace(
+        target,
+        name=name or target.name,
+        muscles=strings.muscles,
+        ligaments=strings.ligaments,
+        kept=(*target.kept, *_kept_of(source, ligaments)),
+        wrap_objects=strings.wrap_objects,
+        markers=(*target.markers, *_markers(source, target, carriers)),
+        warnings=(),
+    )
+    donor = replace(source, muscles=tuple(source.muscle(one.name) for one in muscles), ligaments=ligaments)
+    solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
+    moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
+    lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
+    ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
+    owners = {one.name: one for one in source.muscles}
+    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio)
+    taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
+    if beside:
+        grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)
+        moved = replace(moved, wrap_objects=(*target.wrap_objects, *moved.wrap_objects))
+    found = {body: carrier.bone for body, carrier in carriers.items()}
+    return Morph(
+        source=source,
+        model=replace(moved, muscles=grown, ligaments=taut),
+        bones=MappingProxyType(found),
+        points=points,
+        joints=(),
+        muscles=changes,
+        options=options,
+        notes=(*_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
+        left_out=MappingProxyType(left_out),
+    )
+
+
+def _grafted(
+    source: Model,
+    target: Model,
+    bones: Mapping[str, BoneMap],
+    postures: tuple[Mapping[str, float], Mapping[str, float]],
+    surrounding: Mapping[str, Sequence[str]] | None,
+) -> dict[str, Carrier]:
+    """Carriers of the bones, and of the virtual links by the bones around them in the postures given."""
+    carriers = {body: Carrier(bone, bone.target_body) for body, bone in bones.items()}
+    for body in bones:
+        index_of("body", carriers[body].body, (GROUND, *target.body_names), f"the target of '{body}'")
+    before, after = standing_poses(source, postures[0]), standing_poses(target, postures[1])
+    for link, around in bones_around(source, bones, surrounding).items():
+        there = carriers[around[0]].body
+        carriers[link] = Carrier(surrounded_map(link, there, around, carriers, before, after), there)
+    return carriers
+
+
+def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
+    """The model with other default values of its coordinates."""
+    changed = (replace(one, default=values.get(one.name, one.default)) for one in model.coordinates)
+    return replace(model, coordinates=tuple(changed))
+
+
+def _whole_ligaments(source: Model, carriers: Mapping[str, Carrier]) -> tuple[Ligament, ...]:
+    """Ligaments all of whose bodies have a counterpart; surfaces that have none they no longer go around."""
+    bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
+    found = []
+    for one in source.ligaments:
+        if all(isinstance(point, PathPoint) and point.body in carriers for point in one.path.points):
+            wraps = tuple(w for w in one.path.wraps if isinstance(w, PathWrap) and bodies[w.wrap_object] in carriers)
+            found.append(replace(one, path=replace(one.path, wraps=wraps)))
+    return tuple(found)
+
+
+def _kept_of(source: Model, ligaments: Sequence[Ligament]) -> tuple[Kept, ...]:
+    """The parts of the source's file that the ligaments' forces are in."""
+    names = {(one.kind, one.name) for one in ligaments}
+    return tuple(one for one in source.kept if (one.kind, one.name) in names)
+
+
+def _same_coordinates(source: Model, target: Model) -> CoordinateTable:
+    return {name: (name, 1.0, 0.0) for name in source.coordinate_names if name in target.coordinate_names}
+
+
+def _left_out(source: Model, carriers: Mapping[str, Carrier]) -> dict[str, str]:
+    """Why each muscle that cannot be put on the target is left out."""
+    found = {}
+    for muscle in source.muscles:
+        missing = dict.fromkeys(point.body for point in muscle.path.points if point.body not in carriers)
+        if missing:
+            found[muscle.name] = "the target has no counterpart of " + ", ".join(f"'{body}'" for body in missing)
+    return found
+
+
+def _translated(
+    source: Model,
+    muscles: Sequence[Muscle],
+    carriers: Mapping[str, Carrier],
+    table: CoordinateTable,
+    posture: Mapping[str, float],
+) -> tuple[list[Muscle], list[str]]:
+    """Muscles in the target's coordinates, around the surfaces that the target has."""
+    standing = {one.name: posture.get(one.name, one.default) for one in source.coordinates}
+    bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
+    found, frozen, straight = [], [], []
+    for muscle in muscles:
+        path, lost = translated_path(muscle.path, table, standing)
+        opensim = tuple(one for one in path.wraps if isinstance(one, PathWrap) and bodies[one.wrap_object] in carriers)
+        mujoco = tuple(
+            one
+            for one in path.wraps
+            if isinstance(one, TendonWrap) and bodies[one.wrap_object] in carriers and one.side_body in ("", *carriers)
+        )
+        wraps = opensim or mujoco
+        if lost:
+            frozen.append(muscle.name)
+        if len(wraps) < len(path.wraps):
+            straight.append(muscle.name)
+        found.append(replace(muscle, path=replace(path, wraps=wraps)))
+    notes = []
+    if frozen:
+        notes.append(f"points stand still that follow coordinates which the target does not have: {few(frozen)}")
+    if straight:
+        notes.append(f"paths no longer go around surfaces of bodies that the target does not have: {few(straight)}")
+    return found, notes
+
+
+def _markers(source: Model, target: Model, carriers: Mapping[str, Carrier]) -> tuple[Marker, ...]:
+    """The source's markers on bodies that have a counterpart, unless the target has one of that name."""
+    return tuple(
+        transferred_marker(one, carriers)
+        for one in source.markers
+        if one.body in carriers and one.name not in target.marker_names
+    )
+
+
+def _link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
+    return [
+        f"virtual link '{body}': {note}"
+        for body, bone in bones.items()
+        if bone.basis == "surrounding"
+        for note in bone.notes
+    ]

@@ -1,0 +1,213 @@
+"""Fiber and tendon lengths, force and pennation of muscles in other bones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.paths import Muscle
+from myomorph.model.scale import FIBER_LENGTHS
+from myomorph.morph.checks.moment_arms import Postures
+from myomorph.morph.morphed import MorphOptions, MuscleChange
+from myomorph.morph.transfer.carrier import Carriers, few
+from myomorph.muscles.path import compile_paths
+
+USUAL = 0.4, 1.6
+"""Normalized fiber lengths of the source that count: beyond, a posture is none that the muscle was made for."""
+
+FEWEST = 10
+"""Postures that must be among those."""
+
+LEAST_TRAVEL = 0.02
+"""A path that changes by less than this share of its length tells nothing of the fiber's share in it."""
+
+STEEPEST = 3.0
+"""A fiber that would grow or shrink so many times more than the path as a whole is not believed."""
+
+GREATEST_PENNATION = np.radians(80.0)
+
+OWN_LENGTHS = (*FIBER_LENGTHS, "default_fiber_length")
+"""Parameters of muscle classes that are lengths."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathLengths:
+    """Lengths of all muscle paths in paired postures, the default posture first.
+
+    Attributes
+    ----------
+    source, target : (postures, muscles) [m]
+    """
+
+    source: Array
+    target: Array
+
+
+def path_lengths(
+    source: Model, target: Model, postures: Postures, progress: Callable[[int], None] | None
+) -> PathLengths:
+    """Lengths of the paths of two models that have the same muscles."""
+    lengths = []
+    for model, values in ((source, postures.source), (target, postures.target)):
+        lengths.append(compile_paths(model).evaluate(values, progress=progress)[0])
+    return PathLengths(*lengths)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How a muscle's lengths change: path lengths l become slope l + shift, so fibers grow by slope."""
+
+    slope: float
+    shift: float
+
+
+def transferred_muscles(
+    muscles: tuple[Muscle, ...],
+    source: Mapping[str, Muscle],
+    lengths: PathLengths,
+    carriers: Carriers,
+    options: MorphOptions,
+    mass_ratio: float,
+) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
+    """Muscles with the parameters that the target's bones ask for, what changed, and warnings.
+
+    Parameters
+    ----------
+    muscles : with paths of the target and parameters of the source
+    source : the source's, by name
+    lengths : in the order of `muscles`
+    mass_ratio : mass of the target over that of the source
+    """
+    found, changes, doubtful = [], [], []
+    for i, muscle in enumerate(muscles):
+        before, after = lengths.source[:, i], lengths.target[:, i]
+        ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
+        growth = Growth(1.0, 0.0)
+        if options.fibers == "path":
+            growth = Growth(ratio, 0.0)
+        elif options.fibers == "range":
+            kept = _range_growth(muscle, before[1:], after[1:], ratio)
+            if kept is None:
+                doubtful.append(muscle.name)
+            growth = kept or Growth(ratio, 0.0)
+        bodies = {point.body for point in source[muscle.name].path.points}
+        one = _with_lengths(muscle, growth)
+        one = _with_pennation(one, muscle, options, float(np.mean([carriers[body].size for body in bodies])))
+        force = _force_ratio(options, carriers, bodies, growth.slope, mass_ratio)
+        one = _with_force(one, force, growth.slope)
+        found.append(one)
+        changes.append(_change(muscle, one, before[1:], after[1:], ratio, force))
+    return tuple(found), tuple(changes), _notes(doubtful)
+
+
+def _notes(doubtful: list[str]) -> list[str]:
+    if not doubtful:
+        return []
+    return [f"paths do not tell fiber from tendon, which both grow with the path: {few(doubtful)}"]
+
+
+def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:
+    """Fiber lengths over the optimal one at path lengths [m], with a rigid tendon and fibers of constant thickness."""
+    if not muscle.optimal_fiber_length > 0.0:
+        return np.full(np.shape(lengths), np.nan)
+    along = np.maximum(lengths - muscle.tendon_slack_length, 0.0)
+    height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
+    fibers: Array = np.sqrt(along**2 + height**2) / muscle.optimal_fiber_length
+    return fibers
+
+
+def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> Growth | None:
+    """The growth that keeps normalized fiber lengths over the range of motion, None where the paths do not tell.
+
+    The fiber along the tendon, in optimal lengths, is (l(q) - l_T) / l_0 over postures q. l_0' and l_T' of the target
+    give it the mean and the standard deviation that the source's has:
+
+        l_0' / l_0 = sd(l') / sd(l),   l_T' = mean(l') - (l_0' / l_0) (mean(l) - l_T)
+
+    Where both paths change alike this is what least squares over postures give (Modenese et al. 2016, with a rigid
+    tendon); where they do not, as in another species, least squares would shorten the fiber by their correlation and
+    so widen its range.
+    """
+    normal = normalized_lengths(muscle, before)
+    usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
+    if usual.sum() < FEWEST:
+        usual = np.isfinite(before)
+    x, y = before[usual], after[usual]
+    if not np.ptp(x) > LEAST_TRAVEL * before[0]:
+        return None
+    slope = float(y.std() / x.std())
+    shift = float(y.mean() - slope * x.mean())
+    tendon = slope * muscle.tendon_slack_length + shift
+    if not ratio / STEEPEST < slope < ratio * STEEPEST or tendon < 0.0 <= muscle.tendon_slack_length:
+        return None
+    return Growth(slope, shift)
+
+
+def _with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
+    parameters = dict(muscle.parameters)
+    for name in OWN_LENGTHS:
+        if name in parameters:
+            shift = growth.shift if name in ("LT", "lengthrange0", "lengthrange1") else 0.0
+            parameters[name] = growth.slope * parameters[name] + shift
+    return replace(
+        muscle,
+        optimal_fiber_length=growth.slope * muscle.optimal_fiber_length,
+        tendon_slack_length=growth.slope * muscle.tendon_slack_length + growth.shift,
+        parameters=MappingProxyType(parameters),
+    )
+
+
+def _with_pennation(muscle: Muscle, before: Muscle, options: MorphOptions, size: float) -> Muscle:
+    """Thickness is optimal fiber length times the sine of pennation; it grows with the bones if that is wanted."""
+    if options.pennation == "keep" or not muscle.optimal_fiber_length > 0.0:
+        return muscle
+    sine = np.sin(before.pennation_at_optimal) * before.optimal_fiber_length * size / muscle.optimal_fiber_length
+    return replace(muscle, pennation_at_optimal=float(min(np.arcsin(min(sine, 1.0)), GREATEST_PENNATION)))
+
+
+def _force_ratio(options: MorphOptions, carriers: Carriers, bodies: set[str], fiber: float, mass_ratio: float) -> float:
+    """Force is volume over fiber length times a stress that stays; the bones' volume stands for the muscle's."""
+    if options.force == "keep":
+        return 1.0
+    if options.force == "area":
+        return float(np.mean([carriers[body].size for body in bodies])) ** 2
+    if options.force == "mass":
+        return mass_ratio / fiber
+    return float(np.exp(np.mean([np.log(carriers[body].volume) for body in bodies]))) / fiber
+
+
+def _with_force(muscle: Muscle, ratio: float, fiber: float) -> Muscle:
+    """A damper along the path resists as its muscle pulls, at speeds in fiber lengths."""
+    parameters = dict(muscle.parameters)
+    for name in ("F0", "force"):
+        if parameters.get(name, -1.0) > 0.0:
+            parameters[name] *= ratio
+    if muscle.kind == "mujoco" and "scale" in parameters:
+        parameters["scale"] *= ratio
+    return replace(
+        muscle,
+        max_isometric_force=muscle.max_isometric_force * ratio,
+        viscosity=muscle.viscosity * ratio / fiber,
+        parameters=MappingProxyType(parameters),
+    )
+
+
+def _change(before: Muscle, after: Muscle, old: Array, new: Array, path: float, force: float) -> MuscleChange:
+    def over(one: float, other: float) -> float:
+        return other / one if one > 0.0 else 1.0
+
+    ranges = [normalized_lengths(muscle, lengths) for muscle, lengths in ((before, old), (after, new))]
+    return MuscleChange(
+        before.name,
+        path,
+        over(before.optimal_fiber_length, after.optimal_fiber_length),
+        over(before.tendon_slack_length, after.tendon_slack_length),
+        force,
+        after.pennation_at_optimal - before.pennation_at_optimal,
+        *((float(one.min()), float(one.max())) for one in ranges),
+    )

@@ -1,0 +1,225 @@
+"""Curves: over time, and over a cycle with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.series import Event
+from myomorph.report.charts.axis import Axis, limits, number
+from myomorph.report.charts.marks import (
+    Frame,
+    Level,
+    band,
+    decimate,
+    drawing,
+    envelope,
+    filled,
+    frame,
+    grid_along,
+    grid_up,
+    levels_across,
+    line,
+    mark,
+    rect,
+    text,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Values over time and how they are drawn.
+
+    Attributes
+    ----------
+    time, values : (samples,)
+    style : class of the style sheet: "right", "left", "middle", "truth", "emg", "first", "second", "third"
+    label : what the reading under the pointer says
+    filled : as an area down to zero
+    """
+
+    time: Array
+    values: Array
+    style: str
+    label: str
+    filled: bool = False
+
+    def within(self, span: tuple[float, float]) -> tuple[Array, Array]:
+        """Times and values inside a span of time [s]."""
+        inside = (self.time >= span[0] - 1e-9) & (self.time <= span[1] + 1e-9)
+        return np.asarray(self.time)[inside], np.asarray(self.values)[inside]
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One chart over time.
+
+    Attributes
+    ----------
+    title, unit : printed above it
+    span : (first, last) time shown [s]
+    events : drawn as vertical lines
+    low, high : values that must be inside, or None
+    width, height : in the drawing's own units
+    name_events : print the events' labels above the chart
+    second : factor and unit of a second scale on the right, e.g. moments per kilogram
+    margin : free space on the right, so that charts above each other line up
+    """
+
+    title: str
+    unit: str
+    lines: Sequence[Line]
+    span: tuple[float, float]
+    events: Sequence[Event] = ()
+    levels: Sequence[Level] = ()
+    low: float | None = None
+    high: float | None = None
+    width: int = 330
+    height: int = 190
+    name_events: bool = False
+    second: tuple[float, str] | None = None
+    margin: int = 8
+
+
+def line_limits(
+    lines: Sequence[Line], span: tuple[float, float], low: float | None, high: float | None
+) -> tuple[float, float]:
+    """Lowest and highest value of lines within a span, zero too where one is filled."""
+    low = min(low or 0.0, 0.0) if any(one.filled for one in lines) else low
+    return limits([one.within(span)[1] for one in lines], low, high)
+
+
+def drawn_line(area: Frame, one: Line, span: tuple[float, float]) -> str:
+    """A line within a span: thinned, of noise its mean in the band of its extremes, filled down to zero if it is so."""
+    time, values = one.within(span)
+    bins = envelope(time, values)
+    if bins is not None:
+        time, values, low, high = bins
+        return band(area, time, low, high, one.style) + line(area, time, values, one.style, one.label)
+    time, values = decimate(time, values)
+    under = filled(area, time, values, one.style) if one.filled else ""
+    return under + line(area, time, values, one.style, one.label)
+
+
+def time_plot(panel: Panel) -> str:
+    """Lines over time as an `<svg>` element."""
+    first, last = panel.span
+    area = frame(
+        46.0,
+        40.0 if panel.name_events and panel.events else 26.0,
+        panel.width - (36.0 if panel.second else panel.margin),
+        panel.height - 22.0,
+        (first, max(last, first + 1e-9)),
+        line_limits(panel.lines, panel.span, panel.low, panel.high),
+        "s",
+    )
+    tall, wide = area.y.start - area.y.stop, area.x.stop - area.x.start
+    return drawing(
+        "time",
+        panel.title,
+        (panel.width, panel.height),
+        grid_up(area, max(2, min(4, int(tall / 32)))),
+        grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0),
+        _second_scale(area, *panel.second) if panel.second else "",
+        _events(area, panel),
+        *(drawn_line(area, one, panel.span) for one in panel.lines),
+        levels_across(area, panel.levels),
+        unit=panel.unit,
+        attributes=area.data,
+    )
+
+
+def _second_scale(area: Frame, factor: float, unit: str) -> str:
+    """The same values in another unit, at the right."""
+    axis = Axis(area.y.low * factor, area.y.high * factor, area.y.start, area.y.stop)
+    parts = [text(area.x.stop + 32, area.y.stop - 7, unit, "tick y second")]
+    for tick in axis.ticks():
+        parts.append(mark("path", "grid", d=f"M{area.x.stop:.1f} {tick.position:.1f}h3"))
+        parts.append(text(area.x.stop + 5, tick.position + 3, tick.text, "tick end second"))
+    return "".join(parts)
+
+
+def event_line(area: Frame, event: Event) -> str:
+    """An upright line at an event, in the color of its side."""
+    name, style = f"{event.side} {event.label}".strip(), event.side.lower() or "middle"
+    data = f"M{float(area.x.at(event.time)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
+    return mark("path", f"event {style}", f"{name}, {number(event.time, 0.001)} s", d=data)
+
+
+def _events(area: Frame, panel: Panel) -> str:
+    """Events as lines, named above the chart in two rows as far as there is room."""
+    parts, taken = [], [-np.inf, -np.inf]
+    for event in panel.events:
+        if not area.x.low <= event.time <= area.x.high:
+            continue
+        parts.append(event_line(area, event))
+        short, x = f"{event.side[:1]} {event.label.replace('Foot ', '')}".strip(), float(area.x.at(event.time))
+        half = 2.6 * len(short) + 3
+        row = next((k for k in (0, 1) if x - half > taken[k]), None)
+        if panel.name_events and row is not None:
+            parts.append(text(x, area.y.stop - 4 - 10 * row, short, f"event {event.side.lower() or 'middle'}"))
+            taken[row] = x + half
+    return "".join(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class CycleCurve:
+    """A mean over the cycle, from 0 to 100 % in even steps.
+
+    Attributes
+    ----------
+    mean : (samples,), NaN where unknown
+    interval : low and high (samples,) of the mean, or None
+    spread : low and high (samples,) of a wider, fainter band, or None
+    each : (samples,) curves that the mean is of, drawn thin
+    """
+
+    mean: Array
+    style: str
+    label: str
+    interval: tuple[Array, Array] | None = None
+    spread: tuple[Array, Array] | None = None
+    each: Iterable[Array] = ()
+
+
+def cycle_chart(
+    title: str,
+    unit: str,
+    curves: Sequence[CycleCurve],
+    shown: Sequence[Array],
+    differs: Sequence[tuple[float, float, str]] = (),
+    height: int = 220,
+) -> str:
+    """Mean curves over the cycle with their intervals, and bars below where they differ.
+
+    Parameters
+    ----------
+    shown : arrays of values that must be inside; intervals beyond them are cut
+    differs : first and last percent of a difference, and what is shown under the pointer
+    """
+    width = 330.0
+    area = frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
+    behind, front = [], []
+    for one in curves:
+        percent = np.linspace(0.0, 100.0, len(one.mean))
+        behind += [line(area, percent, curve, f"thin {one.style}") for curve in one.each if np.isfinite(curve).any()]
+        for ends, faint in ((one.spread, "faint "), (one.interval, "")):
+            behind.append(band(area, percent, *ends, f"{faint}{one.style}") if ends is not None else "")
+        front.append(line(area, percent, one.mean, one.style, one.label))
+    for start, stop, under in differs:
+        a, b = (float(area.x.at(end)) for end in (start, stop))
+        front.append(rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))
+    return drawing(
+        "time",
+        title,
+        (width, height),
+        grid_up(area),
+        grid_along(area, 4, lines=False, drop=24.0),
+        *behind,
+        *front,
+        unit=unit,
+        attributes=f'{area.data} data-clock="%"',
+    )

@@ -1,0 +1,187 @@
+"""Charts that hold pictures: the body along a time axis or in colors, and a surface in colors of its residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.surface import Surface
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.marks import drawing, image, mark, text
+from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
+from myomorph.report.scene.image import Bytes, data_uri, png
+from myomorph.report.scene.pictures import Picture, pictures, proportion
+from myomorph.report.scene.raster import Canvas, View
+from myomorph.report.scene.scene import Scene
+from myomorph.report.scene.shapes import normals
+
+TALL = 176.0
+PIXELS = 270
+FOOT = 20.0
+GAP = 10.0
+MIN_PICTURES = 4
+OVERLAP = 1.06
+
+MAP_WIDTH, MAP_HEIGHT = 330, 250
+PICTURE = 180
+"""Height of the pictures of a residual map, in the drawing's own units."""
+SHRINK = 2
+LEVELS = 15
+"""Colors; each is drawn over the same depth."""
+FILL = 0.92
+ANCHORS = ((0.13, 0.35, 0.62), (0.88, 0.87, 0.84), (0.70, 0.16, 0.14))
+"""Inside, on and outside the other surface."""
+
+
+def even_times(span: tuple[float, float], count: int) -> tuple[float, ...]:
+    """Middles of `count` equal parts of a span [s]: pictures there stand over their own times."""
+    return tuple(float(one) for one in span[0] + (np.arange(count) + 0.5) / count * (span[1] - span[0]))
+
+
+def fitting(scene: Scene, max_count: int, view: str = "oblique") -> int:
+    """How many pictures of this scene fill a strip, between `MIN_PICTURES` and `max_count`."""
+    count = (WIDTH - RIGHT - LEFT) / (TALL * proportion(scene, view))
+    return int(np.clip(count, min(MIN_PICTURES, max_count), max_count))
+
+
+def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
+    """The scene's frames side by side as an `<svg>` element, each tied to its time on the axis below."""
+    count = len(scene.time)
+    room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
+    drawn = pictures(scene, PIXELS, max(40, int(room / TALL * PIXELS)), views=(view,))
+    tall, wide = (max(sizes) * TALL / PIXELS for sizes in zip(*((one.height, one.width) for one in drawn), strict=True))
+    height = tall + FOOT
+    area = behind.frame(0.0, height)
+    parts = [behind.behind(area)]
+    at = area.x.at(scene.time)
+    for i, (one, middle) in enumerate(
+        zip(drawn, pictures_beside(at, wide / OVERLAP, LEFT, WIDTH - RIGHT), strict=True)
+    ):
+        time = number(float(scene.time[i]), 0.01)
+        parts.append(image(data_uri(one.image), middle - wide / 2, 0.0, wide, tall, f"The body at {time} s"))
+        parts.append(mark("path", "zero", d=f"M{middle:.1f} {height - 7:.1f}L{at[i]:.1f} {height:.1f}"))
+        parts.append(text(middle, height - 10, f"{time} s", "tick x"))
+    return drawing("strip-row", f"The body at {count} instants", (WIDTH, round(height, 1)), *parts, unit=None)
+
+
+def pictures_beside(wanted: Array, wide: float, left: float, right: float) -> Array:
+    """Positions nearest to those wanted (ascending), in least squares, `wide` apart and within the borders."""
+    apart = wide * np.arange(len(wanted))
+    blocks: list[tuple[float, int]] = []
+    for one in wanted - apart:
+        mean, count = float(one), 1
+        while blocks and blocks[-1][0] > mean:
+            before, several = blocks.pop()
+            mean, count = (several * before + count * mean) / (several + count), several + count
+        blocks.append((mean, count))
+    found = np.repeat([mean for mean, _ in blocks], [count for _, count in blocks])
+    low, high = left + wide / 2, right - wide / 2 - apart[-1]
+    return np.clip(found, min(low, high), max(low, high)) + apart
+
+
+def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) -> list[int]:
+    """Of the good frames those nearest to the wanted times, each once, in order of time."""
+    found = {int(good[int(np.argmin(np.abs(time[good] - one)))]) for one in wanted}
+    return sorted(found)
+
+
+def picture_row(
+    title: str,
+    drawn: Sequence[Picture],
+    labels: Sequence[str] = (),
+    palette: Bytes | None = None,
+    ends: Sequence[str] = (),
+    unit: str | None = None,
+    width: float = 560.0,
+) -> str:
+    """Pictures of bodies side by side, with labels or a scale of their colors below.
+
+    Parameters
+    ----------
+    labels : of each picture
+    palette : (256, 3) colors of the scale, None for no scale
+    ends : what the scale's beginning, middle and end mean
+    unit : printed behind the title; None prints no title
+    width : of the drawing at least
+    """
+    wide, tall = sum(one.width for one in drawn), max(one.height for one in drawn)
+    width = min(float(WIDTH), max(width, wide + GAP * len(drawn)))
+    shrink = min(1.0, (width - GAP * len(drawn)) / wide)
+    gap, top = (width - shrink * wide) / len(drawn), 0.0 if unit is None else 20.0
+    bottom = top + shrink * tall
+    parts, x = [], 0.5 * gap
+    for i, one in enumerate(drawn):
+        w, h = shrink * one.width, shrink * one.height
+        parts.append(image(data_uri(one.image), x, top + 0.5 * (shrink * tall - h), w, h))
+        parts.append(text(x + w / 2, bottom + 14, labels[i], "tick x") if labels else "")
+        x += w + gap
+    if palette is not None:
+        bar = data_uri(png(np.arange(256, dtype=np.uint8)[None], palette))
+        parts.append(color_scale(bar, width / 2 - 110, bottom + 14.0, (220.0, 9.0), ends))
+    below = (18 if labels else 0) + (46 if palette is not None else 0)
+    return drawing("body", title, (round(width), round(bottom + below)), *parts, unit=unit)
+
+
+def color_scale(bar: str, x: float, y: float, size: tuple[float, float], words: Sequence[str]) -> str:
+    """A bar of colors with words in even steps below it."""
+    steps = np.linspace(0.0, size[0], len(words))
+    below = "".join(text(x + at, y + 14 + size[1] * 2 / 3, one, "tick x") for at, one in zip(steps, words, strict=True))
+    return image(bar, x, y, *size, stretch=True) + below
+
+
+def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> str:
+    """A surface in colors of how far each vertex is from the surface it was fitted to, from two sides.
+
+    Its scale of colors [mm] holds 95 % of the vertices.
+
+    Parameters
+    ----------
+    unit : printed behind the title
+    distances : (vertices,) positive outside [m]
+    """
+    reach = max(float(np.percentile(np.abs(distances), 95.0)), 1e-9)
+    views = [_surface_pixels(surface, distances / reach, axes) for axes in _two_sides(surface.vertices)]
+    widths = [PICTURE * one.shape[1] / one.shape[0] for one in views]
+    shrink = min(1.0, 0.46 * MAP_WIDTH / max(widths))
+    parts = []
+    for middle, pixels, width in zip((0.27 * MAP_WIDTH, 0.73 * MAP_WIDTH), views, widths, strict=True):
+        wide, tall = shrink * width, shrink * PICTURE
+        parts.append(image(data_uri(png(pixels)), middle - wide / 2, 22 + (PICTURE - tall) / 2, wide, tall))
+    bar = np.zeros((1, 256, 4), dtype=np.uint8)
+    bar[0, :, :3] = 255 * _residual_color(np.linspace(-1.0, 1.0, 256))
+    bar[..., 3] = 255
+    words = [number(1e3 * value) for value in (-reach, 0.0, reach)]
+    parts.append(color_scale(data_uri(png(bar)), MAP_WIDTH / 2 - 80, MAP_HEIGHT - 34.0, (160.0, 8.0), words))
+    return drawing("map", title, (MAP_WIDTH, MAP_HEIGHT), *parts, unit=unit)
+
+
+def _two_sides(vertices: Array) -> list[Array]:
+    """Two views (3, 3) with the longest way upright, along the two shorter ways."""
+    _, _, ways = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)
+    up, second = ways[0], ways[1]
+    third = np.cross(second, up)
+    return [np.stack([second, up, third]), np.stack([-third, up, second])]
+
+
+def _surface_pixels(surface: Surface, levels: Array, axes: Array) -> Bytes:
+    """(height, width, 4) pixels of the surface in the colors of levels (vertices,), -1 to 1."""
+    seen = surface.vertices @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    scale = FILL * 2.0 * PICTURE / max(float(high[1] - low[1]), 1e-9)
+    width = int(np.ceil(scale * (high[0] - low[0]) / FILL)) + 2
+    center = axes.T @ (0.5 * (low + high))
+    canvas = Canvas(View(axes, center, scale * SHRINK, width * SHRINK, 2 * PICTURE * SHRINK))
+    shading = normals(surface)
+    of_face = np.clip(levels[surface.faces].mean(axis=1), -1.0, 1.0)
+    index = np.minimum((0.5 * (of_face + 1.0) * LEVELS).astype(np.int64), LEVELS - 1)
+    for level in np.unique(index):
+        color = _residual_color(np.array([(2.0 * level + 1.0) / LEVELS - 1.0]))[0]
+        canvas.surface(surface.vertices, shading, surface.faces[index == level], color)
+    return canvas.picture(SHRINK)
+
+
+def _residual_color(levels: Array) -> Array:
+    """(n, 3) in 0..1."""
+    return np.stack([np.interp(levels, (-1.0, 0.0, 1.0), one) for one in zip(*ANCHORS, strict=True)], axis=1)

@@ -1,0 +1,175 @@
+"""One quantity against another: clouds of points, values by rank, and paths seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.report.charts.axis import limits, number
+from myomorph.report.charts.marks import (
+    Frame,
+    Level,
+    across,
+    dot,
+    drawing,
+    frame,
+    grid_along,
+    grid_up,
+    levels_across,
+    line,
+    mark,
+    path_data,
+    text,
+)
+
+MAX_DOTS = 700
+"""Points drawn; more of them would only darken the cloud."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points (n,) to the right and up; `joined` draws them as a line, `dotted` as a line with its points."""
+
+    x: Array
+    y: Array
+    style: str
+    label: str
+    joined: bool = False
+    dotted: bool = False
+
+
+def xy_plot(
+    title: str,
+    unit: str,
+    x_label: str,
+    clouds: Sequence[Cloud],
+    width: int = 330,
+    height: int = 230,
+    zero: bool = True,
+) -> str:
+    """Clouds of points and lines over common axes.
+
+    Parameters
+    ----------
+    unit : of the upright axis, behind the title
+    x_label : the level axis in words, with its unit
+    zero : whether both axes begin at or pass zero
+    """
+    x, y = ([getattr(one, axis)[np.isfinite(one.y)] for one in clouds] for axis in ("x", "y"))
+    area = frame(48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero))
+    return drawing(
+        "scatter",
+        title,
+        (width, height),
+        grid_up(area),
+        grid_along(area, 5, drop=14.0),
+        text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x"),
+        *(_cloud(area, one) for one in clouds),
+        unit=unit,
+    )
+
+
+def _cloud(area: Frame, one: Cloud) -> str:
+    known = np.flatnonzero(np.isfinite(one.x) & np.isfinite(one.y))
+    keep = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MAX_DOTS)).astype(np.int64))]
+    x, y = one.x[keep], one.y[keep]
+    found = line(area, x, y, one.style, under=one.label) if one.joined or one.dotted else ""
+    places = list(zip(area.x.at(x).tolist(), area.y.at(y).tolist(), strict=True))
+    if one.dotted:
+        return found + "".join(dot(a, b, one.style, 3.0, one.label) for a, b in places)
+    if one.joined:
+        return found
+    return mark("path", f"cloud {one.style}", one.label, d="".join(f"M{a:.1f} {b:.1f}h0" for a, b in places))
+
+
+def rank_plot(
+    title: str,
+    unit: str,
+    x_label: str,
+    names: Sequence[str],
+    values: Array,
+    levels: Sequence[tuple[float, str]] = (),
+    strong: np.ndarray | None = None,
+    width: int = 680,
+    height: int = 230,
+) -> str:
+    """Positive values from the smallest to the largest on a logarithmic scale, one dot each.
+
+    Parameters
+    ----------
+    x_label : what the horizontal axis counts
+    levels : values to draw a line at, and what to write there
+    strong : (names,) which dots are in color, the others are grey; all where not given
+    """
+    known = np.flatnonzero(np.isfinite(values) & (values > 0.0))
+    order = known[np.argsort(values[known], kind="stable")]
+    logs = np.log10(values[order])
+    marks = [Level(float(np.log10(value)), label) for value, label in levels]
+    everything = np.concatenate([logs, [one.value for one in marks], [-1.0]])
+    span = float(np.floor(everything.min())), float(np.ceil(everything.max() + 1e-9))
+    area = frame(52.0, 28.0, width - 12.0, height - 34.0, (0.0, float(max(len(order) + 1, 2))), span)
+    parts = []
+    powers = np.arange(int(span[0]), int(span[1]) + 1)
+    for power in powers[:: max(1, int(np.ceil(len(powers) / 8)))]:
+        y = float(area.y.at(power))
+        parts += [across(area, y, "grid"), text(area.x.start - 4, y + 3, number(10.0**power), "tick y")]
+    for tick in area.x.ticks(min(8, len(order))):
+        parts.append(text(tick.position, area.y.start + 14, tick.text, "tick x"))
+    parts.append(text((area.x.start + area.x.stop) / 2, area.y.start + 28, x_label, "tick x"))
+    parts.append(levels_across(area, marks))
+    for rank, (i, log) in enumerate(zip(order, logs, strict=True), 1):
+        style = "first" if strong is None or strong[i] else "middle"
+        under = f"{names[i]}: {number(float(values[i]))} {unit}"
+        parts.append(dot(float(area.x.at(rank)), float(area.y.at(log)), style, 2.2, under))
+    return drawing("dots", title, (width, height), *parts, unit=unit)
+
+
+def floor_plot(
+    title: str,
+    axes: tuple[str, str],
+    paths: Sequence[tuple[str, str, Array]],
+    outlines: Sequence[tuple[str, Array]] = (),
+    width: int = 330,
+    height: int = 190,
+    unit: str = "m",
+    one_scale: bool = True,
+) -> str:
+    """Paths on the ground seen from above; "" where no point is known.
+
+    Parameters
+    ----------
+    axes : names of the two axes: to the right, upwards in the drawing
+    paths : label, style and points (frames, 2), NaN where there is none
+    outlines : label and corners (n, 2) of force plates
+    one_scale : whether both axes have one scale; else each fills the chart
+    """
+    clouds = [points[np.isfinite(points).all(axis=1)] for _, _, points in paths]
+    everything = [one for one in clouds if len(one)] + [corners for _, corners in outlines]
+    if not everything:
+        return ""
+    stacked = np.concatenate(everything)
+    low, high = stacked.min(axis=0), stacked.max(axis=0)
+    left, top, right, bottom = 46.0, 26.0, width - 8.0, height - 34.0
+    least = 0.25 * max(float((high - low).max()) * 1.12, 1e-3)
+    room = np.array([right - left, bottom - top])
+    half = room / float((room / np.maximum(1.12 * (high - low), least)).min()) / 2
+    if not one_scale:
+        half = np.maximum(0.56 * (high - low), 1e-9)
+    (x0, y0), (x1, y1) = (low + high) / 2 - half, (low + high) / 2 + half
+    area = frame(left, top, right, bottom, (x0, x1), (y0, y1))
+    parts = [
+        grid_along(area, 4, drop=13.0),
+        grid_up(area),
+        text((left + right) / 2, bottom + 27, f"{axes[0]} →", "tick x"),
+        text(11.0, (top + bottom) / 2, f"{axes[1]} →", "tick x", turned=True),
+    ]
+    for label, corners in outlines:
+        data = path_data(area.x.at(corners[:, 0]), area.y.at(corners[:, 1]))
+        parts.append(mark("path", "plate", label, d=f"{data}Z"))
+    for label, style, points in paths:
+        shown = points[:: max(1, len(points) // 800)]
+        parts.append(line(area, shown[:, 0], shown[:, 1], style, label, label))
+    return drawing("floor", title, (width, height), *parts, unit=unit)

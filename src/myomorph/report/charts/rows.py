@@ -1,0 +1,252 @@
+"""One row, or one column, for each name: bars, dots and intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.provenance import Estimate
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.marks import (
+    LETTER,
+    Frame,
+    Level,
+    dot,
+    drawing,
+    frame,
+    grid_along,
+    grid_up,
+    group,
+    levels_across,
+    levels_up,
+    mark,
+    rect,
+    shortened,
+    text,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Values (names,) drawn as marks beside others, NaN where there is none."""
+
+    label: str
+    style: str
+    values: Array
+
+
+def row_frame(names: Sequence[str], x: tuple[float, float], row: float, width: float, top: float = 26.0) -> Frame:
+    """The area of rows of one height under each other, wide enough at the left for their names."""
+    left = 10.0 + LETTER * max((len(name) for name in names), default=1)
+    return frame(left, top, width - 14.0, top + row * len(names), x)
+
+
+def named_rows(
+    kind: str,
+    title: str,
+    unit: str,
+    area: Frame,
+    rows: Sequence[tuple[str, str, str]],
+    width: float,
+    levels: Sequence[Level] = (),
+    count: int = 6,
+) -> str:
+    """A drawing of rows, each its name, what is shown under the pointer, and its marks."""
+    tall = (area.y.start - area.y.stop) / max(len(rows), 1)
+    parts = [
+        group(f"{name}: {under}", text(area.x.start - 6, area.y.stop + tall * (i + 0.5) + 3.5, name, "tick y"), marks)
+        for i, (name, under, marks) in enumerate(rows)
+    ]
+    size = width, int(area.y.start + 24)
+    return drawing(kind, title, size, grid_along(area, count), levels_up(area, levels), *parts, unit=unit)
+
+
+def _across(area: Frame, low: float, high: float, y: float, kind: str) -> str:
+    """A line along a row."""
+    return mark("path", kind, d=f"M{float(area.x.cut(low)):.1f} {y:.1f}H{float(area.x.cut(high)):.1f}")
+
+
+def _under(labels: Sequence[str], values: Sequence[float], unit: str) -> str:
+    listed = ", ".join(f"{label} {number(one)}" for label, one in zip(labels, values, strict=True))
+    return f"{listed} {unit}".strip()
+
+
+def bar_plot(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Array],
+    styles: Sequence[str],
+    labels: Sequence[str],
+    levels: Sequence[Level] = (),
+    width: int = 680,
+    peak: float = 0.0,
+) -> str:
+    """Horizontal bars, one row a name; several `values` lie over each other, the widest first.
+
+    Parameters
+    ----------
+    values : (names,) of each kind, NaN where there is none
+    styles, labels : of each kind
+    peak : largest value that must fit, for charts of one scale
+    """
+    row = 15.0
+    peak = max([peak, *(float(np.nanmax(one)) for one in values if np.isfinite(one).any()), *(k.value for k in levels)])
+    area = row_frame(names, (0.0, 1.06 * (peak or 1.0)), row, width, 36.0 if levels else 26.0)
+    rows = []
+    for i, name in enumerate(names):
+        bars = ""
+        for j, (one, style) in enumerate(zip(values, styles, strict=True)):
+            thick = row - 4.0 if j == 0 else row - 9.0
+            top = area.y.stop + row * (i + 0.5) - thick / 2
+            wide = float(area.x.at(one[i])) - area.x.start
+            bars += rect(f"bar {style}", area.x.start, top, wide, thick) if np.isfinite(wide) else ""
+        rows.append((name, _under(labels, [float(one[i]) for one in values], unit), bars))
+    return named_rows("bars", title, unit, area, rows, width, levels)
+
+
+def dot_plot(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Array],
+    styles: Sequence[str],
+    labels: Sequence[str],
+    width: int = 680,
+    spread: Array | None = None,
+) -> str:
+    """One row a name, one dot a value, joined by a line, so that many names compare at a glance.
+
+    Parameters
+    ----------
+    values : (names,) of each kind, NaN where there is none
+    styles, labels : of each kind
+    spread : (names,) drawn as a bar to both sides of the first kind's dot, NaN where there is none
+    """
+    half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
+    finite = [one[np.isfinite(one)] for one in (values[0] - half, values[0] + half, *values[1:])]
+    low = min(0.0, *(float(one.min(initial=0.0)) for one in finite))
+    high = max((float(one.max(initial=0.0)) for one in finite), default=1.0) or 1.0
+    air, row = 0.05 * (high - low), 14.0
+    area = row_frame(names, (low - air * (low < 0.0), high + air), row, width)
+    rows = []
+    for i, name in enumerate(names):
+        own, y = [float(one[i]) for one in values], area.y.stop + row * (i + 0.5)
+        known = [one for one in own if np.isfinite(one)]
+        marks = _across(area, min(known), max(known), y, "grid") if len(known) > 1 else ""
+        if half[i] > 0.0:
+            marks += _across(area, own[0] - half[i], own[0] + half[i], y, f"line {styles[0]}")
+        for one, style in reversed(list(zip(own, styles, strict=True))):
+            marks += dot(float(area.x.at(one)), y, style) if np.isfinite(one) else ""
+        rows.append((name, _under(labels, own, unit), marks))
+    return named_rows("dots", title, unit, area, rows, width)
+
+
+def interval_rows(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Estimate],
+    beside: Sequence[Beside] = (),
+    levels: Sequence[Level] = (),
+    solid: Sequence[bool] | None = None,
+    signed: bool = False,
+    width: int = 680,
+) -> str:
+    """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values are cut.
+
+    Parameters
+    ----------
+    solid : whether each dot is filled; all where not given
+    signed : whether zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides
+    """
+    known = [*(one.value for one in values), *(one.value for one in levels), *(k for one in beside for k in one.values)]
+    peak = max([abs(one) for one in known if np.isfinite(one)] or [0.0])
+    peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
+    ends = [abs(end) for one in values for end in (one.low, one.high) if np.isfinite(end)]
+    reach = 1.06 * max(peak, min(max(ends, default=0.0), furthest * peak)) or 1.0
+    row = 17.0
+    area = row_frame(names, (-reach if signed else 0.0, reach), row, width, 38.0 if levels else 28.0)
+    rows = []
+    for i, (name, one) in enumerate(zip(names, values, strict=True)):
+        y, marks = area.y.stop + row * (i + 0.5), ""
+        if np.isfinite(one.low) and np.isfinite(one.high):
+            marks += _across(area, one.low, one.high, y, "whisker")
+            inside = [end for end in (one.low, one.high) if area.x.low <= end <= area.x.high]
+            marks += "".join(mark("path", "whisker", d=f"M{float(area.x.at(end)):.1f} {y - 3:.1f}v6") for end in inside)
+        for other in beside:
+            if np.isfinite(other.values[i]):
+                x = float(area.x.at(other.values[i]))
+                marks += mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
+        if np.isfinite(one.value):
+            marks += dot(float(area.x.cut(one.value)), y, "first" if solid is None or solid[i] else "open", 4.2)
+        rows.append((name, "; ".join([_with_interval(one), *_printed(beside, i)]) + f" {unit}", marks))
+    return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
+
+
+def _with_interval(one: Estimate) -> str:
+    return number(one.value) + (f" ({number(one.low)} to {number(one.high)})" if np.isfinite(one.low) else "")
+
+
+def _printed(beside: Sequence[Beside], i: int) -> list[str]:
+    return [f"{one.label} {number(float(one.values[i]))}" for one in beside if np.isfinite(one.values[i])]
+
+
+def interval_bars(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Estimate | None],
+    beside: Sequence[Beside] = (),
+    levels: Sequence[Level] = (),
+    width: int = 330,
+    height: int = 210,
+) -> str:
+    """Upright bars, one a name, each with its interval; an interval that reaches far above the rest is cut.
+
+    Parameters
+    ----------
+    values : one a name, None where it is lacking
+    """
+    top = _top(values, beside, levels)
+    area = frame(48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top))
+    column = (area.x.stop - area.x.start) / max(len(names), 1)
+    half = min(13.0, 0.3 * column)
+    parts = [grid_up(area), levels_across(area, levels)]
+    for i, (name, one) in enumerate(zip(names, values, strict=True)):
+        x = float(area.x.at(i + 0.5))
+        known = [] if one is None else [_with_interval(one)]
+        marks = text(x, height - 8.0, shortened(name, column / 6.0), "tick x")
+        marks += "" if one is None else _bar(area, one, x, half)
+        for other in beside:
+            if np.isfinite(other.values[i]):
+                y = float(area.y.cut(other.values[i]))
+                marks += mark("path", f"tack {other.style}", d=f"M{x - half - 3:.1f} {y:.1f}h{2 * half + 6:.1f}")
+        parts.append(group(f"{name}: {'; '.join([*known, *_printed(beside, i)]) or 'not known'} {unit}", marks))
+    return drawing("upright", title, (width, height), *parts, unit=unit)
+
+
+def _top(values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Sequence[Level]) -> float:
+    """Highest value shown: all, except intervals that would press everything else to the floor."""
+    known = [one.value for one in values if one is not None and np.isfinite(one.value)]
+    known += [float(one) for other in beside for one in other.values if np.isfinite(one)]
+    known += [one.value + one.spread for one in levels if np.isfinite(one.value + one.spread)]
+    highs = [one.high for one in values if one is not None and np.isfinite(one.high)]
+    peak = max([*known, 0.0])
+    return 1.08 * max(peak, min(max([*highs, 0.0]), 2.0 * peak)) or 1.0
+
+
+def _bar(area: Frame, one: Estimate, x: float, half: float) -> str:
+    """An upright bar with its whisker; an arrow where the interval is cut."""
+    if not np.isfinite(one.value):
+        return ""
+    y, bottom = float(area.y.cut(one.value)), area.y.start
+    bar = rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))
+    if not (np.isfinite(one.low) and np.isfinite(one.high) and one.high > one.low):
+        return bar
+    low, high = (float(area.y.cut(end)) for end in (one.low, one.high))
+    cap = f"M{x - 4:.1f} {high:.1f}h8" if one.high <= area.y.high else f"M{x - 4:.1f} {high + 5:.1f}l4 -5l4 5"
+    return bar + mark("path", "whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}M{x - 4:.1f} {low:.1f}h8{cap}")

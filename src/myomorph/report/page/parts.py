@@ -1,0 +1,163 @@
+"""What the page is put together from: sections of figures and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing with its caption; `size` is "small", "medium", "wide" or "full", `folded` the words it hides behind."""
+
+    svg: str
+    size: str = "small"
+    caption: str = ""
+    folded: str = ""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to another page, at a place relative to this one."""
+
+    text: str
+    place: str
+
+    def __len__(self) -> int:
+        return len(self.text)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table: its heading, its rows of text, and whether it is folded away at first."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str | Link, ...], ...]
+    title: str = ""
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page.
+
+    Attributes
+    ----------
+    key : anchor
+    lead : a sentence or two before the figures
+    legend : styles and what they stand for
+    figures, grids : shown in this order
+    listed : whether the contents name it
+    """
+
+    key: str
+    title: str
+    lead: str = ""
+    legend: tuple[tuple[str, str], ...] = ()
+    figures: tuple[Figure, ...] = ()
+    grids: tuple[Grid, ...] = ()
+    listed: bool = True
+
+
+SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"))
+
+
+State = Literal["ok", "over", "note"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One quantity against its limit.
+
+    Attributes
+    ----------
+    quantity : what was looked at
+    value, unit : what was found
+    limit : what it should stay under, None where there is no agreed limit
+    state : "ok", "over" the limit, or "note" where it is only told
+    worst : name of what was worst
+    time : when it was worst [s], None where it has no time
+    source : key of the reference the limit comes from
+    detail : a clause that explains the value
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    limit: float | None
+    state: State
+    worst: str = ""
+    time: float | None = None
+    source: str = ""
+    detail: str = ""
+
+
+NoteKind = Literal["real", "assumed", "simulated", "warning"]
+
+
+@dataclass(frozen=True)
+class Note:
+    """A sentence about where something in the report comes from: measured, assumed or simulated."""
+
+    kind: NoteKind
+    text: str
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file the results were made from.
+
+    Attributes
+    ----------
+    role : "model", "markers", "forces", "EMG", ...
+    name : without folders
+    sha256 : of its content, in hexadecimal
+    """
+
+    role: str
+    name: str
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the chain as it was run.
+
+    Attributes
+    ----------
+    name : as users know it, e.g. "inverse kinematics"
+    options : name to value as text
+    seconds : it took, None if unknown [s]
+    frames : it worked on
+    """
+
+    name: str
+    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    seconds: float | None = None
+    frames: int | None = None
+
+
+@dataclass(frozen=True)
+class PageHead:
+    """What every page says of itself.
+
+    Attributes
+    ----------
+    title : of the page, e.g. "s01: walk2"
+    date : when it was made, as the caller wants it printed
+    version : of the software
+    notes : what is real, assumed or simulated, shown first
+    sources : input files with their hashes
+    steps : how it was made
+    warnings : what the readers and steps reported, one line each
+    """
+
+    title: str
+    date: str = ""
+    version: str = ""
+    notes: tuple[Note, ...] = ()
+    sources: tuple[SourceFile, ...] = ()
+    steps: tuple[Step, ...] = ()
+    warnings: tuple[str, ...] = ()

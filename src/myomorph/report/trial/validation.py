@@ -1,0 +1,218 @@
+"""The part of the page on a motion that identification did not see, [D] figure 3.3."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from myomorph.analysis.columns import Comparison, compared
+from myomorph.model.series import Series
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.rows import dot_plot
+from myomorph.report.page.parts import Figure, Grid, Section
+from myomorph.report.trial.identification_tables import WrenchError, wrench_errors
+from myomorph.report.trial.identified import COMPONENTS, UNITS, CalibratedBody, IdentificationInput, WrenchCheck
+from myomorph.report.trial.prepared import Prepared
+
+STYLES = ("first", "second", "third", "fourth", "left", "middle")
+"""Of the methods' lines, in their order."""
+
+FORCE_FIRST = (3, 4, 5, 0, 1, 2)
+MAX_TIME = 10.0
+"""Charts show so much of a motion that is twice as long, or longer [s]."""
+
+
+def validation_section(check: WrenchCheck, styles: Mapping[str, str], order: int = 0) -> Section | None:
+    """Six components of the base wrench, measured and by every method, and their errors.
+
+    Parameters
+    ----------
+    styles : of each method's line
+    order : of the motion among those that were not used, 0 for the first
+    """
+    if not len(check.time) or not check.predicted:
+        return None
+    styles = {name: styles.get(name, STYLES[i % len(STYLES)]) for i, name in enumerate(check.predicted)}
+    span = _busiest(check)
+    seen = int(np.isfinite(check.measured).all(axis=1).sum())
+    lead = (
+        f"The wrench on the base link, {check.trial or 'a motion that was not used'}: {number(seen, 1.0)} frames. "
+        "Errors are predicted minus measured. Moments are about the base link's origin, in ground axes."
+    )
+    if span[1] - span[0] < float(check.time[-1] - check.time[0]) - 1e-9:
+        lead += f" Charts show the {number(span[1] - span[0])} s with the largest changes; the tables cover all of it."
+    return Section(
+        f"cross-validation-{order + 1}" if order else "cross-validation",
+        f"Cross-validation: {check.trial or order + 1}" if order else "Cross-validation",
+        lead,
+        (("measured", "measured"), *((style, name) for name, style in styles.items())),
+        tuple(Figure(_chart(check, k, styles, span)) for k in FORCE_FIRST),
+        _grids(check),
+    )
+
+
+def _chart(check: WrenchCheck, k: int, styles: Mapping[str, str], span: tuple[float, float]) -> str:
+    lines = [Line(check.time, check.measured[:, k], "measured", "measured")]
+    # The first method is drawn last, over the others.
+    for name in reversed(list(check.predicted)):
+        lines.append(Line(check.time, check.predicted[name][:, k], styles[name], name))
+    return time_plot(Panel(COMPONENTS[k], UNITS[k], lines, span, height=200))
+
+
+def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
+    methods = tuple(check.predicted)
+    errors = {(one.component, one.method): one for one in wrench_errors(check)}
+
+    def grid(title: str, of: str, folded: bool = False, percent: bool = False) -> Grid:
+        def told(one: WrenchError | None) -> str:
+            return "–" if one is None else number(float(getattr(one, of))) + (" %" if percent else "")
+
+        rows = []
+        for k in FORCE_FIRST:
+            name = COMPONENTS[k] if percent else f"{COMPONENTS[k]} [{UNITS[k]}]"
+            rows.append((name, *(told(errors.get((COMPONENTS[k], method))) for method in methods)))
+        return Grid(("Component", *methods), tuple(rows), title, folded)
+
+    return (
+        grid("Error, root mean square", "rms"),
+        grid("Error, mean absolute", "mean_absolute"),
+        grid("Error, mean", "mean", folded=True),
+        grid("Error, maximum", "peak", folded=True),
+        grid("Error, root mean square, over body weight (moments: × 1 m)", "share", folded=True, percent=True),
+    )
+
+
+def _busiest(check: WrenchCheck) -> tuple[float, float]:
+    """The whole time, or of a long motion the part in which the measured wrench changes most [s]."""
+    time = check.time
+    if time[-1] - time[0] <= 2.0 * MAX_TIME:
+        return float(time[0]), float(time[-1])
+    measured = np.nan_to_num(check.measured)
+    size = np.maximum(np.abs(measured).max(axis=0), 1e-12)
+    change = np.concatenate([[0.0], np.abs(np.diff(measured / size, axis=0)).sum(axis=1).cumsum()])
+    last = np.minimum(np.searchsorted(time, time + MAX_TIME), len(time) - 1)
+    start = int(np.argmax(np.where(time + MAX_TIME <= time[-1], change[last] - change, -1.0)))
+    return float(time[start]), float(time[start] + MAX_TIME)
+
+
+MAX_MARKERS = 40
+"""Markers in the chart, those that moved furthest."""
+
+MAX_OPEN_ROWS = 30
+
+
+def calibration_section(given: IdentificationInput) -> Section | None:
+    """Lengths, markers and marker errors before and after kinematic identification."""
+    found = given.calibration
+    if found is None:
+        return None
+    lead = "Segment lengths and marker positions that fit the recordings"
+    lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
+    lead += " Bars are ± one standard deviation." if any(one.sd for one in found.lengths) else ""
+    return Section(
+        "calibration", "Lengths and markers", lead, (), _calibration_figures(found), _calibration_grids(found)
+    )
+
+
+def _calibration_figures(found: CalibratedBody) -> tuple[Figure, ...]:
+    figures = []
+    if found.lengths:
+        names = [one.name for one in found.lengths]
+        change = 1000.0 * np.array([one.after - one.before for one in found.lengths])
+        sd = 1000.0 * np.array([np.nan if one.sd is None else one.sd for one in found.lengths])
+        figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
+    if found.markers:
+        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:MAX_MARKERS])
+        far = [1000.0 * np.array(list(moved.values()))]
+        figures.append(dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520))
+    return tuple(Figure(one, "medium") for one in figures)
+
+
+def _calibration_grids(found: CalibratedBody) -> tuple[Grid, ...]:
+    grids = []
+    if found.errors:
+        head = ("Trial", "Used for calibration", "RMS before", "RMS after")
+        errors = tuple(
+            (one.trial, "yes" if one.used else "no", _millimetres(one.before), _millimetres(one.after))
+            for one in found.errors
+        )
+        grids.append(Grid(head, errors, "Marker errors before and after"))
+    if found.lengths:
+        head = ("Length", "Before", "After", "Standard deviation")
+        rows = tuple(
+            (one.name, *(_millimetres(value) for value in (one.before, one.after, one.sd))) for one in found.lengths
+        )
+        grids.append(Grid(head, rows, "Lengths", len(rows) > MAX_OPEN_ROWS))
+    if found.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "Notes of the calibration"))
+    return tuple(grids)
+
+
+def _millimetres(value: float | None) -> str:
+    return "–" if value is None else f"{number(1000.0 * value)} mm"
+
+
+def truth_section(prepared: Prepared) -> Section | None:
+    """Estimate beside truth, for captures that were simulated."""
+    given = prepared.given
+    truth = given.recorded.truth
+    if truth is None:
+        return None
+    grids = []
+    model = given.model
+    turning = {one.name for one in model.coordinates if one.motion == "rotational"} if model else set()
+    if truth.motion is not None and given.kinematics.motion is not None:
+        grids.append(
+            _compared_grid(
+                "Angles and translations", compared(given.kinematics.motion, truth.motion), turning, "°", "m"
+            )
+        )
+    if truth.torques is not None and given.dynamics.torques is not None:
+        grids.append(
+            _compared_grid("Joint moments", compared(given.dynamics.torques, truth.torques), turning, "N·m", "N")
+        )
+    if truth.activations is not None and given.tension is not None:
+        series = Series(given.tension.time, given.tension.muscles, given.tension.activations)
+        grids.append(_compared_grid("Activations", compared(series, truth.activations), set(), "", ""))
+    shown = tuple(grid for grid in grids if grid.rows)
+    if not shown:
+        return None
+    summary = "; ".join(f"{grid.title.lower()}: {grid.rows[0][1]} RMS in all" for grid in shown)
+    return Section(
+        "truth",
+        "Estimate and truth",
+        "The capture was simulated, so the true values are known and drawn dashed above. "
+        f"{summary[:1].upper()}{summary[1:]}.",
+        (),
+        (),
+        shown,
+    )
+
+
+def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], unit: str, other: str) -> Grid:
+    def told(value: float, name: str) -> str:
+        if unit == "°" and name in turning:
+            return f"{number(float(np.rad2deg(value)))} °"
+        return f"{number(value)} {unit if name in turning or not other else other}".strip()
+
+    def group(text: str, chosen: list[Comparison], name: str) -> tuple[str, ...]:
+        rms = float(np.sqrt(np.mean([one.rmse**2 for one in chosen])))
+        return text, told(rms, name), told(max(one.worst for one in chosen), name), "", ""
+
+    turned = [one for one in rows if one.name in turning] or list(rows)
+    lines = [group("all" if len(turned) == len(rows) else "all rotations", turned, turned[0].name)] if rows else []
+    for one in rows:
+        lines.append(
+            (
+                one.name,
+                told(one.rmse, one.name),
+                told(one.worst, one.name),
+                told(one.span, one.name),
+                number(one.correlation),
+            )
+        )
+    return Grid(
+        ("", "RMS difference", "Maximum", "Range of the truth", "Correlation"), tuple(lines), title, len(lines) > 14
+    )

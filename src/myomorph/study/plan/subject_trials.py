@@ -1,0 +1,220 @@
+"""One subject of a study file: its files and its trials, what is wrong added to one list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from myomorph.model.errors import listing
+from myomorph.store.study_file import check_time, existing, matching
+from myomorph.study.plan.measures import Measures
+from myomorph.study.plan.step_settings import study_steps
+from myomorph.study.plan.subject_names import Named
+from myomorph.study.plan.subject_tables import SubjectTable, TrialTable, given_options
+from myomorph.study.subject.body_shape import BodyShape
+from myomorph.study.subject.morph_files import bones_of
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
+from myomorph.study.trial.companions import companion, plain_stem
+from myomorph.study.trial.contact_file import AUTO
+from myomorph.study.trial.trial_files import TrialFiles
+
+NEEDS_MASS = ("identify",)
+"""Steps that hold what they find against the mass of the subject."""
+
+
+@dataclass
+class Notes:
+    """What is found while a study file is being read.
+
+    Attributes
+    ----------
+    problems : all of them make the file be refused
+    remarks : what is not used, or not as one might think
+    found : files that were found by the rule of names
+    """
+
+    problems: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    found: list[str] = field(default_factory=list)
+
+
+def measured(one: Named, measures: Measures | None, source: str, notes: Notes) -> tuple[SubjectTable, Path | None]:
+    """A subject's table with what the table of measures tells, and its model where that is told there.
+
+    What both tell must be the same; where either height or chest is known, there is no body shape, so neither is used.
+    """
+    where, table = f"subject '{one.name}'", one.table
+    if measures is None:
+        if table.model is None and table.model_of is None:
+            notes.problems.append(f"{where}: has no model: give 'model', 'model_of', or a column 'model' in {source}")
+        return table, None
+    told: dict[str, Any] = {name: getattr(measures, name) for name in ("mass", "height", "chest", "sex", "age")}
+    for name, value in told.items():
+        own = getattr(table, name)
+        if None not in (own, value) and own != value:
+            notes.problems.append(f"{where}: {name} is {own} here and {value} in {source}: give it in one of them")
+    model = measures.model
+    if model is not None and (table.model is not None or table.model_of is not None):
+        given = table.model or table.model_of
+        notes.problems.append(
+            f"{where}: model is '{given}' here and '{model.name}' in {source}: give it in one of them"
+        )
+    if model is None and table.model is None and table.model_of is None:
+        notes.problems.append(f"{where}: has no model: give 'model', 'model_of', or a cell 'model' in {source}")
+    sizes = [table.height or told["height"], table.chest or told["chest"]]
+    if table.skin is None and table.height is None and table.chest is None and None in sizes:
+        # Tables of measures often have heights only: no fault, but too little for a body shape.
+        told["height"] = told["chest"] = None
+    return table.model_copy(update={name: value for name, value in told.items() if value is not None}), model
+
+
+def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...], notes: Notes) -> SubjectFiles:
+    """What the steps on a subject need, and whether they come before the others.
+
+    Parameters
+    ----------
+    model : file that a table of measures names; None where the subject's own table does
+    """
+    table, folder, where, problems = one.table, one.folder, f"subject '{one.name}'", notes.problems
+    _check_steps(table, where, problems)
+    files = {
+        role: existing(folder, name, f"{where}: {role}", problems)
+        for role, name in (("static", table.static), ("skin", table.skin), ("landmarks", table.landmarks))
+    }
+    if table.skin is None and (table.height is None) != (table.chest is None):
+        lacking = "chest" if table.chest is None else "height"
+        problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
+    if "morph" in table.steps and table.bones is None:
+        problems.append(f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's bones")
+    source = model or folder / (table.model or "")
+    bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
+    shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
+    return SubjectFiles(
+        one.name, source, table.mass, files["static"], shape, trials, bones, model_of=table.model_of or ""
+    )
+
+
+def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
+    for step in table.steps:
+        if step not in study_steps():
+            problems.append(f"{where}: unknown step '{step}': there are {listing(step, study_steps())}")
+    for step in dict.fromkeys(table.steps):
+        if table.steps.count(step) > 1:
+            problems.append(f"{where}: steps: '{step}' is there twice")
+    if "ik" not in table.steps:
+        problems.append(f"{where}: steps lack 'ik', which every other step needs")
+    for step in SUBJECT_STEPS:
+        later = study_steps()[study_steps().index(step) + 1 :]
+        before = table.steps[: table.steps.index(step)] if step in table.steps else []
+        early = [one for one in before if one in later]
+        if early:
+            problems.append(
+                f"{where}: steps wait for each other: '{step}' comes after '{early[0]}', which uses the model that "
+                "it makes"
+            )
+        if step in NEEDS_MASS and step in table.steps and table.mass is None:
+            problems.append(f"{where}: the step '{step}' needs the subject's 'mass' [kg]")
+
+
+def subject_trials(
+    one: Named, model: Path | None, left_out: Callable[[str, str], bool], notes: Notes
+) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
+    """The trials of a subject, each with what its own table says of the steps.
+
+    Parameters
+    ----------
+    left_out : whether the study leaves out a trial of a subject; its other files are then not looked for
+    """
+    table, folder, where, problems = one.table, one.folder, f"subject '{one.name}'", notes.problems
+    shared = {
+        role: existing(folder, name, f"{where}: {role}", problems)
+        for role, name in (("model", table.model), ("tasks", table.tasks), ("actuators", table.actuators))
+    }
+    reference = [
+        path for given in table.emg_reference for path in matching(folder, given, f"{where}: emg_reference", problems)
+    ]
+    if not table.trials:
+        problems.append(f"{where}: has no trials")
+    whole = TrialFiles(
+        model=model or shared["model"] or folder,
+        subject=one.name,
+        emg_muscles={channel: tuple(names) for channel, names in table.emg_muscles.items()},
+        emg_reference=tuple(reference),
+        emg_side=table.emg_side,
+        tasks=shared["tasks"],
+        actuators=shared["actuators"],
+        contacts=contacts_file(table.contacts, folder, where, problems),
+        measured=table.measured,
+        mass=table.mass,
+        time=table.time,
+        labels=MappingProxyType(dict(table.labels)),
+    )
+    check_time(table.time, f"{where}: time", problems)
+    for trial, markers in _recordings(table, folder, where, problems):
+        name = trial.name or plain_stem(markers)
+        if not left_out(one.name, name):
+            yield _trial(replace(whole, name=name, markers=markers), trial, folder, notes), given_options(trial)
+
+
+def _recordings(
+    table: SubjectTable, folder: Path, where: str, problems: list[str]
+) -> Iterator[tuple[TrialTable, Path]]:
+    """The recordings that the entries of `trials` name: patterns, files, or tables."""
+    for given in table.trials:
+        pattern = given if isinstance(given, str) else given.markers
+        trial = TrialTable(markers=pattern) if isinstance(given, str) else given
+        for markers in matching(folder, pattern, where, problems):
+            yield trial, markers
+
+
+def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:
+    """A recording's own files, beside what the subject's table says of all."""
+    where, problems = f"subject '{whole.subject}'", notes.problems
+    assert whole.markers is not None
+    loads = _companion(whole, folder, trial.loads, "loads", notes)
+    if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
+        if trial.loads is None:
+            notes.found.pop()
+            notes.remarks.append(
+                f"{whole.subject}/{loads.name} is not used: it does not say which bodies its forces act on"
+            )
+            loads = None
+        else:
+            problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
+    check_time(trial.time, f"{where}: time", problems)
+    for name, span in trial.phases.items():
+        check_time(span, f"{where}: phase '{name}'", problems)
+    return replace(
+        whole,
+        loads=loads,
+        bodies=MappingProxyType(dict(trial.bodies)),
+        plates=tuple(trial.plates),
+        emg=_companion(whole, folder, trial.emg, "emg", notes),
+        contacts=contacts_file(trial.contacts, folder, where, problems) if trial.contacts else whole.contacts,
+        measured=trial.measured or whole.measured,
+        phases=MappingProxyType(dict(trial.phases)),
+        time=trial.time or whole.time,
+        condition=trial.condition,
+    )
+
+
+def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
+    """The forces or EMG of a trial: as given, or found by its stem."""
+    assert whole.markers is not None
+    if given is not None:
+        return existing(folder, given, f"subject '{whole.subject}': {kind}", notes.problems)
+    found = companion(whole.markers, kind)
+    if found is not None:
+        notes.found.append(f"{whole.subject}/{whole.markers.name}: {kind} from {found.name}")
+    return found
+
+
+def contacts_file(given: str, folder: Path, where: str, problems: list[str]) -> str:
+    """What tells of contacts: "auto", or a file as a path that can be opened."""
+    if given in ("", AUTO):
+        return given
+    found = existing(folder, given, f"{where}: contacts", problems)
+    return "" if found is None else str(found)

@@ -1,0 +1,1 @@
+"""The steps of a trial, one a file; `study.trial.step.STEPS` lists them."""

@@ -1,0 +1,151 @@
+"""Inverse dynamics of a trial: the generalized force of every coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from myomorph.io.sto import write_sto
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.report.trial.given import Dynamics, ReportInput
+from myomorph.store import stored as store
+from myomorph.store.results import Stored
+from myomorph.store.settings import Differentiation, TorqueTable
+from myomorph.study.trial.inputs import has_mass
+from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.study.trial.trial_signals import EXTREMES, Signals, all_drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Torques:
+    """Generalized forces of a motion.
+
+    Attributes
+    ----------
+    motion : coordinates that forces belong to (filtered where asked for), with derivatives
+    torques : generalized forces (frames, coordinates) [N m or N]
+    wrenches : external forces at the motion's times, as measured
+    """
+
+    motion: Motion
+    torques: Series
+    wrenches: Wrenches | None
+    notes: tuple[str, ...] = ()
+
+
+def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with velocities and accelerations, cut to the time that is used, with closed loops closed; and notes.
+
+    Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
+    """
+    from myomorph.rigid.closed_motion import closed_motion
+
+    motion = differentiate(recorded, trial.options[Differentiation].cutoff)
+    return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
+
+
+def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
+    """Inverse dynamics of coordinates; external forces are filtered as the motion."""
+    from myomorph.rigid.dynamics import inverse_dynamics
+
+    has_mass(trial.model, "inverse dynamics")
+    motion, notes = with_derivatives(trial, recorded)
+    wrenches = None
+    if trial.loads is not None:
+        wrenches = resample_wrenches(trial.loads(recorded), motion.time, trial.options[Differentiation].cutoff)
+        notes = (*notes, *wrenches.notes)
+    return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
+
+
+def put_dynamics(output: StepOutput, found: Torques, model: Model) -> None:
+    """Write a motion with its derivatives, generalized and external forces into a result file."""
+    store.put_derivatives(output.writer, found.motion, model)
+    store.put_torques(output.writer, found.torques, found.wrenches)
+
+
+def shown_torques(trial: TrialInputs, found: Torques) -> Series:
+    """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
+    torques, options = found.torques, trial.options[TorqueTable]
+    if options.net:
+        from myomorph.muscles.passive import passive_generalized_forces
+
+        passive = passive_generalized_forces(trial.model, found.motion).values
+        torques = replace(torques, values=torques.values - passive)
+    if options.folded:
+        from myomorph.rigid.closed_motion import loop_torques
+
+        torques = loop_torques(trial.model, found.motion, torques).torques
+    return torques
+
+
+def torque_table(torques: Series, model: Model) -> Table:
+    """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`, `pelvis_tx_force`."""
+    endings = {"rotational": "moment", "translational": "force", "coupled": "force"}
+    names = tuple(f"{name}_{endings[model.coordinate(name).motion]}" for name in torques.names)
+    facts = MappingProxyType({"name": "Inverse Dynamics Generalized Forces"})
+    return Table(torques.time, names, torques.values, facts=facts)
+
+
+def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
+    found = solve_dynamics(trial, poses.recorded)
+    write_sto(torque_table(shown_torques(trial, found), trial.model), output.folder / "torques.sto")
+    put_dynamics(output, found, trial.model)
+    return found
+
+
+def _read(stored: Stored, options: OptionSet) -> Torques | None:
+    motion, torques = store.get_derivatives(stored), store.get_torques(stored)
+    if motion is None or torques is None:
+        return None
+    return Torques(motion, torques, store.get_wrenches(stored))
+
+
+def _show(given: ReportInput, stored: Stored) -> ReportInput:
+    found = Dynamics(store.get_torques(stored), store.get_wrenches(stored), stored.facts.get("root_note", ""))
+    return replace(given, dynamics=found)
+
+
+def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
+    """Torques, named as OpenSim names them, and vertical forces on each body."""
+    torques, found = store.get_torques(stored), []
+    if torques is not None:
+        rotating = [model.coordinate(name).motion == "rotational" for name in torques.names]
+        endings = tuple("_moment" if turns else "_force" for turns in rotating)
+        units = tuple("N m" if turns else "N" for turns in rotating)
+        per = np.full(len(units), 1.0 / mass if mass > 0.0 else 1.0)
+        curve = f"joint torque [{'N·m/kg' if mass > 0.0 else 'N·m'}]"
+        drawn = tuple(np.flatnonzero(rotating).tolist())
+        found.append(Signals("id", torques, endings, units, EXTREMES, curve, per, drawn))
+    return *found, *_ground_forces(store.get_wrenches(stored), model)
+
+
+def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]:
+    if wrenches is None or not len(wrenches.names) or not model.weight > 0.0:
+        return ()
+    bodies = tuple(dict.fromkeys(wrenches.bodies))
+    upward = np.nan_to_num(wrenches.forces @ np.asarray(model.up))
+    sums = [upward[:, [body == one for one in wrenches.bodies]].sum(axis=1) for body in bodies]
+    series = Series(wrenches.time, bodies, np.column_stack(sums))
+    made = all_drawn("id", series, "_vertical_force", "N", ("maximum", "mean"), "vertical force [body weight]")
+    return (replace(made, factor=made.factor / model.weight),)
+
+
+STEP = Step(
+    name="id",
+    title="inverse dynamics",
+    gives=Torques,
+    needs=(Poses,),
+    options=(Differentiation, TorqueTable),
+    run=_run,
+    read=_read,
+    show=_show,
+    signals=_signals,
+)

@@ -1,0 +1,144 @@
+"""Inverse kinematics of a trial: the coordinates whose markers lie nearest to those recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Series, Table
+from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.sync import cut
+from myomorph.report.trial.given import Kinematics, ReportInput
+from myomorph.store import stored as store
+from myomorph.store.outcome import Outcome
+from myomorph.store.progress import progress
+from myomorph.store.results import Stored
+from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.study.trial.trial_signals import EXTREMES, Signals
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Coordinates over time, as inverse kinematics or a file gave them.
+
+    Attributes
+    ----------
+    fit : of the markers, None where the coordinates are those of a file
+    """
+
+    recorded: Motion
+    fit: KinematicsFit | None = None
+    notes: tuple[str, ...] = ()
+
+
+def solve_kinematics(trial: TrialInputs) -> KinematicsFit:
+    """Inverse kinematics of the part of a recording that is used."""
+    if trial.markers is None:
+        raise BadData(f"{trial.name}: holds no markers")
+    markers = used_markers(trial, trial.markers)
+    with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
+        return inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions], advance)
+
+
+def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
+    """The part of a recording that is used; with crossings only, markers are hidden elsewhere.
+
+    Raises
+    ------
+    BadData
+        where crossings are asked for, but there is none
+    """
+    markers = markers if trial.time is None else cut(markers, *trial.time)
+    options = trial.options[CrossingOptions]
+    if not options.only:
+        return markers
+    spans = crossings(markers, trial.model, options)
+    if not spans:
+        raise BadData(
+            f"{trial.name}: no part of {options.shortest:g} s shows {100 * options.shown:g} % of what its "
+            "markers could tell: ask for less (crossings_shown, crossings_shortest)"
+        )
+    return within_crossings(markers, spans)
+
+
+def error_table(fit: KinematicsFit) -> Table:
+    """Marker errors as a table: root mean square, largest, and each marker's [m]."""
+    values = np.column_stack([fit.rms, fit.largest, fit.errors])
+    return Table(fit.motion.time, ("rms", "largest", *fit.marker_names), values)
+
+
+def _run(trial: TrialInputs, output: StepOutput) -> Poses:
+    fit, writer = solve_kinematics(trial), output.writer
+    write_sto(table_from_motion(fit.motion, trial.model), output.folder / "coordinates.mot")
+    write_sto(error_table(fit), output.folder / "marker_errors.sto")
+    store.put_fit(writer, fit, trial.model)
+    if trial.markers is not None:
+        kept = np.isin(trial.markers.time, fit.motion.time)
+        store.put_markers(writer, replace(trial.markers, time=fit.motion.time, values=trial.markers.values[kept]))
+    return Poses(fit.motion, fit)
+
+
+def _read(stored: Stored, options: OptionSet) -> Poses | None:
+    fit = store.get_fit(stored)
+    return None if fit is None else Poses(fit.motion, fit)
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    crossed = trial.options[CrossingOptions]
+    return trial.options[InverseKinematicsOptions], *((crossed,) if crossed.only else ())
+
+
+def _show(given: ReportInput, stored: Stored) -> ReportInput:
+    fit = store.get_fit(stored)
+    coordinates = store.get_derivatives(stored) if fit is None else None
+    return replace(given, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
+
+
+def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
+    """Coordinates in degrees and metres."""
+    if "coordinate_value" not in stored.values:
+        return ()
+    motion = store.get_motion(stored)
+    kinds = [model.coordinate(name).motion for name in motion.names]
+    rotating = np.array([kind == "rotational" for kind in kinds])
+    series = Series(motion.time, motion.names, motion.values * np.where(rotating, 180.0 / np.pi, 1.0))
+    units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
+    drawn = tuple(np.flatnonzero(rotating).tolist())
+    count = len(units)
+    return (Signals("ik", series, ("",) * count, units, EXTREMES, "joint angle [°]", np.ones(count), drawn),)
+
+
+def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
+    """Frames and marker errors."""
+    outcome, fit = replace(outcome, frames=len(poses.recorded)), poses.fit
+    if fit is not None and np.isfinite(fit.errors).any():
+        rms, largest = float(np.nanmean(fit.rms)), float(np.nanmax(fit.largest))
+        outcome = replace(outcome, rms=rms, largest=largest)
+    return outcome
+
+
+STEP = Step(
+    name="ik",
+    title="inverse kinematics",
+    gives=Poses,
+    options=(InverseKinematicsOptions, CrossingOptions),
+    not_settings=("only_weighted",),
+    roles=("model", "markers", "tasks", "motion"),
+    hashed=_hashed,
+    run=_run,
+    read=_read,
+    show=_show,
+    signals=_signals,
+    outcome=_outcome,
+    outcome_variables=(
+        *("time", "coordinate", "coordinate_value", "marker", "marker_error", "marker_weight"),
+        *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
+    ),
+)

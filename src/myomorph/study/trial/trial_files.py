@@ -1,0 +1,371 @@
+"""The files of one recording, opened into what the steps trial."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Actuator, Model
+from myomorph.model.provenance import Source
+from myomorph.model.segments import feet_of
+from myomorph.model.series import Motion
+from myomorph.motion.emg_checks import rate_against
+from myomorph.motion.envelope import EnvelopeOptions
+from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
+from myomorph.store.results import file_source, value_source
+from myomorph.store.settings import Measured, ReportOptions, Side, plain_settings, with_settings
+from myomorph.study.trial import inputs
+from myomorph.study.trial.emg_files import open_emg
+from myomorph.study.trial.step import step_head
+from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
+
+if TYPE_CHECKING:
+    from myomorph.io.osim.setup_parts import IkTasks
+    from myomorph.study.trial.contact_file import ContactPlan
+
+Settings = Mapping[str, Mapping[str, Any]]
+"""What each step was told, by step and setting."""
+
+
+@dataclass(frozen=True)
+class TrialFiles:
+    """The files of one recording of one subject.
+
+    Attributes
+    ----------
+    markers : TRC or C3D file
+    motion : table of coordinates, where inverse kinematics is not asked for
+    loads : external loads file, or a table of forces with `bodies`
+    bodies : prefix of the columns of each force in a table, and the body it acts on
+    plates : bodies that stand on the plates of a C3D file, in the plates' order
+    emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
+    emg_reference : recordings of maximum voluntary contractions, that raw EMG is scaled to
+    emg_side : side of channels whose names tell none
+    contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
+    measured : what measured forces are used for where contacts are estimated; None as the file says
+    phases : parts of the motion that the report tells apart, name to start and end [s]
+    mass : of the subject [kg]
+    time : start and end [s]
+    labels : what the model calls markers that the recording calls otherwise
+    condition : that it was recorded in, as the study file names it
+    """
+
+    model: Path
+    name: str = ""
+    subject: str = ""
+    markers: Path | None = None
+    motion: Path | None = None
+    loads: Path | None = None
+    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    plates: tuple[str, ...] = ()
+    emg: Path | None = None
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_reference: tuple[Path, ...] = ()
+    emg_side: Side = ""
+    tasks: Path | None = None
+    actuators: Path | None = None
+    contacts: str = ""
+    measured: Measured | None = None
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    mass: float | None = None
+    time: tuple[float, float] | None = None
+    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    condition: str = ""
+
+
+def read_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
+    """Read the files of a recording and make of them what the steps trial.
+
+    Parameters
+    ----------
+    settings : what each step is told
+    model : the model, where it was read already
+
+    Raises
+    ------
+    MyomorphError
+        where a file cannot be read, or does not fit the model
+    """
+    model = inputs.open_model(files.model) if model is None else model
+    trial = _common(files, settings, model)
+    if files.markers is None:
+        return trial
+    known = [marker.name for marker in model.markers]
+    for name in files.labels.values():
+        if name not in known:
+            raise UnknownName("marker", name, known, "labels: the model")
+    recording = inputs.fitted_to(model, inputs.with_labels(inputs.open_trial(files.markers), files.labels))
+    assert recording.markers is not None
+    trial = replace(
+        trial,
+        markers=recording.markers,
+        events=recording.events,
+        time=inputs.cut_to(files.time, recording.markers, files.markers),
+        warnings=(
+            *trial.warnings,
+            *(f"{files.markers.name}: {text}" for text in recording.warnings),
+            *_rate_warnings(trial, recording.markers.time),
+            *_phase_warnings(files, recording.markers.time),
+        ),
+    )
+    assumed: tuple[str, ...] = ()
+    if files.loads is None and files.plates:
+        wrenches = inputs.recorded_wrenches(recording, files.plates)
+        trial = replace(trial, loads=lambda motion: wrenches)
+    elif files.loads is None and recording.plates and feet_of(model):
+        assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+        trial = replace(trial, loads=lambda motion: inputs.assigned_wrenches(recording, model, motion))
+    notes = TrialNotes(_real(files, trial), assumed)
+    return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
+
+
+def read_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
+    """The same for steps that begin with coordinates from a file; also returns these."""
+    assert files.motion is not None
+    model = inputs.open_model(files.model)
+    trial = _common(files, settings, model)
+    recorded, lacking = whole_motion(inputs.open_motion(files.motion, model), model)
+    warnings = (*trial.warnings, *_rate_warnings(trial, recorded.time))
+    if lacking:
+        warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
+    time = inputs.cut_to(files.time, recorded, files.motion)
+    return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial))), Poses(recorded)
+
+
+def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:
+    """Phases that are told of times outside the recording."""
+    start, stop = float(time[0]), float(time[-1])
+    return tuple(
+        f"phase '{name}' is told from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
+        for name, (first, last) in files.phases.items()
+        if last <= start or first >= stop
+    )
+
+
+def _rate_warnings(trial: TrialInputs, time: Array) -> tuple[str, ...]:
+    """Whether EMG lasts so much longer or shorter than the whole motion that its rate is probably wrong."""
+    text = "" if trial.emg is None else rate_against(trial.emg, time)
+    return (text,) if text else ()
+
+
+def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
+    from myomorph.rigid.tree import compile_tree
+
+    if set(motion.names) == set(model.coordinate_names):
+        return motion, ()
+    values = compile_tree(model).coordinates_of(motion)
+    given = (*motion.names, *model.dependent_coordinates)
+    lacking = tuple(name for name in model.coordinate_names if name not in given)
+    return Motion(motion.time, model.coordinate_names, values), lacking
+
+
+def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
+    used = (
+        ("model", files.model),
+        ("markers", files.markers),
+        ("motion", files.motion),
+        ("loads", files.loads),
+        ("emg", files.emg),
+        ("tasks", files.tasks),
+        ("actuators", files.actuators),
+        *(("emg reference", path) for path in files.emg_reference),
+    )
+    sources = [file_source(role, path) for role, path in used if path is not None]
+    if files.loads is not None:
+        sources += load_tables(files.loads, files.markers)
+    if files.contacts:
+        sources += contact_sources(files)
+    if files.bodies or files.plates:
+        sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
+    name = files.name or (files.markers or files.motion or files.model).stem
+    options = options_of(settings)
+    found = None
+    if files.emg is not None:
+        envelope = options[EnvelopeOptions]
+        found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
+        sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
+    if files.labels:
+        sources.append(value_source("markers", "labels of markers", sorted(files.labels.items())))
+    if files.emg_muscles or files.emg_side:
+        sources.append(value_source("emg", "muscles of channels", sorted(files.emg_muscles.items()), files.emg_side))
+    return TrialInputs(
+        name=name,
+        subject=files.subject or model.name,
+        model=model,
+        options=options.having(
+            kinematics_options(files, options[InverseKinematicsOptions], model), *tension_parts(files, options)
+        ),
+        loads=_file_loads(files, model),
+        emg=None if found is None else found.emg,
+        emg_muscles={} if found is None else found.muscles,
+        mass=files.mass,
+        contacts=contact_plan(files, model),
+        phases=files.phases,
+        actuators=_actuators(files, model),
+        sources=tuple(sources),
+        warnings=(
+            *(f"{files.model.name}: {text}" for text in model.warnings),
+            *(() if found is None else found.notes),
+        ),
+    )
+
+
+def contact_sources(files: TrialFiles) -> list[Source]:
+    """What tells of contacts, as inputs by their hashes."""
+    from myomorph.study.trial.contact_file import AUTO, contact_files
+
+    told = value_source("contacts", files.contacts, files.contacts, files.measured)
+    if files.contacts == AUTO:
+        return [told]
+    return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
+
+
+def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
+    """The tables that an external loads file, or a file of stairs, takes its numbers from."""
+    if path.suffix.lower() == ".toml":
+        from myomorph.study.trial.stairs_file import recording_of
+
+        return [file_source("load table", one) for one in recording_of(path, markers)]
+    if path.suffix.lower() != ".xml":
+        return []
+    from myomorph.io.loads import read_load_entries
+
+    with inputs.about(path):
+        tables = dict.fromkeys(entry.data for entry in read_load_entries(path))
+    return [file_source("load table", table) for table in tables]
+
+
+def _file_loads(files: TrialFiles, model: Model) -> Any:
+    if files.loads is None:
+        return None
+    path, bodies, markers = files.loads, files.bodies, files.markers
+    return lambda motion: inputs.open_loads(path, model, motion, bodies, markers)
+
+
+def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
+    """Options of inverse kinematics with those of a task set, where there is one."""
+    if files.tasks is None:
+        return options
+    from myomorph.io.osim.setup_parts import read_ik_tasks
+
+    with inputs.about(files.tasks):
+        tasks = read_ik_tasks(files.tasks)
+    return with_tasks(options, tasks, model, str(files.tasks))
+
+
+def with_tasks(
+    options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
+) -> InverseKinematicsOptions:
+    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1.
+
+    Raises
+    ------
+    BadData
+        where the set gives no marker of the model a weight
+    """
+    known = set(model.marker_names)
+    weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
+    if tasks.marker_weights and not any(weights.values()):
+        raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
+    aims = {}
+    for aim in tasks.coordinates:
+        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names:
+            default = model.coordinate(aim.coordinate).default
+            value = {"value": aim.value, "default": default, "table": None}[aim.source]
+            aims[aim.coordinate] = CoordinateTask(aim.weight, value)
+    only = bool(tasks.marker_weights)
+    return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
+
+
+def task_values(tasks: IkTasks, path: Path | None, model: Model, source: Path) -> Motion | None:
+    """The motion that coordinate tasks trial their values from; None where none does, whatever file is named.
+
+    Raises
+    ------
+    BadData
+        where a task takes its value from a file, but none is named
+    """
+    wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]
+    if not wanted:
+        return None
+    if path is None:
+        raise BadData(
+            f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
+        )
+    return inputs.open_motion(path, model)
+
+
+def options_of(settings: Settings) -> OptionSet:
+    """What a study file or a command says to the steps, as values of their options.
+
+    Options that several steps have, as the low-pass filter, are one for all: the last step that names one counts.
+    Steps to which nothing is said are not looked at, so that commands without them start faster.
+
+    Raises
+    ------
+    UnknownName
+        where the report is to use a preset that does not exist
+    """
+    found = OptionSet()
+    for name in (*STEPS, REPORT):
+        if settings.get(name):
+            own = step_head(name).options
+            found = found.having(*(with_settings(found[kind], settings[name]) for kind in own))
+    if found[ReportOptions].preset:
+        from myomorph.analysis.presets import preset_of
+
+        preset_of(found[ReportOptions].preset)
+    return found
+
+
+def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:
+    """What is known of contacts whose forces are to be estimated."""
+    if not files.contacts:
+        return None
+    from myomorph.study.trial.contact_file import read_contacts
+
+    return read_contacts(files.contacts, model, files.measured)
+
+
+def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
+    """Options of contacts and EMG, which count wherever a recording has contacts or EMG."""
+    if files.contacts:
+        from myomorph.tension.terms.contacts import ContactOptions
+
+        yield options[ContactOptions]
+    if files.emg is not None:
+        from myomorph.tension.emg_calibration import EmgOptions
+
+        yield options[EmgOptions]
+
+
+def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
+    if files.actuators is None:
+        return None
+    from myomorph.io.osim.actuators import read_actuators
+
+    with inputs.about(files.actuators):
+        return read_actuators(files.actuators, model)
+
+
+def _real(files: TrialFiles, trial: TrialInputs) -> tuple[str, ...]:
+    """What was recorded, as a sentence for the first lines of the report."""
+    parts = []
+    if files.markers is not None:
+        parts.append(f"markers from {files.markers.name}")
+    if files.motion is not None:
+        parts.append(f"coordinates from {files.motion.name}")
+    if trial.loads is not None:
+        parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
+    if files.emg is not None:
+        parts.append(f"EMG from {files.emg.name}")
+    text = ", ".join(parts)
+    return (f"{text[0].upper()}{text[1:]}.",) if parts else ()

@@ -1,0 +1,150 @@
+"""One trial as its steps take it: the recording's own facts, and what the steps are told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Actuator, Model
+from myomorph.model.provenance import Source
+from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
+from myomorph.store import stored as store
+from myomorph.store.results import ResultWriter
+from myomorph.store.settings import ReportOptions
+
+if TYPE_CHECKING:
+    from myomorph.study.trial.contact_file import ContactPlan
+
+Value = TypeVar("Value")
+
+
+class ByType:
+    """Values of different types, at most one of each, found by their type."""
+
+    def __init__(self, *values: object):
+        self._values = {type(one): one for one in values if one is not None}
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._values.values())
+
+    def get(self, kind: type[Value]) -> Value | None:
+        """The value of a type, or None."""
+        return self._values.get(kind)  # type: ignore[return-value]
+
+    def __getitem__(self, kind: type[Value]) -> Value:
+        """The value of a type; raises `KeyError` where there is none."""
+        return self._values[kind]  # type: ignore[return-value]
+
+    def having(self, *values: object) -> Any:
+        """The same with other values; each takes the place of the one of its type."""
+        return type(self)(*self._values.values(), *values)
+
+    def only(self, *kinds: type) -> Any:
+        """Those values whose types are named."""
+        return type(self)(*(one for kind, one in self._values.items() if kind in kinds))
+
+
+class OptionSet(ByType):
+    """What the steps are told: values of their option dataclasses."""
+
+    def __getitem__(self, kind: type[Value]) -> Value:
+        """The options of a kind, its defaults where nothing was said."""
+        found = self.get(kind)
+        return kind() if found is None else found
+
+
+@dataclass(frozen=True)
+class TrialNotes:
+    """Sentences about a recording.
+
+    Attributes
+    ----------
+    real, assumed, simulated : for the first lines of the report
+    root : what the forces at the root are where they are not residuals, see `report.trial.given.Dynamics`
+    """
+
+    real: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    simulated: tuple[str, ...] = ()
+    root: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class TrialInputs:
+    """One recording of one subject with all that the steps need, whatever files or programs it came from.
+
+    Attributes
+    ----------
+    options : of all steps
+    markers : as recorded, None where the steps begin with coordinates
+    loads : external forces of a motion, or None where there are none
+    emg, emg_muscles : envelopes, and each channel's muscles
+    events : of the recording
+    plates : force plates, for pictures and for feet that share one
+    plate_time : clock of their forces (samples,) [s]
+    mass : of the subject [kg], None where only the model has one
+    time : start and end of what is used [s], None for all
+    contacts : what is known of contacts whose forces are to be estimated, None to estimate none
+    actuators : beside the model's own; None adds a weak reserve for every coordinate
+    phases : parts of the motion that the report shows apart, name to start and end [s]
+    truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
+    parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
+        model or what makes the model of an object
+    sources : inputs by their hashes
+    warnings : what the readers of the files reported, one line each
+    """
+
+    name: str
+    subject: str
+    model: Model
+    options: OptionSet = field(default_factory=OptionSet)
+    markers: Markers | None = None
+    loads: Callable[[Motion], Wrenches] | None = None
+    emg: Emg | None = None
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    events: tuple[Event, ...] = ()
+    plates: tuple[ForcePlate, ...] = ()
+    plate_time: Array = field(default_factory=lambda: np.zeros(0))
+    mass: float | None = None
+    time: tuple[float, float] | None = None
+    contacts: ContactPlan | None = None
+    actuators: tuple[Actuator, ...] | None = None
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    truth: Mapping[str, Series] = field(default_factory=lambda: MappingProxyType({}))
+    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: MappingProxyType({}))
+    notes: TrialNotes = field(default_factory=TrialNotes)
+    sources: tuple[Source, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What result files hold of the recording beside its values, by name."""
+        notes = self.notes
+        return {
+            "trial": self.name,
+            "subject": self.subject,
+            "mass": "" if self.mass is None else repr(self.mass),
+            "root_note": notes.root,
+            "notes": json.dumps({"real": notes.real, "assumed": notes.assumed, "simulated": notes.simulated}),
+            "warnings": json.dumps(self.warnings),
+            "preset": self.options[ReportOptions].preset,
+            "phases": json.dumps({name: list(span) for name, span in self.phases.items()}),
+            "parts": json.dumps(dict(self.parts)),
+            "emg_muscles": json.dumps({channel: list(names) for channel, names in self.emg_muscles.items()}),
+        }
+
+    def put(self, writer: ResultWriter) -> None:
+        """Write what every result file holds of the recording, so that a report can be made of it alone."""
+        store.put_events(writer, self.events)
+        store.put_plates(writer, self.plates)
+        store.put_truth(writer, self.truth)
+        if self.emg is not None:
+            store.put_emg(writer, self.emg)
+        for name, text in self.facts.items():
+            writer.fact(name, text)

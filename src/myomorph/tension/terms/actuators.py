@@ -1,0 +1,311 @@
+"""Ideal actuators as a term: controls, generalized forces of unit controls, and reserves where none are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
+from myomorph.motion.lengths import length_unit
+from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.tree import ROTATION, Tree, compile_tree
+from myomorph.tension.tension import RESERVE, RESIDUAL
+from myomorph.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
+
+TORQUE, POINT, POINT_TO_POINT = 0, 1, 2
+_KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
+
+
+class BodyActuators(NamedTuple):
+    """Actuators that push or turn bodies, as the kernel reads them.
+
+    Attributes
+    ----------
+    kind : (actuators,)
+    body, other : (actuators,) numbers in the tree; -1 where nothing reacts
+    point, other_point, direction : (actuators, 3)
+    global_point, global_direction : (actuators,)
+    start : (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    coordinate : (entries,) the coordinates it can have a part in
+    supports : (bodies, axes) whether an axis lies between the ground and a body
+    """
+
+    kind: NDArray[np.int64]
+    body: NDArray[np.int64]
+    other: NDArray[np.int64]
+    point: Array
+    other_point: Array
+    direction: Array
+    global_point: NDArray[np.bool_]
+    global_direction: NDArray[np.bool_]
+    start: NDArray[np.int64]
+    coordinate: NDArray[np.int64]
+    supports: NDArray[np.bool_]
+
+
+def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
+    """Torque, point and point-to-point actuators as flat arrays, in the order given.
+
+    Raises
+    ------
+    UnknownName
+        where one names a body that the model does not have
+    BadModel
+        where one has no direction
+    """
+    bodies, others, coordinates, start = [], [], [], [0]
+    reached = _coordinates_by_body(tree)
+    for actuator in actuators:
+        body = _body_number(tree, actuator, actuator.body)
+        other = _body_number(tree, actuator, actuator.other_body) if actuator.other_body else -1
+        if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
+            raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
+        bodies.append(body)
+        others.append(other)
+        # What both bodies hang on moves them alike, but need not cancel: a force pair has two points.
+        touched = reached[body] | (reached[other] if other >= 0 else set())
+        coordinates.extend(sorted(touched))
+        start.append(len(coordinates))
+    lengths = [np.linalg.norm(one.direction) or 1.0 for one in actuators]
+    return BodyActuators(
+        kind=np.array([_KINDS[one.kind] for one in actuators], np.int64),
+        body=np.array(bodies, np.int64),
+        other=np.array(others, np.int64),
+        point=np.array([one.point for one in actuators], dtype=np.float64).reshape(-1, 3),
+        other_point=np.array([one.other_point for one in actuators], dtype=np.float64).reshape(-1, 3),
+        direction=np.array(
+            [one.direction / length for one, length in zip(actuators, lengths, strict=True)], dtype=np.float64
+        ).reshape(-1, 3),
+        global_point=np.array([one.point_is_global for one in actuators], np.bool_),
+        global_direction=np.array([one.direction_is_global for one in actuators], np.bool_),
+        start=np.array(start, np.int64),
+        coordinate=np.array(coordinates, np.int64),
+        supports=np.ascontiguousarray(tree.supports),
+    )
+
+
+def _body_number(tree: Tree, actuator: Actuator, name: str) -> int:
+    if name not in tree.body_index:
+        raise UnknownName("body", name, tuple(tree.body_index), f"actuator '{actuator.name}': the model")
+    return tree.body_index[name]
+
+
+def _coordinates_by_body(tree: Tree) -> list[set[int]]:
+    found = []
+    for supported in tree.supports:
+        used = tree.arrays.axis_coordinate[supported]
+        found.append({int(j) for j in used.ravel() if j >= 0})
+    return found
+
+
+@inner
+def _place(P, a, R, p, point, body, out):
+    """A point of an actuator in ground."""
+    for i in range(3):
+        if P.global_point[a]:
+            out[i] = point[i]
+        else:
+            out[i] = p[body, i] + R[body, i, 0] * point[0] + R[body, i, 1] * point[1] + R[body, i, 2] * point[2]
+
+
+@kernel
+def body_directions(T, P, coordinates, out):
+    """Generalized force per unit of force or torque of every body actuator.
+
+    Parameters
+    ----------
+    coordinates : (frames, coordinates) consistent values
+    out : (frames, entries) filled: the entries of `P`
+    """
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    column = np.empty(coordinates.shape[1])
+    x, y, d = np.empty(3), np.empty(3), np.empty(3)
+    for frame in range(coordinates.shape[0]):
+        body_poses(T, coordinates[frame], R, p, w, o, dphi)
+        for a in range(P.kind.shape[0]):
+            for e in range(P.start[a], P.start[a + 1]):
+                column[P.coordinate[e]] = 0.0
+            b, other = P.body[a], P.other[a]
+            for i in range(3):
+                d[i] = P.direction[a, i]
+            if not P.global_direction[a]:
+                for i in range(3):
+                    x[i] = R[b, i, 0] * d[0] + R[b, i, 1] * d[1] + R[b, i, 2] * d[2]
+                for i in range(3):
+                    d[i] = x[i]
+            if P.kind[a] == TORQUE:
+                _add_torque(T, P, w, dphi, b, d, 1.0, column)
+                if other >= 0:
+                    _add_torque(T, P, w, dphi, other, d, -1.0, column)
+            elif P.kind[a] == POINT:
+                _place(P, a, R, p, P.point[a], b, x)
+                _add_force(T, P, w, o, dphi, b, x, d, 1.0, column)
+            else:
+                _place(P, a, R, p, P.point[a], b, x)
+                _place(P, a, R, p, P.other_point[a], max(other, 0), y)
+                # A positive force drives the points apart.
+                length = np.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
+                for i in range(3):
+                    d[i] = (x[i] - y[i]) / length
+                _add_force(T, P, w, o, dphi, b, x, d, 1.0, column)
+                if other >= 0:
+                    _add_force(T, P, w, o, dphi, other, y, d, -1.0, column)
+            for e in range(P.start[a], P.start[a + 1]):
+                out[frame, e] = column[P.coordinate[e]]
+
+
+@inner
+def _add_torque(T, P, w, dphi, body, d, sign, column):
+    for k in range(w.shape[0]):
+        if P.supports[body, k] and T.axis_kind[k] == ROTATION:
+            power = sign * (w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2])
+            for s in range(2):
+                if T.axis_coordinate[k, s] >= 0:
+                    column[T.axis_coordinate[k, s]] += dphi[k, s] * power
+
+
+@inner
+def _add_force(T, P, w, o, dphi, body, x, d, sign, column):
+    for k in range(w.shape[0]):
+        if not P.supports[body, k]:
+            continue
+        if T.axis_kind[k] == ROTATION:
+            r0, r1, r2 = x[0] - o[k, 0], x[1] - o[k, 1], x[2] - o[k, 2]
+            power = (
+                w[k, 0] * (r1 * d[2] - r2 * d[1])
+                + w[k, 1] * (r2 * d[0] - r0 * d[2])
+                + w[k, 2] * (r0 * d[1] - r1 * d[0])
+            )
+        else:
+            power = w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2]
+        for s in range(2):
+            if T.axis_coordinate[k, s] >= 0:
+                column[T.axis_coordinate[k, s]] += sign * dphi[k, s] * power
+
+
+def free_coordinates(model: Model) -> tuple[str, ...]:
+    """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a coupler."""
+    return tuple(
+        one.name
+        for one in model.coordinates
+        if not one.locked and one.prescribed is None and one.name not in model.dependent_coordinates
+    )
+
+
+RESERVE_FORCE, RESIDUAL_FORCE = 1.0, 10.0
+"""Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
+
+
+def default_reserves(model: Model, reserve: float | None = None, residual: float | None = None) -> tuple[Actuator, ...]:
+    """A weak actuator for every free coordinate, and force and torque on a body that floats.
+
+    What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and torques with the
+    fourth power of the body's `length_unit`, as weights and their moments do.
+
+    Parameters
+    ----------
+    reserve : optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]
+    residual : optimal force of what holds a body that is joined to the ground by six free
+        coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...
+        "residual_MZ", along the ground's axes [N], [N m]
+    """
+    unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
+    found: list[Actuator] = []
+    floating = floating_joints(model)
+    held = {name for joint in floating for name in joint.coordinates}
+    for joint in floating:
+        ending = "" if len(floating) == 1 else f"_{joint.child}"
+        center = model.body(joint.child).mass_center
+        for kind, letter in (("point", "F"), ("torque", "M")):
+            for i, axis in enumerate("XYZ"):
+                found.append(
+                    Actuator(
+                        f"{RESIDUAL}{letter}{axis}{ending}",
+                        "point" if kind == "point" else "torque",
+                        RESIDUAL_FORCE * unit ** (3 if kind == "point" else 4) if residual is None else residual,
+                        body=joint.child,
+                        point=center,
+                        direction=np.eye(3)[i],
+                    )
+                )
+    for name in free_coordinates(model):
+        if name not in held:
+            power = 3 if model.coordinate(name).motion == "translational" else 4
+            own = RESERVE_FORCE * unit**power if reserve is None else reserve
+            found.append(Actuator(f"{RESERVE}{name}", "coordinate", own, coordinate=name))
+    return tuple(found)
+
+
+def floating_joints(model: Model) -> tuple[Joint, ...]:
+    """Joints to the ground with six free coordinates: each holds a subject or an object that floats."""
+    free = set(free_coordinates(model))
+    return tuple(joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free))
+
+
+def _floats(joint: Joint, free: set[str]) -> bool:
+    moving = [axis for axis in joint.axes if axis.function.arity]
+    used = {name for axis in moving for name in axis.coordinates}
+    rotations = sum(axis.kind == "rotation" for axis in moving)
+    return len(moving) == 6 and rotations == 3 and used == set(joint.coordinates) and len(used) == 6 and used <= free
+
+
+NEAR_ZERO_COST = 1e-6
+"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no curvature to step by."""
+
+
+class ActuatorTerm(Term):
+    """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's own actuators.
+
+    Attributes
+    ----------
+    actuators : in the order of their controls
+    optimal_forces : (actuators,) [N or N m]
+    """
+
+    def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):
+        self.actuators = tuple(actuators)
+        self.optimal_forces = np.array([one.optimal_force for one in actuators], dtype=np.float64)
+        self._tree, self._exponent = tree, exponent
+        self._on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
+        self._bodies = compile_body_actuators(tree, [actuators[i] for i in self._on_bodies])
+
+    def variables(self) -> Variables:
+        """Controls, with their effort."""
+        count, names = len(self.actuators), tuple(one.name for one in self.actuators)
+        lower, upper = np.array([[one.min_control, one.max_control] for one in self.actuators]).reshape(-1, 2).T
+        return Variables(names, np.ones(count), np.full(count, self._exponent), lower, upper)
+
+    def entries(self) -> Sequence[tuple[int, int]]:
+        """Of actuators on bodies first, then one of each actuator on a coordinate."""
+        names, bodies = self._tree.model.coordinate_names, self._bodies
+        owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
+        found = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
+        return found + [
+            (i, index_of("coordinate", one.coordinate, names))
+            for i, one in enumerate(self.actuators)
+            if one.kind == "coordinate"
+        ]
+
+    def columns(self, frames: Frames) -> Columns:
+        """Generalized forces of unit forces, and the optimal forces."""
+        filled = np.empty((len(frames), len(self._bodies.coordinate)))
+        if filled.shape[1]:
+            body_directions(self._tree.arrays, self._bodies, frames.coordinates, filled)
+        ones = np.ones((len(frames), len(self.actuators) - len(self._on_bodies)))
+        forces = np.broadcast_to(self.optimal_forces, (len(frames), len(self.actuators)))
+        return Columns(np.hstack([filled, ones]), forces)
+
+    def penalties(self, unknowns: Unknowns) -> Penalties | None:
+        """A curvature at 0 where the exponent leaves none."""
+        if self._exponent <= 2.0:
+            return None
+        own, zero = unknowns.of(self), np.zeros((1, len(self.actuators)))
+        return Penalties(range(own.start, own.stop), zero, zero, np.full_like(zero, NEAR_ZERO_COST))

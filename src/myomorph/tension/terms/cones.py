@@ -1,0 +1,313 @@
+"""Friction cones by their generators, and the generalized forces of every generator of every contact.
+
+A linearised cone is kept by its generators (its edges): a force inside it is a sum of generators with amplitudes
+z >= 0, so that a cone is no more than a bound. The column of a generator is J^T (f; m) at a point of a body, less the
+same on what it touches where that is a body: force and reaction act at one place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.arrays import Array
+from myomorph.model.contacts import Cone, Site
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.rigid.kernels import kernel
+from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.tree import ROTATION, Tree
+from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, turned, vector
+
+GRAVITY = 9.80665
+"""Where a model has no gravity, what its bodies would weigh [m/s^2]."""
+
+
+class ConeArrays(NamedTuple):
+    """Contact points and the generators of their cones, as the kernel reads them.
+
+    Attributes
+    ----------
+    body : (points,) numbers in the tree
+    place : (points, 3) in the body's frame [m]
+    start : (points + 1,) generators of point i are start[i] ... start[i + 1] - 1
+    frame : (generators,) body whose axes a generator is given in
+    push, turn : (generators, 3) force and moment of one unit of a generator [1], [m]
+    reach : (points + 1,) axes that a force at point i has power on are reach[i] ... reach[i + 1] - 1
+    axis, sign : (reached,) number of the axis; 1 below the body, -1 below what it touches
+    slot : (reached, 2) which of a generator's entries the axis's coordinates are, -1 for none
+    first : (generators + 1,) entries of generator g are first[g] ... first[g + 1] - 1
+    coordinate : (entries,)
+    """
+
+    body: NDArray[np.int64]
+    place: Array
+    start: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    push: Array
+    turn: Array
+    reach: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    sign: Array
+    slot: NDArray[np.int64]
+    first: NDArray[np.int64]
+    coordinate: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class ConeGenerators:
+    """Generators of the cones of all sites.
+
+    Attributes
+    ----------
+    site, point : (generators,) whose generator it is; points are numbered over all sites
+    normal : (generators,) force along the cone's direction of one unit of the generator
+    lower : (generators,) least amplitude: 0, or -inf where the opposite generator is allowed too
+    cost : (generators,) of amplitude^2, so that one unit of force along the direction costs 1 in all
+    names : (generators,) such as "heel_r point 0 generator 3"
+    weight : (sites,) of the body that the site belongs to, unit of its amplitudes [N]
+    """
+
+    tree: Tree
+    sites: tuple[Site, ...]
+    arrays: ConeArrays
+    site: NDArray[np.int64]
+    point: NDArray[np.int64]
+    normal: Array
+    lower: Array
+    cost: Array
+    names: tuple[str, ...]
+    weight: Array
+
+    def __len__(self) -> int:
+        return len(self.site)
+
+    def evaluate(self, coordinates: Array) -> tuple[Array, Array, Array, Array]:
+        """Columns of all generators, and where and how they push.
+
+        Parameters
+        ----------
+        coordinates : (frames, coordinates) in the model's order, dependent ones consistent
+
+        Returns
+        -------
+        entries : (frames, entries) generalized forces of one unit of force, on `arrays.coordinate`
+        places : (frames, points, 3) in ground [m]
+        pushes, turns : (frames, generators, 3) force and moment about the place, in ground [1], [m]
+        """
+        frames, arrays = len(coordinates), self.arrays
+        entries = np.empty((frames, len(arrays.coordinate)))
+        places = np.empty((frames, len(arrays.body), 3))
+        pushes, turns = np.empty((frames, len(self), 3)), np.empty((frames, len(self), 3))
+        contact_columns(self.tree.arrays, arrays, np.array(coordinates, order="C"), entries, places, pushes, turns)
+        return entries, places, pushes, turns
+
+
+def tangents(direction: Array) -> tuple[Array, Array]:
+    """Two unit vectors across a unit vector (3,); the first nearest to the axis that is least along it."""
+    axis = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    one = axis - (axis @ direction) * direction
+    one /= np.linalg.norm(one)
+    return one, np.cross(direction, one)
+
+
+def cone_generators(cone: Cone) -> tuple[Array, Array, Array, Array]:
+    """Generators of a cone at one point, in the axes of its frame.
+
+    A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a half-space, has free
+    tangents; a cone without a direction has three free axes. Torsional friction adds d with a moment of +-torsion
+    about d: friction across and about the direction share what the normal force allows (Howe and Cutkosky 1996,
+    whose ellipsoid this lies inside).
+
+    Returns
+    -------
+    push, turn : (generators, 3)
+    lower : (generators,) least amplitude
+    share : (generators,) cost of amplitude^2, with which the least cost of a force along d is its square
+    """
+    if cone.direction is None:
+        return np.eye(3), np.zeros((3, 3)), np.full(3, -np.inf), np.ones(3)
+    d = cone.direction
+    one, other = tangents(d)
+    if cone.friction == 0.0 or np.isinf(cone.friction):
+        push = [d]
+    else:
+        angles = 2.0 * np.pi * np.arange(cone.edges) / cone.edges
+        push = [d + cone.friction * (np.cos(a) * one + np.sin(a) * other) for a in angles]
+    turn = [np.zeros(3)] * len(push)
+    if cone.torsion > 0.0:
+        push += [d, d]
+        turn += [cone.torsion * d, -cone.torsion * d]
+    along_d = len(push)
+    free = 2 if np.isinf(cone.friction) else 0
+    push += [one, other][:free]
+    turn += [np.zeros(3)] * free
+    lower = np.concatenate([np.zeros(along_d), np.full(free, -np.inf)])
+    share = np.concatenate([np.full(along_d, float(along_d)), np.ones(free)])
+    return np.array(push), np.array(turn), lower, share
+
+
+def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
+    """Generators of all sites as flat arrays; a site's grip is added to its first point.
+
+    Raises
+    ------
+    UnknownName
+        where a site names a body that the model does not have
+    BadModel
+        where two sites share a name
+    """
+    names = [one.name for one in sites]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadModel(f"two contact sites are named '{name}': give one of them another name")
+    points: list[_Point] = [one for k, site in enumerate(sites) for one in _points(tree, k, site)]
+    edges = [(i, one, e) for i, one in enumerate(points) for e in range(len(one.push))]
+    arrays = ConeArrays(
+        body=np.array([one.body for one in points], np.int64),
+        place=_rows([one.place for one in points]),
+        start=_ends([len(one.push) for one in points]),
+        frame=np.array([one.frame for _, one, _ in edges], np.int64),
+        push=_rows([one.push[e] for _, one, e in edges]),
+        turn=_rows([one.turn[e] for _, one, e in edges]),
+        reach=_ends([len(one.axes) for one in points]),
+        axis=np.array([k for one in points for k in one.axes], np.int64),
+        sign=np.array([sign for one in points for sign in one.signs], dtype=np.float64),
+        slot=np.array([slot for one in points for slot in one.slots], np.int64).reshape(-1, 2),
+        first=_ends([len(one.coordinates) for _, one, _ in edges]),
+        coordinate=np.array([j for _, one, _ in edges for j in one.coordinates], np.int64),
+    )
+    return ConeGenerators(
+        tree=tree,
+        sites=tuple(sites),
+        arrays=arrays,
+        site=np.array([one.site for _, one, _ in edges], np.int64),
+        point=np.array([i for i, _, _ in edges], np.int64),
+        normal=np.array([one.normal[e] for _, one, e in edges], dtype=np.float64),
+        lower=np.array([one.lower[e] for _, one, e in edges], dtype=np.float64),
+        cost=np.array([one.cost[e] for _, one, e in edges], dtype=np.float64),
+        names=tuple(f"{one.label} generator {e}" for _, one, e in edges),
+        weight=np.array([_weight(tree, site) for site in sites], dtype=np.float64),
+    )
+
+
+class _Point(NamedTuple):
+    """One point of a site: where it is, its generators, and the axes it has power on."""
+
+    site: int
+    label: str
+    body: int
+    frame: int
+    place: Array
+    push: Array
+    turn: Array
+    normal: Array
+    lower: Array
+    cost: Array
+    axes: list[int]
+    signs: list[float]
+    coordinates: list[int]
+    slots: list[list[int]]
+
+
+def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
+    body, frame = _body(tree, site, site.body), _body(tree, site, site.cone.frame)
+    axes, signs, coordinates, slots = _reached(tree, site)
+    found = []
+    for j, place in enumerate(site.points):
+        push, turn, lower, cost = cone_generators(site.cone)
+        # What one unit of force along the direction costs does not depend on how many points share it.
+        cost = cost * len(site.points)
+        if j == 0 and site.cone.grip > 0.0:
+            push, turn = np.vstack([push, np.zeros((3, 3))]), np.vstack([turn, site.cone.grip * np.eye(3)])
+            lower, cost = np.append(lower, np.full(3, -np.inf)), np.append(cost, np.ones(3))
+        normal = np.zeros(len(push)) if site.cone.direction is None else push @ site.cone.direction
+        # Tangents are across the direction but for rounding.
+        normal[np.abs(normal) < 1e-12] = 0.0
+        label = f"{site.name} point {j}"
+        found.append(
+            _Point(number, label, body, frame, place, push, turn, normal, lower, cost, axes, signs, coordinates, slots)
+        )
+    return found
+
+
+def _rows(vectors: list[Array]) -> Array:
+    return np.array(vectors, dtype=np.float64).reshape(-1, 3)
+
+
+def _ends(counts: list[int]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def _body(tree: Tree, site: Site, name: str) -> int:
+    if name not in tree.body_index:
+        raise UnknownName("body", name, tuple(tree.body_index), f"contact site '{site.name}': the model")
+    return tree.body_index[name]
+
+
+def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int], list[list[int]]]:
+    """Axes between the two bodies of a contact with their signs, the coordinates, and which of them each axis has.
+
+    What both bodies hang on feels a force and its reaction at one place not at all.
+    """
+    own = tree.supports[_body(tree, site, site.body)]
+    other = tree.supports[_body(tree, site, site.against)]
+    axes = [int(k) for k in np.flatnonzero(own != other)]
+    pairs = [[int(j) for j in tree.arrays.axis_coordinate[k]] for k in axes]
+    touched = sorted({j for pair in pairs for j in pair if j >= 0})
+    slots = [[touched.index(j) if j >= 0 else -1 for j in pair] for pair in pairs]
+    return axes, [1.0 if own[k] else -1.0 for k in axes], touched, slots
+
+
+def _weight(tree: Tree, site: Site) -> float:
+    """Weight of the subject or object that a site is a part of, the heavier of the two that touch [N]."""
+    parent, mass = tree.arrays.parent, tree.arrays.mass
+    root = np.arange(len(parent))
+    for b in range(1, len(parent)):
+        root[b] = root[parent[b]] if parent[b] > 0 else b
+    gravity = float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY
+    ends = {int(root[_body(tree, site, name)]) for name in (site.body, site.against)} - {0}
+    heaviest = max((float(mass[root == end].sum()) for end in ends), default=0.0)
+    return gravity * (heaviest or float(mass.sum()) or 1.0)
+
+
+@kernel
+def contact_columns(T, P, coordinates, entries, places, pushes, turns):
+    """Fill what `ConeGenerators.evaluate` returns, frame by frame.
+
+    Parameters
+    ----------
+    T, P : arrays of the tree, `ConeArrays`
+    coordinates : (frames, coordinates) consistent values
+    """
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    for frame in range(coordinates.shape[0]):
+        body_poses(T, coordinates[frame], R, p, w, o, dphi)
+        push, turn, out = pushes[frame], turns[frame], entries[frame]
+        for e in range(out.shape[0]):
+            out[e] = 0.0
+        for i in range(P.body.shape[0]):
+            x = plus(vector(p, P.body[i]), turned(matrix(R, P.body[i]), vector(P.place, i)))
+            put_vector(places[frame], i, x)
+            for g in range(P.start[i], P.start[i + 1]):
+                r = matrix(R, P.frame[g])
+                put_vector(push, g, turned(r, vector(P.push, g)))
+                put_vector(turn, g, turned(r, vector(P.turn, g)))
+            for a in range(P.reach[i], P.reach[i + 1]):
+                k = P.axis[a]
+                direction = vector(w, k)
+                turns_it = T.axis_kind[k] == ROTATION
+                move = cross(direction, minus(x, vector(o, k))) if turns_it else direction
+                for g in range(P.start[i], P.start[i + 1]):
+                    power = dot(move, vector(push, g))
+                    if turns_it:
+                        power += dot(direction, vector(turn, g))
+                    power *= P.sign[a]
+                    for s in range(2):
+                        if P.slot[a, s] >= 0:
+                            out[P.first[g] + P.slot[a, s]] += dphi[k, s] * power

@@ -1,0 +1,242 @@
+"""Contacts as a term: which sites may carry force, cones of force, and how smooth forces are.
+
+With smoothness the cost gains sum_g beta c_g (s_k z_k - s_(k-1) z_(k-1))^2 between frames in which a site touches,
+beta = smoothness (10 ms / dt)^2, so that the rate of recording does not matter. What a frame feels of another
+decays with their distance by the factor r < 1 of r + 1/r = 2 + 1/beta or faster (that of an unconstrained force); a
+window is solved with so many frames before and after it that what lies beyond is felt by less than `FELT`, and these
+are then dropped. So windows need not know of each other: memory is that of a window, and threads change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.contacts import SharedWrench, Site
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import GROUND
+from myomorph.model.series import Series
+from myomorph.motion.sync import refuse_other_times
+from myomorph.rigid.tree import Tree
+from myomorph.tension.terms.cones import ConeGenerators, compile_cones
+from myomorph.tension.terms.term import Columns, Frames, Smoothing, Term, Unknowns, Variables
+
+
+@dataclass(frozen=True)
+class ContactOptions:
+    """How forces of contacts are chosen where physics leaves them open.
+
+    Attributes
+    ----------
+    formulation : "simultaneous": contact forces and muscle tensions in one problem; "sequential": contact
+        forces first, from the six equations of motion of each body that floats, muscles after
+    compliance : cost of a contact force of one body weight at a site of full strength, in units of the
+        effort a^2 of one muscle; at a site of strength s it is compliance / s^2
+    smoothness : weight of (f_k - f_(k-1))^2 between frames, in units of `compliance`, for frames 10 ms apart
+    window : frames that are solved together when forces are smoothed (more where smoothness reaches further)
+    sweeps : most passes over a window, each frame given those beside it; they end earlier when nothing changes
+    """
+
+    formulation: Literal["simultaneous", "sequential"] = "simultaneous"
+    compliance: float = 0.1
+    smoothness: float = 1.0
+    window: int = 64
+    sweeps: int = 200
+
+    def __post_init__(self) -> None:
+        if self.formulation not in ("simultaneous", "sequential"):
+            raise BadData(f"unknown formulation '{self.formulation}': there are 'simultaneous', 'sequential'")
+        if not (self.compliance > 0.0 and self.smoothness >= 0.0):
+            raise BadData(
+                f"compliance {self.compliance:g}, smoothness {self.smoothness:g} of contacts: expected above 0, and "
+                "0 or more"
+            )
+        if self.window < 1 or self.sweeps < 1:
+            raise BadData(f"window {self.window}, sweeps {self.sweeps} of contacts: expected 1 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTask:
+    """Contacts whose forces are to be found.
+
+    Attributes
+    ----------
+    strengths : (frames, sites) in 0..1 at the motion's times: 0 for no contact, between for a contact that
+        is only beginning, or not sure
+    measured : forces known for some sites together
+    preferred : (frames, sites, 3) in ground: force across a cone's direction, per force along it, that costs least;
+        None for a force along the direction. Of cones whose direction is fixed in ground
+    """
+
+    sites: tuple[Site, ...]
+    strengths: Series
+    measured: tuple[SharedWrench, ...] = ()
+    options: ContactOptions = field(default_factory=ContactOptions)
+    preferred: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sites", tuple(self.sites))
+        if self.preferred is not None:
+            shape = (len(self.strengths), len(self.sites), 3)
+            object.__setattr__(self, "preferred", frozen_array(self.preferred, shape))
+        names = tuple(one.name for one in self.sites)
+        if self.strengths.names != names:
+            raise BadData(f"strengths are of the sites {self.strengths.names}, but the contacts have {names}")
+        for wrench in self.measured:
+            for site in wrench.sites:
+                if site not in names:
+                    raise UnknownName("contact site", site, names, f"the contacts, for '{wrench.name}',")
+
+
+FELT = 1e-3
+"""Share of a change beyond a window's margins that may still be felt inside it."""
+
+CLOSE = 5e-4
+"""Passes over a window end when no force is further from where they lead [body weights]."""
+
+REFERENCE = 0.01
+"""Time between frames for which the smoothness is stated [s]."""
+
+MAX_PREFERRED = 0.45
+"""Share of the friction up to which forces may be preferred across the cone: at a half a generator would be lost."""
+
+
+class ContactTerm(Term):
+    """gamma sum_g c_g z_g^2 of the amplitudes z of the cones' generators, with generalized forces J^T G z.
+
+    Attributes
+    ----------
+    task : as it was given
+    generators : of the cones of all sites
+    strengths : (frames, sites)
+    amounts : (frames, generators) force of one unit of a generator's amplitude: strength times weight, more of a
+        generator that is preferred [N]
+    cost : (generators,) of amplitude^2
+
+    Raises
+    ------
+    BadData
+        where strengths are of other times or not 0 ... 1, or a measured wrench has another number of frames
+    UnknownName
+        where a site names a body that the model does not have
+    """
+
+    def __init__(self, tree: Tree, time: Array, task: ContactTask):
+        _refuse_unfit(time, task)
+        self.task, self.generators = task, compile_cones(tree, task.sites)
+        self.strengths = np.array(task.strengths.values)
+        own = self.generators.site
+        self.amounts = (self.strengths * self.generators.weight)[:, own] * np.sqrt(_preference(task, self.generators))
+        self.cost = task.options.compliance * self.generators.cost
+
+    def variables(self) -> Variables:
+        """Amplitudes; bounds are the cones."""
+        count = len(self.generators)
+        free = np.full(count, np.inf)
+        return Variables(self.generators.names, self.cost, np.full(count, 2.0), self.generators.lower, free)
+
+    def entries(self) -> Sequence[tuple[int, int]]:
+        """Coordinates that each generator acts on."""
+        arrays = self.generators.arrays
+        owner = np.repeat(np.arange(len(self.generators)), np.diff(arrays.first))
+        return list(zip(owner.tolist(), arrays.coordinate.tolist(), strict=True))
+
+    def columns(self, frames: Frames) -> Columns:
+        """Generalized forces of unit forces, and the force of a unit amplitude."""
+        return Columns(self.evaluated(frames)[0], self.amounts[frames.part])
+
+    def evaluated(self, frames: Frames) -> tuple[Array, Array, Array, Array]:
+        """As of `ConeGenerators.evaluate`."""
+        return frames.once(self, lambda these: self.generators.evaluate(these.coordinates))
+
+    def forces_of(self, part: slice, coordinates: Array, amplitudes: Array) -> Array:
+        """Forces, centers of pressure and free torques (3, frames, sites, 3) from amplitudes (frames, generators)."""
+        generators = self.generators
+        _, places, pushes, turns = generators.evaluate(coordinates)
+        size = amplitudes * self.amounts[part]
+        found = np.zeros((3, len(size), len(generators.sites), 3))
+        for k, site in enumerate(generators.sites):
+            mine = generators.site == k
+            numbers = np.unique(generators.point[mine])
+            own = [mine & (generators.point == i) for i in numbers]
+            each = np.stack([np.einsum("fg,fgi->fi", size[:, one], pushes[:, one]) for one in own], axis=1)
+            if site.cone.direction is None:
+                press = np.linalg.norm(each, axis=2)
+            else:
+                press = np.stack([size[:, one] @ generators.normal[one] for one in own], axis=1)
+            share = np.where(press.sum(axis=1, keepdims=True) > 0.0, press, 1.0)
+            at = places[:, numbers]
+            point = np.einsum("fp,fpi->fi", share / share.sum(axis=1, keepdims=True), at)
+            turned = np.einsum("fg,fgi->fi", size[:, mine], turns[:, mine])
+            found[:, :, k] = each.sum(axis=1), point, turned + np.cross(at - point[:, None], each).sum(axis=1)
+        return found
+
+    def torques_of(self, coordinates: Array, amplitudes: Array) -> Array:
+        """Generalized forces (frames, coordinates) of the contacts, each coordinate by itself."""
+        arrays = self.generators.arrays
+        entries, _, _, _ = self.generators.evaluate(coordinates)
+        shares = entries * np.repeat(amplitudes * self.amounts, np.diff(arrays.first), axis=1)
+        total: Array = shares @ (arrays.coordinate[:, None] == np.arange(coordinates.shape[1]))
+        return total
+
+    def smoothing(self, unknowns: Unknowns) -> Smoothing | None:
+        """Links between frames, None where nothing is smoothed.
+
+        The factor of over-relaxation is Young's for the slowest direction of an unconstrained force.
+        """
+        options, time = self.task.options, unknowns.time
+        if options.smoothness == 0.0 or len(time) < 2 or not len(self.generators):
+            return None
+        stiffness = options.smoothness * (REFERENCE / np.diff(time)) ** 2
+        greatest = float(stiffness.max())
+        half = 1.0 + 0.5 / greatest
+        decay = half - np.sqrt(half**2 - 1.0)
+        margin = int(np.ceil(np.log(FELT) / np.log(decay)))
+        jacobi = 2.0 * greatest / (1.0 + 2.0 * greatest)
+        over = 2.0 / (1.0 + np.sqrt(1.0 - jacobi**2))
+        scale = self.amounts / self.generators.weight[self.generators.site]
+        # Changes shrink by over - 1 from pass to pass, so what is left to come is change / (2 - over).
+        tolerance = CLOSE * (2.0 - float(over))
+        window, first = max(options.window, 2 * margin), unknowns.of(self).start
+        return Smoothing(window, margin, first, scale, stiffness, float(over), options.sweeps, tolerance)
+
+
+def _refuse_unfit(time: Array, task: ContactTask) -> None:
+    strengths = task.strengths
+    refuse_other_times("strengths of contacts", strengths.time, time)
+    if not np.all((strengths.values >= 0.0) & (strengths.values <= 1.0)):
+        frame, site = np.argwhere(~((strengths.values >= 0.0) & (strengths.values <= 1.0)))[0]
+        raise BadData(
+            f"strength of contact site '{strengths.names[site]}' at frame {frame} is "
+            f"{strengths.values[frame, site]:g}: expected 0 to 1"
+        )
+    for measured in task.measured:
+        if len(measured.forces) != len(time):
+            raise BadData(f"'{measured.name}' has {len(measured.forces)} frames of forces, the motion {len(time)}")
+
+
+def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
+    """By how much each generator (frames, generators) is favoured, so that a force along what is preferred costs least.
+
+    Of a pyramid of generators d + mu t_k with costs 1 / w_k the cheapest force is sum_k w_k (d + mu t_k), which is
+    d + lean for w_k = 1 + 2 lean . t_k / mu, as sum_k t_k t_k^T = n / 2 of n generators; where generators of torsion,
+    which do not lean, share the force, the others lean the more. The cone stays as it is.
+    """
+    shares = np.ones((len(task.strengths), len(generators)))
+    if task.preferred is None:
+        return shares
+    for k, site in enumerate(task.sites):
+        cone = site.cone
+        if cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
+            continue
+        own = np.flatnonzero((generators.site == k) & (generators.normal != 0.0))
+        across = (generators.arrays.push[own] - cone.direction) / cone.friction
+        lean = np.nan_to_num(task.preferred[:, k]) * len(own) / np.any(np.abs(across) > 1e-12, axis=1).sum()
+        size = np.linalg.norm(lean, axis=1, keepdims=True)
+        lean = lean * np.minimum(1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12))
+        shares[:, own] = 1.0 + 2.0 / cone.friction * lean @ across.T
+    return shares

@@ -1,0 +1,89 @@
+"""Muscles as a term: activations, their effort, their moment arms times force, and passive and viscous force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.muscles.hill import fill_hill_forces, viscosities
+from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.path import compile_paths
+from myomorph.rigid.tree import Tree
+from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.term import Columns, Frames, Term, Variables
+
+
+class MuscleForces(NamedTuple):
+    """What muscles pull with in some frames.
+
+    Attributes
+    ----------
+    arms : (frames, entries) moment arms [m], in the order of `compile_paths`
+    active, passive, viscous : (frames, muscles) force per unit activation, passive elastic and viscous force [N]
+    """
+
+    arms: Array
+    active: Array
+    passive: Array
+    viscous: Array
+
+
+class MuscleTerm(Term):
+    """sum_m w_m a_m^p of activations a, with generalized forces R^T (F a + F_passive + F_viscous).
+
+    Attributes
+    ----------
+    strength : (muscles,) maximum isometric force [N]
+    lower, upper : (muscles,) bounds of the activations, 0 of muscles that are switched off
+    """
+
+    def __init__(self, tree: Tree, options: TensionOptions):
+        muscles = tree.model.muscles
+        self._options, self._names = options, tree.model.muscle_names
+        self._hill, self._paths = compile_hill(tree.model), compile_paths(tree.model)
+        self._enabled = np.array([one.enabled for one in muscles], dtype=np.bool_)
+        self._viscosity = viscosities(tree.model) * options.viscous
+        self.strength = np.array([one.max_isometric_force for one in muscles], dtype=np.float64)
+        # A muscle that is switched off has no force, so its activation must not be free.
+        self.lower = np.where(self._enabled, [one.min_activation for one in muscles], 0.0)
+        self.upper = np.where(self._enabled, [one.max_activation for one in muscles], 0.0)
+        self._weight = np.ones(len(muscles))
+        if options.weights == "volume" and self._enabled.any():
+            volume = self.strength * [one.optimal_fiber_length for one in muscles]
+            self._weight = volume / volume[self._enabled].mean()
+
+    def variables(self) -> Variables:
+        """Activations, with the effort."""
+        exponent = np.full(len(self._weight), self._options.exponent)
+        return Variables(self._names, self._weight, exponent, self.lower, self.upper)
+
+    def entries(self) -> Sequence[tuple[int, int]]:
+        """Moment arms; those about a coordinate already hold what reaches the muscle through couplers."""
+        paths = self._paths
+        return [
+            (int(m), int(j) if free else -1)
+            for m, j, free in zip(paths.arm_muscle, paths.arm_coordinate, paths.arm_free, strict=True)
+        ]
+
+    def columns(self, frames: Frames) -> Columns:
+        """Moment arms, active forces, and passive and viscous forces."""
+        found = self.forces(frames)
+        return Columns(found.arms, found.active, found.passive + found.viscous)
+
+    def forces(self, frames: Frames) -> MuscleForces:
+        """Moment arms and forces of some frames."""
+        return frames.once(self, self._forces)
+
+    def _forces(self, frames: Frames) -> MuscleForces:
+        options, shape = self._options, (len(frames), len(self.strength))
+        lengths, speeds, arms = self._paths.evaluate(frames.coordinates, frames.rates)
+        active, passive = np.empty(shape), np.empty(shape)
+        fill_hill_forces(self._hill, lengths, speeds, options.convention, options.passive, active, passive)
+        if options.curves == "constant":
+            active[:] = np.where(np.isnan(active), np.nan, self.strength)
+        active *= self._enabled
+        passive *= self._enabled
+        return MuscleForces(arms, active, passive, self._viscosity * speeds)

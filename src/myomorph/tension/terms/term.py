@@ -1,0 +1,353 @@
+"""What a term of the tension problem is, and what it may add. The problem is the sum of its terms.
+
+    minimise  sum_i w_i |x_i|^p_i + k_i dist(x_i, [l_i, h_i])^2   subject to  A x = b,  lower <= x <= upper
+
+A term may bring unknowns in (with weights w, exponents p and bounds), generalized forces of these unknowns (columns of
+the equations of motion), rows (linear costs and constraints on any unknowns) and interval penalties (k, l, h). Nothing
+else is needed for any convex quadratic term: a cost without a diagonal and an inequality are rows with an unknown of
+their own, so that the problem stays separable and the solver of `myomorph.tension.dual` takes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from myomorph.model.arrays import Array, checked_array
+from myomorph.model.errors import BadData
+from myomorph.model.model import index_of
+from myomorph.tension.separable import Links
+
+T = TypeVar("T")
+
+LIMIT_COST = 1e-6
+"""Cost of the unknown of a constraint, squared: small enough to change nothing, above 0 for a unique solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """Unknowns that a term brings in.
+
+    Attributes
+    ----------
+    names : one each
+    weight, exponent : (unknowns,) w > 0 and p > 1 of the cost w |x|^p
+    lower, upper : (unknowns,) bounds, may be infinite
+    """
+
+    names: tuple[str, ...] = ()
+    weight: Array = field(default_factory=lambda: np.zeros(0))
+    exponent: Array = field(default_factory=lambda: np.zeros(0))
+    lower: Array = field(default_factory=lambda: np.zeros(0))
+    upper: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def joined(parts: Sequence[Variables]) -> Variables:
+    """The unknowns of several terms, one after the other."""
+    names = tuple(name for one in parts for name in one.names)
+    values = ("weight", "exponent", "lower", "upper")
+    return Variables(names, *(np.concatenate([getattr(one, name) for one in parts]) for name in values))
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """All unknowns of a problem, as a term sees them when the problem is set up.
+
+    Attributes
+    ----------
+    names : activations by the muscles' names, controls by the actuators', amplitudes as "<site> point 0 generator 3"
+    muscles : the first of them, whose unknowns are activations
+    time : (frames,) of the motion [s]
+    terms, places : the terms, and the places of the unknowns that each brings in
+    """
+
+    names: tuple[str, ...]
+    muscles: tuple[str, ...]
+    time: Array
+    terms: tuple[Term, ...]
+    places: tuple[slice, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def of(self, term: Term) -> slice:
+        """Places of the unknowns that a term brings in."""
+        for one, place in zip(self.terms, self.places, strict=True):
+            if one is term:
+                return place
+        raise BadData(f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the problem")
+
+    def row(self, factors: Mapping[str, float]) -> Array:
+        """(unknowns,) a linear function of the unknowns, from the factors of those that are in it.
+
+        Raises
+        ------
+        UnknownName
+            where no unknown has that name
+        """
+        found = np.zeros(len(self.names))
+        for name, factor in factors.items():
+            found[index_of("unknown", name, self.names, "the tension problem")] += factor
+        return found
+
+
+class Frames:
+    """Some frames of the motion, as terms read them.
+
+    Attributes
+    ----------
+    part : their numbers
+    coordinates, rates : (frames, coordinates) of all coordinates, consistent [rad or m], [rad/s or m/s]
+    """
+
+    def __init__(self, part: slice, coordinates: Array, rates: Array):
+        self.part, self.coordinates, self.rates = part, coordinates, rates
+        self._made: dict[int, object] = {}
+
+    def __len__(self) -> int:
+        return len(self.coordinates)
+
+    def once(self, owner: Term, make: Callable[[Frames], T]) -> T:
+        """What a term computes of these frames, once for all who ask."""
+        if id(owner) not in self._made:
+            self._made[id(owner)] = make(self)
+        return self._made[id(owner)]  # type: ignore[return-value]
+
+
+class Columns(NamedTuple):
+    """Generalized forces of a term's unknowns in some frames.
+
+    Attributes
+    ----------
+    entries : (frames, entries) generalized forces of unit forces, in the order of `Term.entries` [m or 1]
+    forces : (frames, unknowns) force of one unit of each unknown [N or N m]
+    given : (frames, unknowns) forces along the same columns that act whatever the unknowns are, None for none [N, N m]
+    """
+
+    entries: Array
+    forces: Array
+    given: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Linear functions of the unknowns, each with an unknown e of its own: S x - unit e = target, cost weight e^2.
+
+    Attributes
+    ----------
+    names : one a row
+    row, column : (entries,) where S may differ from 0: which row, which unknown
+    values : (entries,) or (frames, entries) of S there
+    target : (rows,) or (frames, rows)
+    unit : (rows,) what one unit of e stands for, in the unit of the target
+    weight : (rows,) cost of e^2, above 0, in units of the effort a^2 of one muscle
+    lower, upper : (rows,) bounds of e: infinite for a cost, 0 for an equation
+    measured : whether targets are measurements, whose standard deviations are the units
+    """
+
+    names: tuple[str, ...]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    values: Array
+    target: Array
+    unit: Array
+    weight: Array
+    lower: Array
+    upper: Array
+    measured: bool = False
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def cost(cls, name: str, L: ArrayLike, m: ArrayLike, weight: float) -> Rows:
+        """Weight |L x - m|^2, that is 1/2 x^T H x + c^T x and a constant with H = 2 weight L^T L, c = -2 weight L^T m.
+
+        Parameters
+        ----------
+        L : (rows, unknowns)
+        m : (rows,) or (frames, rows)
+        weight : above 0, in units of the effort a^2 of one muscle
+        """
+        return cls._dense(name, L, m, weight, -np.inf, np.inf)
+
+    @classmethod
+    def equal(cls, name: str, A: ArrayLike, b: ArrayLike) -> Rows:
+        """A x = b; A (rows, unknowns), b (rows,) or (frames, rows)."""
+        return cls._dense(name, A, b, 1.0, 0.0, 0.0)
+
+    @classmethod
+    def at_most(cls, name: str, G: ArrayLike, h: ArrayLike) -> Rows:
+        """G x <= h; G (rows, unknowns), h (rows,) or (frames, rows)."""
+        return cls._dense(name, G, h, LIMIT_COST, -np.inf, 0.0)
+
+    @classmethod
+    def _dense(cls, name: str, S: ArrayLike, target: ArrayLike, weight: float, lower: float, upper: float) -> Rows:
+        S = np.atleast_2d(np.asarray(S, dtype=np.float64))
+        target = np.atleast_1d(np.asarray(target, dtype=np.float64))
+        if target.shape[-1] != len(S):
+            raise BadData(f"term '{name}' has {len(S)} rows and {target.shape[-1]} targets: expected as many")
+        if not weight > 0.0:
+            raise BadData(f"the weight of term '{name}' is {weight:g}: expected above 0")
+        row, column = np.nonzero(S)
+        names = (name,) if len(S) == 1 else tuple(f"{name} {k}" for k in range(len(S)))
+        unit, weights, low, high = (np.full(len(S), one) for one in (1.0, weight, lower, upper))
+        return cls(names, row, column, S[row, column], target, unit, weights, low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class Penalties:
+    """Interval penalties: weight dist(x, [low, high])^2 of some unknowns.
+
+    Attributes
+    ----------
+    columns : (penalised,) which unknowns
+    low, high, weight : (frames, penalised), or (1, penalised) for all frames; a weight of 0 leaves low and high unread
+    """
+
+    columns: Sequence[int]
+    low: Array
+    high: Array
+    weight: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothing:
+    """How unknowns of neighbouring frames are linked: stiffness_k w_i (scale_k x_k - scale_(k-1) x_(k-1))^2.
+
+    Attributes
+    ----------
+    window : frames kept of each joint solution
+    margin : frames before and after them that are solved too
+    first : the unknowns first ... first + linked - 1 are linked
+    scale : (frames, linked) amount of one unit, 0 where an unknown takes no part
+    stiffness : (frames - 1,) between a frame and the next, in units of the unknowns' weights
+    over : factor of over-relaxation, 1 to 2
+    sweeps : most passes over a window
+    tolerance : change of an amount at which passes end
+    """
+
+    window: int
+    margin: int
+    first: int
+    scale: Array
+    stiffness: Array
+    over: float
+    sweeps: int
+    tolerance: float
+
+    def links(self, begin: int, end: int) -> Links:
+        """Links of the frames begin ... end - 1."""
+        scale = np.ascontiguousarray(self.scale[begin:end])
+        stiffness = np.ascontiguousarray(self.stiffness[begin : end - 1])
+        return Links(self.first, scale, np.zeros_like(scale), stiffness, self.over, self.sweeps, self.tolerance)
+
+
+class Term:
+    """A part of the tension problem. A term overrides what it adds; the rest adds nothing.
+
+    What is asked of a term: once, when the problem is set up, `variables`, `entries`, `rows`, `penalties` and
+    `smoothing`; chunk by
+    chunk of frames, from several threads, `columns` and `row_values`.
+    """
+
+    def variables(self) -> Variables:
+        """The unknowns that it brings in."""
+        return Variables()
+
+    def entries(self) -> Sequence[tuple[int, int]]:
+        """(own unknown, coordinate) of every generalized force of its unknowns; a coordinate of -1 takes none."""
+        return ()
+
+    def columns(self, frames: Frames) -> Columns:
+        """Generalized forces of its unknowns in some frames."""
+        return Columns(np.zeros((len(frames), 0)), np.zeros((len(frames), 0)))
+
+    def rows(self, unknowns: Unknowns) -> Rows | None:
+        """Costs and constraints that are linear functions of unknowns, its own or others'."""
+        return None
+
+    def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
+        """Values (frames, entries) and targets (frames, rows) of its rows in some frames."""
+        shapes = (len(frames), len(rows.row)), (len(frames), len(rows))
+        values, target = (one[frames.part] if one.ndim == 2 else one for one in (rows.values, rows.target))
+        return np.broadcast_to(values, shapes[0]), np.broadcast_to(target, shapes[1])
+
+    def penalties(self, unknowns: Unknowns) -> Penalties | None:
+        """Intervals that unknowns, its own or others', are drawn into."""
+        return None
+
+    def smoothing(self, unknowns: Unknowns) -> Smoothing | None:
+        """Links of its own unknowns between frames; at most one term of a problem has any."""
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class IntervalPenalties:
+    """The interval penalties of all terms, kept for those unknowns alone that differ from frame to frame.
+
+    Attributes
+    ----------
+    base : (3, unknowns) l, h and k of all frames
+    columns : (changing,) unknowns that have others in each frame
+    values : (frames, 3, changing) l, h and k of these
+    """
+
+    base: Array
+    columns: NDArray[np.int64]
+    values: Array
+
+    def __getitem__(self, frames: slice | NDArray[np.int64]) -> Array:
+        """Those of some frames for `solve_separable`, (frames, 3, unknowns), or (1, 3, unknowns) if all are alike."""
+        if not len(self.columns):
+            return self.base[None]
+        changing = self.values[frames]
+        found = np.repeat(self.base[None], len(changing), axis=0)
+        found[:, :, self.columns] = changing
+        return found
+
+
+def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> IntervalPenalties:
+    """The sum of interval penalties, of `count` unknowns with those of rows.
+
+    Raises
+    ------
+    BadData
+        where two draw one unknown into different intervals of some width, or have another number of frames
+    """
+    frames = len(unknowns.time)
+    found: dict[int, Array] = {}
+    for part in parts:
+        for k, column in enumerate(part.columns):
+            mine = np.stack([one[:, k] for one in (part.low, part.high, part.weight)], axis=1)
+            if len(mine) not in (1, frames):
+                raise BadData(f"a term has penalties of {len(mine)} frames, the motion {frames}: expected as many")
+            known = found.get(column)
+            found[column] = mine if known is None else _sum(known, mine, unknowns.names[column])
+    base, changing = np.zeros((3, count)), []
+    for column, mine in found.items():
+        if len(mine) == 1:
+            base[:, column] = mine[0]
+        else:
+            changing.append(column)
+    values = np.stack([found[one] for one in changing], axis=2) if changing else np.zeros((0, 3, 0))
+    return IntervalPenalties(base, np.array(changing, np.int64), checked_array(values, ("frames", 3, "n"), "penalties"))
+
+
+def _sum(one: Array, other: Array, name: str) -> Array:
+    """Two penalties (frames or 1, 3) of one unknown as one, exact but for a constant."""
+    (l1, h1, k1), (l2, h2, k2) = np.moveaxis(np.stack(np.broadcast_arrays(one, other)), -1, 1)
+    first, both = k1 > 0.0, (k1 > 0.0) & (k2 > 0.0)
+    if np.any(both & ((l1 != h1) | (l2 != h2))):
+        raise BadData(f"two terms draw '{name}' into intervals: write one of them as rows (`Rows.cost`)")
+    k = k1 + k2
+    mean = np.where(both, (k1 * np.nan_to_num(l1) + k2 * np.nan_to_num(l2)) / np.where(both, k, 1.0), 0.0)
+    low, high = (np.where(both, mean, np.where(first, a, b)) for a, b in ((l1, l2), (h1, h2)))
+    return np.stack([low, high, k], axis=1)

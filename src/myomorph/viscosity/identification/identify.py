@@ -1,0 +1,338 @@
+"""The dynamics of one specimen in three steps: inertia, joint viscosity, muscle viscosity ([S] section II)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData, MyomorphError, UnknownName
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification.condition import (
+    LACKING,
+    ConditionSolution,
+    Influences,
+    Solution,
+    solve_condition,
+)
+from myomorph.viscosity.identification.inertia import InertiaOptions, Tare, limb_inertia
+from myomorph.viscosity.identification.torque import (
+    counted_from,
+    muscle_problem,
+    neutral_position,
+    noise_variance,
+    ridge_strength,
+    solve_muscles,
+    spring_misfit,
+    torque_problem,
+)
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.sums import swing_sums
+
+MAX_RELATIVE_WIDTH = 0.5
+"""An axis is excited where its interval is narrower than plus or minus this share of the one value."""
+
+STATES = {"without": "muscles removed", "with": "muscles intact"}
+"""What the two conditions of a specimen are called in texts."""
+
+NEUTRAL_ROUNDS = 3
+"""How often the neutral position of a ball joint's spring is found again from angles counted from the last."""
+
+
+@dataclass(frozen=True)
+class ViscosityOptions:
+    """Settings of `identify_specimen`.
+
+    Attributes
+    ----------
+    tare : whether the plate's zero is known; where unknown, the mass hides and only its moment shows
+    prior_sd : relative standard deviation of the prior of the limb's inertia, a slender cylinder
+    instruments : find the inertia free of the noise of twice differentiated markers, by instruments; without,
+        plain least squares as the paper writes them
+    stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they do not bias it;
+        without, least squares as the paper writes them
+    subtract : joint viscosity that step 3 takes off: the one value, or one an axis
+    spread : relative standard deviation of single muscles' viscosities about the common one
+    least : swings slower than this share of the fastest are left out (root mean square of the rates)
+    block : swings that the bootstrap draws together
+    draws : of the bootstrap
+    seed : of the draws
+    level : of the intervals
+    """
+
+    tare: Tare = "known"
+    prior_sd: float = 1.0
+    instruments: bool = True
+    stiffness: bool = True
+    subtract: Literal["one", "axes"] = "one"
+    spread: float = 1.0
+    least: float = 0.1
+    block: int = 1
+    draws: int = 500
+    seed: int = 0
+    level: float = 0.95
+
+    def __post_init__(self) -> None:
+        for name in ("prior_sd", "spread"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} of the viscosity is {getattr(self, name):g}: expected above 0")
+        if not 0.0 <= self.least < 1.0:
+            raise BadData(f"least of the viscosity is {self.least:g}: expected from 0 to below 1")
+        if self.block < 1 or self.draws < 2:
+            raise BadData(f"expected block from 1 and draws from 2, but got {self.block} and {self.draws}")
+        if not 0.0 < self.level < 1.0:
+            raise BadData(f"the level of the intervals is {self.level:g}: expected between 0 and 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Condition(FrozenArrays):
+    """What was identified of a specimen with its muscles intact, or removed.
+
+    Attributes
+    ----------
+    recordings : what it was identified from
+    parameters : (10,) of the limb as one link, about the joint's center ([D] order)
+    mass : [kg]
+    com : distance of the mass center from the joint's center [m]
+    viscosity : the one value over all axes, as the paper prints it [N m s/rad]; with muscles d_{M+J}
+    axis_viscosity : one an axis
+    excited : one an axis: whether the swings moved it enough to tell its viscosity
+    residual : (6,) root mean square of measured less predicted wrench [N m], [N]
+    plate_viscosity : the one value from the moment about the joint that the plate measures, instead of the
+        torque by inverse dynamics: a check that shares hardly any noise with `viscosity`
+    by_trial : which intervals are drawn by trial, because trials differ more than their swings explain
+    """
+
+    recordings: tuple[SwingRecording, ...]
+    parameters: Array
+    mass: Estimate
+    com: Estimate
+    viscosity: Estimate
+    axis_viscosity: tuple[Estimate, ...]
+    excited: tuple[bool, ...]
+    residual: Array
+    plate_viscosity: Estimate | None = None
+    by_trial: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleViscosity(FrozenArrays):
+    """d_M of the muscles ([S] eq. 3), with the joint's own viscosity taken off.
+
+    Attributes
+    ----------
+    common : one value for all muscles, as the paper prints it [N s/m]
+    pcsa : (muscles,) shares of the physiological cross-section, mean 1
+    by_pcsa : the factor of those shares [N s/m]
+    by_muscle : regularised values, one a muscle [N s/m]
+    rank : number of independent combinations that the swings show, of `len(muscles)`
+    singular_values : (muscles,) of the normalised problem, descending
+    resolved : how many of those combinations are known to better than their own size, were all muscles alike
+    """
+
+    muscles: tuple[str, ...]
+    common: Estimate
+    pcsa: Array
+    by_pcsa: Estimate
+    by_muscle: tuple[Estimate, ...]
+    rank: int
+    singular_values: Array
+    resolved: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenViscosity:
+    """A specimen's row of [S] tables I and II.
+
+    Attributes
+    ----------
+    without, intact : muscles removed and intact; None where that condition is lacking or failed
+    muscles : None unless both conditions are there
+    muscle_mass : with less without [kg]
+    measured_muscle_mass : on a scale [kg], None where it was not weighed
+    notes : warnings and what was left out, one line each
+    """
+
+    name: str
+    without: Condition | None
+    intact: Condition | None
+    muscles: MuscleViscosity | None
+    muscle_mass: Estimate | None
+    measured_muscle_mass: float | None
+    notes: tuple[str, ...] = ()
+
+
+def identify_specimen(
+    name: str,
+    without: Sequence[SwingRecording],
+    intact: Sequence[SwingRecording],
+    pcsa: Mapping[str, float] | None = None,
+    measured_muscle_mass: float | None = None,
+    options: ViscosityOptions | None = None,
+) -> SpecimenViscosity:
+    """Inertia, joint viscosity and muscle viscosity of one specimen, each with its interval.
+
+    A condition that is lacking or that fails is None and named in the notes; the other is still identified.
+    The intervals hold what swings and trials scatter; what all trials share (the joint's center, the plate's
+    place and gain, the held pose, moment arms) they cannot know.
+
+    Parameters
+    ----------
+    without, intact : recordings of the limb, muscles removed and intact; either may be empty
+    pcsa : physiological cross-section of each muscle, in any unit; even shares where None
+    measured_muscle_mass : of the removed muscles on a scale [kg]
+
+    Raises
+    ------
+    BadData : neither condition can be identified
+    UnknownName : `pcsa` lacks a muscle
+    """
+    options = options or ViscosityOptions()
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
+        bare, full = pool.map(lambda given: _solved(given, options), (without, intact))
+        notes = [
+            f"{STATES[condition]}: {problem}"
+            for condition, problem in (("without", bare), ("with", full))
+            if isinstance(problem, str)
+        ]
+        if isinstance(bare, str) and isinstance(full, str):
+            raise BadData(f"specimen '{name}': " + "; ".join(notes))
+        without_muscles = None if isinstance(bare, str) else _condition(bare, without, options, 0)
+        with_muscles = None if isinstance(full, str) else _condition(full, intact, options, 1)
+        muscles = mass = None
+        if not isinstance(bare, str) and not isinstance(full, str):
+            mass = _muscle_mass(bare, full, options)
+            muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
+    for condition, solved in (("without", bare), ("with", full)):
+        if not isinstance(solved, str):
+            notes += [f"{STATES[condition]}: {warning}" for warning in _warnings(solved)]
+    return SpecimenViscosity(name, without_muscles, with_muscles, muscles, mass, measured_muscle_mass, tuple(notes))
+
+
+def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
+    """Steps 1 and 2, or why not."""
+    try:
+        sums = swing_sums(given, options.block, options.least)
+        inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
+        if options.stiffness and len(sums.axes) == 3:
+            parameters = limb_inertia(sums, None, inertial).parameters
+            for _ in range(NEUTRAL_ROUNDS):
+                moved = counted_from(given, neutral_position(sums, parameters))
+                there = swing_sums(moved, options.block, options.least)
+                if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
+                    break
+                given, sums = moved, there
+        return solve_condition(sums, inertial, options.stiffness)
+    except MyomorphError as error:
+        return str(error)
+
+
+def _estimates(influences: Influences, options: ViscosityOptions, stream: int, least: Array) -> list[Estimate]:
+    """One an estimate, draws below `least` (estimates,) lifted to it."""
+    drawn = influences.draws(options.draws, np.random.default_rng((options.seed, stream)))
+    drawn = np.maximum(drawn, least)
+    return [Estimate.of_draws(value, own, options.level) for value, own in zip(influences.values, drawn.T, strict=True)]
+
+
+def _condition(
+    solved: ConditionSolution, recordings: Sequence[SwingRecording], options: ViscosityOptions, stream: int
+) -> Condition:
+    influences = solved.influences
+    mass, com, one, plate, *axes = _estimates(influences, options, stream, np.zeros(len(influences.values)))
+    names = ("mass", "com", "viscosity", "plate_viscosity", *solved.sums.axes)
+    return Condition(
+        tuple(recordings),
+        solved.whole.inertia.parameters,
+        mass,
+        com,
+        one,
+        tuple(axes),
+        tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * one.value for axis in axes),
+        solved.whole.inertia.noise,
+        plate,
+        tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by),
+    )
+
+
+def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array) -> Influences:
+    """Influences of the blocks without muscles, then those with."""
+    trial = np.concatenate([bare.sums.trial, full.sums.trial + len(bare.sums.names)])
+    return Influences(values, (values - blocks) / LACKING, trial, min(bare.sums.parted, full.sums.parted))
+
+
+def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> Estimate:
+    less, more = bare.whole.inertia.mass, full.whole.inertia.mass
+    blocks = [more - one.inertia.mass for one in bare.lacking] + [one.inertia.mass - less for one in full.lacking]
+    influences = _both(bare, full, np.array([more - less]), np.array(blocks)[:, None])
+    return _estimates(influences, options, 2, np.array([-np.inf]))[0]
+
+
+def _muscles(
+    bare: ConditionSolution, full: ConditionSolution, pcsa: Mapping[str, float] | None, options: ViscosityOptions
+) -> MuscleViscosity:
+    names = full.sums.muscles
+    shares = _shares(names, pcsa)
+
+    def joint(one: Solution) -> Array:
+        return np.full(len(one.joint.axes), one.joint.one) if options.subtract == "one" else one.joint.axes
+
+    problem = muscle_problem(full.torque(full.whole), joint(bare.whole))
+    common = problem.along(np.ones(len(names)))
+    phi = full.whole.inertia.parameters
+    blocks = np.stack([torque_problem(one, phi, options.stiffness) for one in full.sums.torque])
+    variance = noise_variance(blocks, joint(bare.whole))
+    strength = ridge_strength(problem, variance, common, options.spread)
+
+    def values(torque: Array, less: Solution) -> Array:
+        one = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
+        return np.array([one.common, one.by_pcsa, *one.by_muscle])
+
+    whole = full.torque(full.whole)
+    others = [values(whole, one) for one in bare.lacking] + [
+        values(full.torque(one), bare.whole) for one in full.lacking
+    ]
+    best = values(whole, bare.whole)
+    drawn = _estimates(_both(bare, full, best, np.array(others)), options, 3, np.zeros(len(best)))
+    return MuscleViscosity(
+        names,
+        drawn[0],
+        shares,
+        drawn[1],
+        tuple(drawn[2:]),
+        problem.rank,
+        problem.singular_values,
+        problem.resolved(variance, common),
+    )
+
+
+def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
+    """(muscles,) of mean 1."""
+    if pcsa is None:
+        return np.ones(len(names))
+    for name in names:
+        if name not in pcsa:
+            raise UnknownName("muscle", name, tuple(pcsa), "the table of cross-sections")
+    shares = np.array([pcsa[name] for name in names], dtype=np.float64)
+    if not (np.isfinite(shares).all() and (shares > 0.0).all()):
+        raise BadData(f"a muscle's cross-section must be above 0: got {dict(zip(names, shares.tolist(), strict=True))}")
+    return shares / shares.mean()
+
+
+def _warnings(solved: ConditionSolution) -> list[str]:
+    """What a reader should know of steps 1 and 2."""
+    found, sums, inertia = [], solved.sums, solved.whole.inertia
+    if inertia.hidden:
+        found.append("the plate's zero is unknown, so the mass hides; viscosities do not need it")
+    if not inertia.possible:
+        found.append("the wrench asks for inertia that no body has; the nearest that one can have is used")
+    if len(sums.names) < 2:
+        found.append("one trial only: how trials differ is not in the intervals")
+    lost = [name for i, name in enumerate(sums.names) if not (sums.trial == i).any()]
+    if lost:
+        found.append(f"trial {', '.join(lost)}: no swing large enough to use")
+    return found

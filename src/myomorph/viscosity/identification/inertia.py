@@ -1,0 +1,180 @@
+"""Step 1: the inertial parameters of the limb from its swings and the wrench on the base ([S] section II A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia, solve_ridge
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertia_matrices, parameters_of
+from myomorph.viscosity.swings.recording import PARAMETERS
+from myomorph.viscosity.swings.sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
+
+Tare = Literal["known", "unknown"]
+
+SLENDER = 0.1
+"""Radius of the prior's cylinder as a share of its mass center's distance from the joint."""
+
+IMPOSSIBLE = 1e-3
+"""Share of the squared misfit by which a possible body may fit worse and still count as what was measured."""
+
+
+@dataclass(frozen=True)
+class InertiaOptions:
+    """Settings of `limb_inertia`.
+
+    Attributes
+    ----------
+    tare : "known": the plate's zero was set empty, so its force shows the mass; "unknown": a constant force and
+        moment of every trial are free, as a zero set with the limb on it leaves: the mass then hides
+    prior_sd : relative standard deviation of the prior, a uniform cylinder of the estimated mass from the joint
+        through the estimated mass center to twice its distance, of a tenth of that distance as radius
+    instruments : least squares as the rows see it that hold the acceleration predicted from the state, which the
+        noise of twice differentiated markers does not bias; without, plain least squares on the rows themselves
+    """
+
+    tare: Tare = "known"
+    prior_sd: float = 1.0
+    instruments: bool = True
+
+    def __post_init__(self) -> None:
+        if self.tare not in ("known", "unknown"):
+            raise BadData(f"unknown tare '{self.tare}': there are 'known', 'unknown'")
+        if not self.prior_sd > 0.0:
+            raise BadData(f"prior_sd of the limb's inertia is {self.prior_sd:g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class LimbInertia(FrozenArrays):
+    """The limb as one rigid link.
+
+    Attributes
+    ----------
+    parameters : (10,) about the joint's center ([D] order)
+    noise : (6,) root mean square of measured less predicted wrench, by which its rows are weighted [N m], [N]
+    hidden : whether the mass hides behind an unknown zero of the plate; parameters[0] is then a guess
+    possible : whether a body can have the parameters that the wrench shows, up to its noise
+    """
+
+    parameters: Array
+    noise: Array
+    hidden: bool
+    possible: bool
+    options: InertiaOptions = field(repr=False)
+
+    @property
+    def mass(self) -> float:
+        """[kg]; NaN where it hides."""
+        return float("nan") if self.hidden else float(self.parameters[0])
+
+    @property
+    def com(self) -> float:
+        """Distance of the mass center from the joint's center [m]; NaN where the mass hides."""
+        return float("nan") if self.hidden else float(np.linalg.norm(self.parameters[1:4]) / self.parameters[0])
+
+
+def limb_inertia(
+    sums: SwingSums, counts: Array | None = None, options: InertiaOptions | None = None, noise: Array | None = None
+) -> LimbInertia:
+    """Parameters phi that minimise sum |(wrench - wrench_rows phi - offset) / noise|^2, of a possible body.
+
+    Each row of the wrench is weighted by its own residual, found by repetition. Parameters that the swings
+    do not show (the axial inertia, all but seven or fewer of a hinge) come from the prior of
+    `InertiaOptions`; what they do show outweighs it by the number of frames.
+
+    Parameters
+    ----------
+    counts : (blocks,) how often each block counts; once where None
+    noise : (6,) of the wrench, found where None [N m], [N]
+
+    Raises
+    ------
+    BadData : the forces say that the limb has no mass, or no moment about the joint
+    """
+    options = options or InertiaOptions()
+    counts = np.ones(len(sums)) if counts is None else counts
+    hidden = options.tare == "unknown"
+    products = sums.wrench_total(counts)
+    if hidden:
+        products = eliminated(products, [ONE])
+    products = products.sum(axis=0)[:, :ONE, :ONE]
+    if hidden:
+        for column in (0, PREDICTED):
+            products[:, column] = products[:, :, column] = 0.0
+    if not options.instruments:
+        products[:, PREDICTED:] = 0.0
+        products[:, PREDICTED:, : WRENCH + 1] = products[:, :PARAMETERS, : WRENCH + 1]
+        products[:, PREDICTED:, PREDICTED:] = products[:, :PARAMETERS, :PARAMETERS]
+    if noise is None:
+        noise = _noise(products, float(counts @ sums.frames))
+    A, b = _equations(np.tensordot(noise**-2.0, products, axes=1))
+    reference = _cylinder(_least_norm(A, b), hidden)
+    prior = PseudoInertiaOptions(mass_sd=options.prior_sd)
+    fit = solve_pseudo_inertia(A, b, reference[None], options=prior)
+    possible = fit.status == "closed form"
+    if not possible:
+        free = solve_ridge(A, b, reference[None], options=prior)
+        possible = fit.misfit - free.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
+    return LimbInertia(fit.parameters[0], noise, hidden, possible, options)
+
+
+def _noise(products: Array, frames: float) -> Array:
+    """(6,) residual of each row, the rows weighted by it."""
+    size = np.sqrt(products[:, WRENCH, WRENCH] / frames)
+    least = 1e-9 * np.repeat([size[:3].max(), size[3:].max()], 3)
+    noise = np.maximum(size, least)
+    for _ in range(4):
+        parameters = _least_norm(*_equations(np.tensordot(noise**-2.0, products, axes=1)))
+        taken = np.append(parameters, -1.0)
+        left = np.einsum("rij,i,j->r", products[:, : WRENCH + 1, : WRENCH + 1], taken, taken)
+        noise = np.maximum(np.sqrt(np.maximum(left, 0.0) / frames), least)
+    return noise
+
+
+def _equations(products: Array) -> tuple[Array, Array]:
+    """A (10, 10), b (10,) of the wrench as the predicted rows see it: with Z those rows, A = (Z^T Z)^-1/2 Z^T Y."""
+    Z = slice(PREDICTED, PREDICTED + PARAMETERS)
+    scale = np.sqrt(np.diagonal(products)[Z])
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(products[Z, Z] / scale[:, None] / scale)
+    seen = values > 1e-13 * values[-1]
+    root = np.divide(1.0, np.sqrt(values, where=seen, out=np.ones(PARAMETERS)), where=seen, out=np.zeros(PARAMETERS))
+    turn = root[:, None] * vectors.T / scale
+    return turn @ products[Z, :PARAMETERS], turn @ products[Z, WRENCH]
+
+
+def _least_norm(A: Array, b: Array) -> Array:
+    """(10,) least squares; what is not seen is zero."""
+    scale = np.linalg.norm(A, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    found: Array = np.linalg.lstsq(A / scale, b, rcond=1e-6)[0] / scale
+    return found
+
+
+def _cylinder(estimate: Array, hidden: bool) -> Array:
+    """(10,) uniform cylinder from the joint through the estimated mass center; the prior."""
+    moment = estimate[1:4]
+    size = float(np.linalg.norm(moment))
+    if not size > 0.0:
+        raise BadData(
+            "the wrench on the base shows no moment of the limb's weight about the joint: does the plate carry it?"
+        )
+    inertia = float(np.linalg.eigvalsh(inertia_matrices(estimate))[-1])
+    mass = 4.0 / 3.0 * size**2 / inertia if hidden and inertia > 0.0 else float(estimate[0])
+    if not mass > 0.0:
+        raise BadData(
+            f"the forces on the base say that the limb's mass is {mass:.3g} kg: is the sign that of the force on the "
+            "base, and was the plate's zero set without the limb (else set tare to 'unknown')?"
+        )
+    c = moment / mass
+    distance = size / mass
+    along = np.outer(c, c) / distance**2
+    pseudo = np.zeros((4, 4))
+    pseudo[:3, :3] = mass * (4.0 / 3.0 * np.outer(c, c) + 0.25 * (SLENDER * distance) ** 2 * (np.eye(3) - along))
+    pseudo[:3, 3] = pseudo[3, :3] = moment
+    pseudo[3, 3] = mass
+    return parameters_of(pseudo)

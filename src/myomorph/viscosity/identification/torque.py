@@ -1,0 +1,252 @@
+"""Steps 2 and 3: viscosity of joint and muscles from the torque of free swings ([S] eq. 1 to 3), beside a spring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
+from myomorph.viscosity.swings.sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, SwingSums, eliminated
+
+TORQUE, SPEED, FIRST = 0, 1, 2
+"""Columns of a torque problem: the torque by inverse dynamics, the rate, then one a muscle."""
+
+
+RANK_TOLERANCE = 1e-6
+"""Of the largest singular value: a combination of muscles that turns the limb less is not shown."""
+
+MAX_SHIFT = 1.5
+"""A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointViscosity(FrozenArrays):
+    """d_J of [S] eq. 1, the sign that resists: torque = -d rate.
+
+    Attributes
+    ----------
+    one : of all axes alike, as the paper prints it, at least 0 [N m s/rad]
+    axes : (axes,) each for itself, at least 0 [N m s/rad]
+    residual : (axes,) root mean square of torque + one rate [N m]
+    """
+
+    one: float
+    axes: Array
+    residual: Array
+
+
+def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
+    """(axes, 2 + muscles, 2 + muscles) products of [torque, rate, u] of each axis, torque = torque_rows phi.
+
+    Parameters
+    ----------
+    products : (axes, n, n) as `SwingSums.torque_total` gives them
+    parameters : (10,) phi; None for the torque that the plate measures instead
+    stiffness : take off what a spring and a constant torque of each axis explain, so that neither biases what
+        resists motion
+    """
+    if stiffness:
+        products = eliminated(products, [CONSTANT, ANGLE])
+    muscles = products.shape[-1] - MUSCLES
+    chosen = np.zeros((products.shape[-1], FIRST + muscles))
+    if parameters is None:
+        chosen[PLATE, TORQUE] = 1.0
+    else:
+        chosen[:PARAMETERS, TORQUE] = parameters
+    chosen[RATE, SPEED] = 1.0
+    chosen[MUSCLES:, FIRST:] = np.eye(muscles)
+    problem: Array = chosen.T @ products @ chosen
+    return problem
+
+
+def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
+    """Least squares of torque = -d rate, d at least 0, over all axes together and each by itself.
+
+    Parameters
+    ----------
+    problem : (axes, 2 + muscles, 2 + muscles) of `torque_problem`
+    """
+    power, square = -problem[:, TORQUE, SPEED], problem[:, SPEED, SPEED]
+    axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
+    one = max(float(power.sum() / square.sum()), 0.0) if square.sum() > 0.0 else 0.0
+    left = problem[:, TORQUE, TORQUE] - 2.0 * one * power + one**2 * square
+    return JointViscosity(one, axes, np.sqrt(np.maximum(left, 0.0) / frames))
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleSolution(FrozenArrays):
+    """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate.
+
+    Attributes
+    ----------
+    common : one value of all muscles [N s/m]
+    by_pcsa : the factor of given shares [N s/m]
+    by_muscle : (muscles,) each for itself, drawn towards the common value [N s/m]
+    """
+
+    common: float
+    by_pcsa: float
+    by_muscle: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleProblem(FrozenArrays):
+    """Normal equations H d = g of the muscles' viscosities.
+
+    Attributes
+    ----------
+    H : (muscles, muscles), g : (muscles,)
+    """
+
+    H: Array
+    g: Array
+
+    @property
+    def singular_values(self) -> Array:
+        """(muscles,) of the rows behind H, relative to the largest, descending."""
+        values = np.linalg.eigvalsh(self.H)[::-1]
+        relative: Array = np.sqrt(np.maximum(values, 0.0) / values[0]) if values[0] > 0.0 else np.zeros(len(values))
+        return relative
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations of muscles that the swings show."""
+        return int((self.singular_values > RANK_TOLERANCE).sum())
+
+    def resolved(self, variance: float, common: float) -> int:
+        """Number of combinations whose size, were all muscles `common`, is above its standard error."""
+        values = np.maximum(np.linalg.eigvalsh(self.H), 0.0)
+        return int((values * common**2 > variance).sum())
+
+    def along(self, shares: Array) -> float:
+        """The factor, at least 0, of given shares (muscles,) that fits best."""
+        square = float(shares @ self.H @ shares)
+        return max(float(shares @ self.g) / square, 0.0) if square > 0.0 else 0.0
+
+    def towards(self, common: float, strength: float) -> Array:
+        """(muscles,) values, at least 0, that minimise d H d / 2 - g d + strength |d - common|^2 / 2."""
+        L = cholesky(self.H + strength * np.eye(len(self.g)), lower=True)
+        found: Array = nnls(L.T, solve_triangular(L, self.g + strength * common, lower=True))[0]
+        return found
+
+
+def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
+    """The equations of the muscles with the joint's own torque -d_J rate taken off.
+
+    Parameters
+    ----------
+    problem : (axes, 2 + muscles, 2 + muscles) of `torque_problem`, of the swings with muscles
+    joint : (axes,) d_J of the swings without muscles [N m s/rad]
+    """
+    H = problem[:, FIRST:, FIRST:].sum(axis=0)
+    g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, SPEED, FIRST:]).sum(axis=0)
+    return MuscleProblem(H, g)
+
+
+def noise_variance(blocks: Array, joint: Array) -> float:
+    """Variance that noise, independent between frames, would need for scores that scatter over the blocks as they do.
+
+    The scores are those of the muscles' values that fit best without any restraint, so that muscles which differ do
+    not count as noise; frames that depend on each other count as what they are.
+
+    Parameters
+    ----------
+    blocks : (blocks, axes, 2 + muscles, 2 + muscles) `torque_problem` of each block
+    joint : (axes,) d_J [N m s/rad]
+    """
+    each = [muscle_problem(block, joint) for block in blocks]
+    H, g = np.sum([one.H for one in each], axis=0), np.sum([one.g for one in each], axis=0)
+    best = np.linalg.pinv(H, rcond=RANK_TOLERANCE**2, hermitian=True) @ g
+    scores = np.array([one.g - one.H @ best for one in each])
+    free = max(len(each) - MuscleProblem(H, g).rank, 1) / len(each)
+    trace = float(np.trace(H))
+    return float(np.square(scores).sum()) / (free * trace) if trace > 0.0 else 0.0
+
+
+def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
+    """Strength with which single muscles are drawn to the common value: variance / (spread common)^2.
+
+    The prior of a muscle's viscosity is then normal about the common value with that relative standard deviation.
+
+    Parameters
+    ----------
+    variance : of `noise_variance`
+    spread : relative standard deviation of the muscles' viscosities about the common one
+    """
+    if not common > 0.0:
+        return float("inf")
+    least = 1e-12 * float(np.trace(problem.H)) / len(problem.g)
+    return max(variance / (spread * common) ** 2, least)
+
+
+def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> MuscleSolution:
+    """Common, scaled and single values.
+
+    Parameters
+    ----------
+    pcsa : (muscles,) shares of the physiological cross-section, mean 1
+    strength : of `ridge_strength`
+    """
+    common = problem.along(np.ones(len(problem.g)))
+    single = np.full(len(problem.g), common)
+    if np.isfinite(strength):
+        single = problem.towards(common, strength)
+    return MuscleSolution(common, problem.along(pcsa), single)
+
+
+def neutral_position(sums: SwingSums, parameters: Array) -> Array:
+    """(axes,) rotation c from the slack spring to where the angles are zero; zero where there is no spring.
+
+    Only angles that are counted from the neutral position make a ball's spring linear in them: with R_rest moved by a
+    small c, log(exp(c) exp(theta)) = theta + c + c x theta / 2 + ... The last part is neither spring nor constant, does
+    work like a damper in a conical swing, and 0.02 rad of it change the viscosity by 1 % (`docs/viscosity.md`).
+
+    Least squares of torque = -d rate - u d_M - k (angle + c): d, d_M and c of each axis, k of all.
+
+    Parameters
+    ----------
+    parameters : (10,) of the limb
+    """
+    left = _without_dampers(sums, parameters)
+    varying = eliminated(left, [2])
+    square = varying[:, 1, 1].sum()
+    stiffness = -varying[:, 0, 1].sum() / square if square > 0.0 else 0.0
+    if not stiffness > 0.0:
+        return np.zeros(len(sums.axes))
+    shift: Array = -(left[:, 0, 2] / stiffness + left[:, 1, 2]) / left[:, 2, 2]
+    return shift if np.linalg.norm(shift) < MAX_SHIFT else np.zeros(len(shift))
+
+
+def spring_misfit(sums: SwingSums, parameters: Array) -> float:
+    """Sum of squares that the same least squares leave of the torque, with k of all axes and c of each [N^2 m^2]."""
+    varying = eliminated(_without_dampers(sums, parameters), [2])
+    square = float(varying[:, 1, 1].sum())
+    explained = float(varying[:, 0, 1].sum()) ** 2 / square if square > 0.0 else 0.0
+    return float(varying[:, 0, 0].sum()) - explained
+
+
+def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
+    """(axes, 3, 3) products of torque, angle and one, with rates and muscles taken off."""
+    muscles = len(sums.muscles)
+    chosen = np.zeros((sums.torque.shape[-1], 4 + muscles))
+    chosen[:PARAMETERS, 0] = parameters
+    chosen[[ANGLE, CONSTANT, RATE], [1, 2, 3]] = 1.0
+    chosen[MUSCLES:, 4:] = np.eye(muscles)
+    return eliminated(chosen.T @ sums.torque_total(np.ones(len(sums))) @ chosen, range(3, 4 + muscles))
+
+
+def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[SwingRecording]:
+    """The recordings with their angles counted from a rest that lies `shift` (3,) before theirs."""
+    found = []
+    turn = Rotation.from_rotvec(shift)
+    for one in recordings:
+        angles = np.array(one.angles)
+        angles[one.used] = (turn * Rotation.from_rotvec(one.angles[one.used])).as_rotvec()
+        found.append(replace(one, angles=angles))
+    return found

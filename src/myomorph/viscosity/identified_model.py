@@ -1,0 +1,209 @@
+"""The identified damping of a joint in a model's own forms: a bushing, dampers of coordinates, viscosity of muscles.
+
+A swing tells the passive torque along axes of the limb's first body, tau = -D omega, with omega the angular velocity
+of the limb against its base ([S] eq. 1). A BushingForce damps the rates of three body-fixed angles x, y, z of one
+frame in another: along the axes of the first frame the torque -E^-T C E^-1 omega, with omega = E(x, y) (xdot, ydot,
+zdot). For equal damping in all directions this is -d omega but for what sin y couples, so frames are sought in which y
+stays small over a motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadModel
+from myomorph.model.model import Model
+from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
+from myomorph.model.paths import Bushing
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+from myomorph.motion.filters import differentiate
+from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection, jacobian_frames
+from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.dynamics import rates_of
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.viscosity.identification.identify import SpecimenViscosity
+from myomorph.viscosity.tracking.track import TrackedSpecimen
+
+STARTS = 6
+"""Frames the search begins from; several, because it ends in the nearest minimum."""
+
+POSES = 150
+"""Frames of the motion that the search looks at."""
+
+RATE = 25.0
+"""Frames a second that the bushing is fitted to [Hz]."""
+
+LOSSY = 0.05
+"""Share of the joint's torque that a bushing may miss without being named."""
+
+
+def along_axes(what: str, values: ArrayLike) -> Array:
+    """Three values along a body's axes of one or three; `BadData` where they cannot be damping or stiffness."""
+    given = np.asarray(values, dtype=np.float64)
+    if given.shape not in ((), (1,), (3,)) or not (given >= 0.0).all() or not np.isfinite(given).all():
+        raise BadData(f"{what} of a joint is {given.tolist()}: expected one number or three, 0 or more")
+    return np.array(np.broadcast_to(given, (3,)))
+
+
+def joint_jacobian(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Array, Array, np.ndarray]:
+    """E (frames, 3, moving), rotations (frames, 3, 3) of `first` in `base`, and the coordinates that turn it there."""
+    model = tree.model
+    for body in (base, first):
+        model.body(body)
+    poses = forward_kinematics(tree, coordinates)
+    a, b = tree.body_index[base], tree.body_index[first]
+    nowhere = np.zeros((len(coordinates), 3))
+    moved = jacobian_frames(tree, poses, b, nowhere) - jacobian_frames(tree, poses, a, nowhere)
+    turned = np.swapaxes(poses.rotations[:, b], 1, 2) @ moved[:, :3]
+    for frame, c in enumerate(np.array(coordinates)):
+        gather_dependents(tree.arrays, c, turned[frame])
+    stays = set(model.dependent_coordinates)
+    able = [
+        j
+        for j, name in enumerate(model.coordinate_names)
+        if name not in stays and np.abs(turned[:, :, j]).max(initial=0.0) > 1e-9
+    ]
+    if not able:
+        raise BadModel(f"model '{model.name}': no coordinate turns '{first}' against '{base}'")
+    R = np.swapaxes(poses.rotations[:, a], 1, 2) @ poses.rotations[:, b]
+    return turned[:, :, able], R, np.array(able, np.int64)
+
+
+def share(lost: Array, whole: Array) -> float:
+    """Root mean square of what is lost, relative to that of the whole."""
+    total = float(np.sqrt((whole**2).sum()))
+    return float(np.sqrt((lost**2).sum())) / total if total > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class JointBushing:
+    """A ball joint's damping as a bushing.
+
+    Attributes
+    ----------
+    bushing : for `model.passive_dynamics.with_passive_dynamics`
+    residual : root mean square of the generalized torque that it does not express, as a share of the whole;
+        comparable with that of `CoordinateDamping`
+    middle : greatest middle angle over the motion [rad]; at a quarter turn a bushing is singular
+    """
+
+    bushing: Bushing
+    residual: float
+    middle: float
+
+
+def joint_bushing(
+    model: Model, base: str, first: str, viscosity: ArrayLike, motion: Motion, name: str = ""
+) -> JointBushing:
+    """The rotational bushing between two bodies nearest to the damping of the joint between them, over a motion.
+
+    Parameters
+    ----------
+    base, first : the bodies on both sides of the joint (scapula and humerus)
+    viscosity : one value, or three along the axes of `first` [N m s/rad]
+    motion : with velocities, such as the model will be used for
+    name : of the bushing, "passive_<base>_<first>" by default
+
+    Raises
+    ------
+    BadData
+        where the viscosity is not one or three numbers from 0 on, or the motion has no velocities
+    BadModel
+        where no coordinate turns the bodies against each other
+    """
+    D = along_axes("viscosity", viscosity)
+    tree = compile_tree(model)
+    coordinates, rates = rates_of(tree, motion)
+    E, R, moving = joint_jacobian(tree, base, first, coordinates)
+    omega = np.einsum("fak,fk->fa", E, rates[:, moving])
+    some = np.unique(np.linspace(0, len(R) - 1, POSES).astype(int))
+    lost = _lost(R[some], omega[some], D)
+    begun = np.log(np.maximum(D, 1e-3 * max(D.max(), 1e-12)))
+    found = [
+        least_squares(lost, np.concatenate([*Rotation.random(2, random_state=k).as_rotvec(), begun]), max_nfev=60)
+        for k in range(STARTS)
+    ]
+    best = min(found, key=lambda one: float(one.cost)).x
+    turns = Rotation.from_rotvec(best[:6].reshape(2, 3)).as_matrix()
+    pose_1, pose_2 = (Transform(turn, np.zeros(3)) for turn in turns)
+    damping = np.exp(best[6:]) * (D.max() > 0.0)
+    bushing = Bushing(name or f"passive_{base}_{first}", base, first, pose_1, pose_2, rotational_damping=damping)
+    torque = np.zeros_like(coordinates)
+    torque[:, moving] = -np.einsum("fak,fa->fk", E, D * omega)
+    given = bushing_forces(tree, [bushing], coordinates, rates)
+    q, _ = deflection(tree, forward_kinematics(tree, coordinates), bushing)
+    return JointBushing(bushing, share((given - torque)[:, moving], torque[:, moving]), float(np.abs(q[:, 1]).max()))
+
+
+def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
+    """What a bushing's torque lacks, of frames' rotation vectors and logarithms of its damping (9,).
+
+    R (frames, 3, 3) of the limb in its base; omega (frames, 3) along the limb's axes [rad/s].
+    """
+    turned = np.einsum("fab,fb->fa", R, omega)
+    torque = np.einsum("fab,fb->fa", R, D * omega)
+    scale = float(np.sqrt((torque**2).sum())) or 1.0
+
+    def lost(x: Array) -> Array:
+        first, second = Rotation.from_rotvec(x[:6].reshape(2, 3)).as_matrix()
+        Q = first.T @ R @ second
+        E = angular_velocities(np.arctan2(-Q[:, 1, 2], Q[:, 2, 2]), np.arcsin(np.clip(Q[:, 0, 2], -0.999, 0.999)))
+        rates = np.linalg.solve(E, (turned @ first)[:, :, None])[:, :, 0]
+        damped = np.linalg.solve(np.swapaxes(E, 1, 2), (np.exp(x[6:]) * rates)[:, :, None])[:, :, 0]
+        missing: Array = ((damped - torque @ first) / scale).ravel()
+        return missing
+
+    return lost
+
+
+def identified_model(
+    tracked: TrackedSpecimen, found: SpecimenViscosity, cutoff: float
+) -> tuple[Model, tuple[str, ...]] | None:
+    """The specimen as it stood, its joint damped as found and every muscle with the common viscosity.
+
+    A hinge gets a damper of its coordinate, a ball the bushing nearest to its damping over the first trial.
+    Masses stay those of the model.
+
+    Returns
+    -------
+    the model and what it does not express, one line each; None where the joint's viscosity is not known
+
+    Raises
+    ------
+    BadData
+        the motion cannot be differentiated
+    """
+    if found.without is None:
+        return None
+    specimen, condition = tracked.specimen, found.without
+    muscles = {} if found.muscles is None else dict.fromkeys(found.muscles.muscles, found.muscles.common.value)
+    viscosity = strand_viscosity(muscles, specimen.muscles)
+    if len(specimen.joint_coordinates) == 1:
+        damping = {specimen.joint_coordinates[0]: condition.viscosity.value}
+        return with_passive_dynamics(specimen.model, damping, viscosity=viscosity), ()
+    by_axis = [
+        own.value if excited else condition.viscosity.value
+        for own, excited in zip(condition.axis_viscosity, condition.excited, strict=True)
+    ]
+    joint = joint_bushing(specimen.model, specimen.base, specimen.first, by_axis, _motion(tracked, cutoff))
+    told = f"identified.osim: its bushing misses {100 * joint.residual:.0f} % of the torque of the joint's damping"
+    model = with_passive_dynamics(specimen.model, viscosity=viscosity, bushings=(joint.bushing,))
+    return model, (told,) if joint.residual > LOSSY else ()
+
+
+def _motion(tracked: TrackedSpecimen, cutoff: float) -> Motion:
+    motion = differentiate(tracked.trials[0].motion, cutoff)
+    rates = motion.velocities
+    assert rates is not None
+    keep = np.flatnonzero(np.isfinite(motion.values).all(axis=1) & np.isfinite(rates).all(axis=1))
+    keep = keep[:: max(1, round(motion.rate / RATE))]
+    return Motion(motion.time[keep], motion.names, motion.values[keep], rates[keep])

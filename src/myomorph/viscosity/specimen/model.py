@@ -1,0 +1,308 @@
+"""A limb that swings from a fixed bone: the model of the in-vitro experiment, made out of any larger model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.errors import BadModel
+from myomorph.model.functions import linear
+from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
+from myomorph.model.series import Markers, Wrenches
+from myomorph.model.spatial import Transform
+from myomorph.viscosity.specimen.bodies import (
+    ASTRAY,
+    Anatomy,
+    anatomy,
+    free,
+    held_joint,
+    joint_center,
+    lumped_bodies,
+    shifts,
+    turns,
+)
+from myomorph.viscosity.specimen.muscles import kept_muscles
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class SpecimenNames:
+    """What of a model makes a specimen.
+
+    Attributes
+    ----------
+    base : body that is fixed to the plate (the scapula)
+    first : first body of the limb, on the other side of the joint (the humerus)
+    bones : bodies that carry markers; base and first belong to them whether named or not
+    muscles : strands in the model by the muscle's name; empty for all muscles between base and limb
+    joint : what the joint between them is taken for; a hinge has the one axis of the model's joint
+    """
+
+    base: str
+    first: str
+    bones: tuple[str, ...] = ()
+    muscles: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    joint: Literal["ball", "hinge"] = "ball"
+
+
+@dataclass(frozen=True, eq=False)
+class SwingTrial:
+    """One raw recording of a swing.
+
+    Attributes
+    ----------
+    markers : in the laboratory, whose axes are those of the model's ground
+    wrenches : on the base, on the clock of the plate; whatever body they name, they count for the base
+    time : start and end of what is to be used [s], None for all
+    tare : the plate with the fixture but without limb, of which the mean is taken off; None where the plate
+        was set to zero so
+    """
+
+    name: str
+    markers: Markers
+    wrenches: Wrenches
+    time: tuple[float, float] | None = None
+    tare: Wrenches | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen(FrozenArrays):
+    """A base, a joint and a limb, everything else of the model gone.
+
+    The base stands on the ground by six coordinates that are zero at `stand`; the joint turns by the angles of
+    body-fixed rotations that are zero at the model's default pose, or at another that `resting` sets. The
+    middle rotation is the one nearest to the limb's long axis, so that a limb that hangs and swings stays far
+    from the pose in which the other two fall together.
+
+    Attributes
+    ----------
+    model : its bodies are the bones
+    names : what it was made of
+    center : (3,) of the joint, in the base [m]
+    center_in_limb : (3,) the same point in the limb's first body [m]
+    base_coordinates, joint_coordinates, held_coordinates : names
+    axes : of rotation that the joint leaves free: "x", "y", "z" of the limb's first body, or a hinge's name
+    axis_vectors : (axes, 3) those axes in the limb's first body
+    muscles : names, each with its strands in the model
+    notes : what is otherwise than in the source, one line each
+    """
+
+    model: Model
+    names: SpecimenNames
+    center: Array
+    center_in_limb: Array
+    base_coordinates: tuple[str, ...]
+    joint_coordinates: tuple[str, ...]
+    held_coordinates: tuple[str, ...]
+    axes: tuple[str, ...]
+    axis_vectors: Array
+    muscles: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def base(self) -> str:
+        """Name of the base."""
+        return self.names.base
+
+    @property
+    def first(self) -> str:
+        """Name of the limb's first body."""
+        return self.names.first
+
+    @property
+    def limb(self) -> tuple[str, ...]:
+        """Names of the bones that swing."""
+        return tuple(name for name in self.model.body_names if name != self.base)
+
+    @cached_property
+    def stand(self) -> Transform:
+        """Pose of the base in ground where its coordinates are zero."""
+        joint = self._joint(self.base)
+        return joint.parent_frame @ joint.child_frame.inverse()
+
+    @cached_property
+    def center_in_ground(self) -> Array:
+        """(3,) of the joint while the base's coordinates are zero [m]."""
+        return self.stand.apply(self.center)
+
+    @cached_property
+    def pendulum(self) -> Model:
+        """The limb as one link whose origin is the joint's center and whose axes are those of its first body.
+
+        Its joint stands on the ground where the base carries it, and has the specimen's coordinates.
+        """
+        joint = self._joint(self.first)
+        frame = self.stand @ joint.parent_frame
+        hung = replace(joint, parent=GROUND, parent_frame=frame, child_frame=Transform.identity())
+        coordinates = tuple(self.model.coordinate(name) for name in self.joint_coordinates)
+        link = replace(self.model.body(self.first), meshes=())
+        return Model(self.model.name, (link,), (hung,), coordinates, self.model.gravity)
+
+    @property
+    def isometric_forces(self) -> Array:
+        """(muscles,) largest isometric force, all strands together: proportional to the cross-section [N]."""
+        forces = {one.name: one.max_isometric_force for one in self.model.muscles}
+        return np.array([sum(forces[strand] for strand in strands) for strands in self.muscles.values()])
+
+    def standing(self, pose: Transform) -> Specimen:
+        """The same specimen whose base stands at a pose in ground when its coordinates are zero."""
+        joint = self._joint(self.base)
+        frame = pose @ joint.child_frame
+        return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
+
+    def resting(self, rotation: Array) -> Specimen:
+        """The same specimen whose joint coordinates are zero where the limb has a rotation (3, 3) in the base.
+
+        A hinge keeps its zero.
+        """
+        if len(self.joint_coordinates) == 1:
+            return self
+        joint = self._joint(self.first)
+        frame = Transform(np.asarray(rotation) @ joint.child_frame.rotation, self.center)
+        return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
+
+    def centered(self, in_base: Array, in_limb: Array) -> Specimen:
+        """The same specimen whose joint has its center at these points of base and limb (3,) [m]."""
+        joint = self._joint(self.first)
+        parent = Transform(joint.parent_frame.rotation, in_base)
+        child = Transform(joint.child_frame.rotation, in_limb)
+        model = self._with_joint(replace(joint, parent_frame=parent, child_frame=child))
+        return replace(self, model=model, center=frozen_array(in_base), center_in_limb=frozen_array(in_limb))
+
+    def turned(self, rotation: Array) -> Specimen:
+        """The same specimen in a ground whose axes, in the old one, are the rows of `rotation` (3, 3)."""
+        turn = Transform(np.asarray(rotation, dtype=np.float64), np.zeros(3))
+        moved = self.standing(turn @ self.stand)
+        return replace(moved, model=replace(moved.model, gravity=turn.rotation @ self.model.gravity))
+
+    def with_markers(self, markers: tuple[Marker, ...]) -> Specimen:
+        """The same specimen with other markers."""
+        return replace(self, model=self.model.with_markers(markers))
+
+    def _joint(self, child: str) -> Joint:
+        return next(one for one in self.model.joints if one.child == child)
+
+    def _with_joint(self, joint: Joint) -> Model:
+        joints = tuple(joint if one.child == joint.child else one for one in self.model.joints)
+        return replace(self.model, joints=joints)
+
+
+def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
+    """The specimen of [S] out of a shoulder model, or of any model with a limb on a base.
+
+    The base stands on six coordinates; between base and limb is a ball joint of three coordinates at the
+    center of the model's joint, or a hinge, whatever phantom bodies the model has there. Joints beyond stay, as
+    coordinates that wires hold. Bodies beyond a bone move with it, everything else of the model is dropped.
+
+    Raises
+    ------
+    UnknownName : a body or muscle that the model does not have
+    BadModel : the limb does not hang on the base, nothing turns it, or a muscle runs over what is dropped
+    """
+    source = anatomy(model, names.base, names.first, names.bones)
+    center, directions, distance = joint_center(source, names.base, names.first)
+    notes: list[str] = []
+    if distance > ASTRAY:
+        notes.append(
+            f"the axes between '{names.base}' and '{names.first}' miss each other: the joint's center is "
+            f"{1000 * distance:.1f} mm from one of them"
+        )
+    base_joint, base_coordinates = _base_joint(source, names.base)
+    joint, joint_coordinates, vectors = _joint(source, names, center, directions)
+    joints, held = [base_joint, joint], list[Coordinate]()
+    for bone in source.bones:
+        if bone not in (names.base, names.first):
+            holding, coordinates = held_joint(source, bone)
+            joints.append(holding)
+            held += coordinates
+    kept = frozenset(one.name for one in held)
+    muscles, strands, surfaces, changed = kept_muscles(source, names.muscles, kept)
+    made = Model(
+        name=model.name,
+        bodies=lumped_bodies(source),
+        joints=tuple(joints),
+        coordinates=(*base_coordinates, *joint_coordinates, *held),
+        gravity=model.gravity,
+        markers=_markers(source),
+        muscles=strands,
+        wrap_objects=surfaces,
+        couplers=tuple(one for one in model.couplers if one.dependent in kept and kept.issuperset(one.independents)),
+        source=model.source,
+    )
+    return Specimen(
+        model=made,
+        names=names,
+        center=frozen_array(source.pose(names.base).inverse().apply(center)),
+        center_in_limb=frozen_array(source.pose(names.first).inverse().apply(center)),
+        base_coordinates=tuple(one.name for one in base_coordinates),
+        joint_coordinates=tuple(one.name for one in joint_coordinates),
+        held_coordinates=tuple(one.name for one in held),
+        axes=AXES if names.joint == "ball" else joint.coordinates,
+        axis_vectors=frozen_array(vectors),
+        muscles=MappingProxyType(muscles),
+        notes=(*notes, *changed),
+    )
+
+
+def _base_joint(source: Anatomy, base: str) -> tuple[Joint, tuple[Coordinate, ...]]:
+    places, angles = [f"{base}_t{axis}" for axis in AXES], [f"{base}_r{axis}" for axis in AXES]
+    coordinates = free(places, "translational") + free(angles)
+    names = tuple(one.name for one in coordinates)
+    axes = shifts(places) + turns(angles)
+    return Joint(
+        f"ground_{base}", "free", GROUND, base, source.pose(base), Transform.identity(), axes, names
+    ), coordinates
+
+
+def _joint(
+    source: Anatomy, names: SpecimenNames, center: Array, directions: Array
+) -> tuple[Joint, tuple[Coordinate, ...], Array]:
+    """The joint at the center; its frames have the axes of the limb's first body."""
+    base, first = source.pose(names.base), source.pose(names.first)
+    in_limb = first.inverse().apply(center)
+    child = Transform(np.eye(3), in_limb)
+    parent = base.inverse() @ first @ child
+    if names.joint == "ball":
+        order = _order(source, names.first, in_limb)
+        angles = [f"{names.first}_r{AXES[k]}" for k in order]
+        coordinates = free(angles)
+        joint = Joint(f"{names.base}_{names.first}", "ball", names.base, names.first, parent, child)
+        return replace(joint, axes=turns(angles, order), coordinates=tuple(angles)), coordinates, np.eye(3)
+    aligned = directions @ directions[0]
+    if np.abs(aligned).min() < np.cos(0.02):
+        raise BadModel(
+            f"model '{source.model.name}': '{names.first}' turns on '{names.base}' about several axes, which is no "
+            "hinge: ask for a ball joint"
+        )
+    vector = first.rotation.T @ directions[0]
+    angle = f"{names.first}_angle"
+    axis = Axis("rotation", vector, linear(1.0), (angle,))
+    joint = Joint(f"{names.base}_{names.first}", "hinge", names.base, names.first, parent, child, (axis,), (angle,))
+    return joint, free([angle]), vector[None]
+
+
+def _order(source: Anatomy, first: str, in_limb: Array) -> tuple[int, int, int]:
+    """The order of a ball's rotations: in the middle the axis nearest to the limb's length."""
+    inverse = source.pose(first).inverse()
+    places = [inverse.apply(source.pose(name).translation) - in_limb for name in source.bones]
+    places += [source.model.body(first).mass_center - in_limb]
+    below = [place for place, name in zip(places, (*source.bones, first), strict=True) if name != source.bones[0]]
+    farthest = max(below, key=lambda place: float(np.linalg.norm(place)))
+    middle = int(np.argmax(np.abs(farthest)))
+    return (middle - 1) % 3, middle, (middle + 1) % 3
+
+
+def _markers(source: Anatomy) -> tuple[Marker, ...]:
+    kept = []
+    for marker in source.model.markers:
+        if marker.body in source.homes:
+            home, pose = source.homes[marker.body]
+            kept.append(replace(marker, body=home, location=pose.apply(marker.location)))
+    return tuple(kept)

@@ -1,0 +1,196 @@
+"""The muscles of a specimen: those of [S] figure 1 by name, and paths on the bones that are left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.functions import constant
+from myomorph.model.model import Model
+from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.viscosity.specimen.bodies import Anatomy
+
+FIGURE_1 = (
+    "Biceps Brachii Caput Longum",
+    "Biceps Brachii Caput Breve",
+    "Coracobrachialis",
+    "Deltoideus Pars Acromialis",
+    "Deltoideus Pars Spinalis",
+    "Infraspinatus",
+    "Subscapularis",
+    "Supraspinatus",
+    "Teres Major",
+    "Teres Minor",
+    "Triceps Brachii Caput Longum",
+)
+"""The 11 muscles of [S] figure 1, as the paper writes them."""
+
+STRANDS: tuple[tuple[tuple[str, ...], ...], ...] = (
+    (
+        ("BIC_long",),
+        ("BIC_brevis",),
+        ("Coracobrachialis",),
+        ("DeltoideusScapula_M",),
+        ("DeltoideusScapula_P",),
+        ("Infraspinatus_I", "Infraspinatus_S"),
+        ("Subscapularis_S", "Subscapularis_M", "Subscapularis_I"),
+        ("Supraspinatus_P", "Supraspinatus_A"),
+        ("TeresMajor",),
+        ("TeresMinor",),
+        ("TRIlong",),
+    ),
+    (
+        ("BIClong",),
+        ("BICshort",),
+        ("CORB",),
+        ("DELT2",),
+        ("DELT3",),
+        ("INFSP",),
+        ("SUBSC",),
+        ("SUPSP",),
+        ("TMAJ",),
+        ("TMIN",),
+        ("TRIlong",),
+    ),
+)
+"""Their strands in the thoracoscapular model (Seth et al. 2019), and in the arm of Saul et al. (2015) and MyoSuite."""
+
+
+def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
+    """The 11 muscles of [S] figure 1: the paper's name to the strands of the model.
+
+    Raises
+    ------
+    BadModel : the model has other names than the two families that are known
+    """
+    known = set(model.muscle_names)
+    lacking = [[strand for muscle in family for strand in muscle if strand not in known] for family in STRANDS]
+    for family, missing in zip(STRANDS, lacking, strict=True):
+        if not missing:
+            return MappingProxyType(dict(zip(FIGURE_1, family, strict=True)))
+    fewest = min(lacking, key=len)
+    raise BadModel(
+        f"model '{model.name}' does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's "
+        f"arm do: it has no '{fewest[0]}'; give the strands of each muscle by name"
+    )
+
+
+def kept_muscles(
+    source: Anatomy, names: Mapping[str, tuple[str, ...]], coordinates: frozenset[str]
+) -> tuple[dict[str, tuple[str, ...]], tuple[Muscle, ...], tuple[WrapObject, ...], list[str]]:
+    """Muscles whose paths run on bones alone, with the surfaces they wrap around.
+
+    Parameters
+    ----------
+    names : the muscles wanted, with their strands; empty for all that run between base and limb
+    coordinates : that the specimen keeps
+
+    Returns
+    -------
+    names with strands, muscles, wrap objects, and what is otherwise than in the source, one line each
+
+    Raises
+    ------
+    UnknownName : a strand is no muscle of the model
+    BadModel : a strand that was asked for runs over what is no part of the specimen
+    """
+    model, base = source.model, source.bones[0]
+    wanted = names or {one.name: (one.name,) for one in model.muscles if _crosses(source, one, base)}
+    notes: list[str] = []
+    muscles: list[Muscle] = []
+    found: dict[str, tuple[str, ...]] = {}
+    for name, strands in wanted.items():
+        for strand in strands:
+            muscle = model.muscle(strand)
+            outside = sorted({point.body for point in muscle.path.points if point.body not in source.homes})
+            if outside and names:
+                raise BadModel(
+                    f"muscle '{strand}' runs over '{outside[0]}', which is no part of the specimen: leave it out, or "
+                    "name another strand"
+                )
+            if not outside:
+                muscles.append(_moved(source, muscle, coordinates, notes))
+                found[name] = (*found.get(name, ()), strand)
+            else:
+                notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
+    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    surfaces = [_at_home(source, one) for one in model.wrap_objects if one.name in used]
+    return found, tuple(muscles), tuple(surfaces), notes
+
+
+def _crosses(source: Anatomy, muscle: Muscle, base: str) -> bool:
+    """Whether a muscle touches both base and limb."""
+    homes = {source.homes[point.body][0] for point in muscle.path.points if point.body in source.homes}
+    return base in homes and len(homes) > 1
+
+
+def _at_home(source: Anatomy, surface: WrapObject) -> WrapObject:
+    home, pose = source.homes[surface.body]
+    return replace(surface, body=home, pose=pose @ surface.pose)
+
+
+def _moved(source: Anatomy, muscle: Muscle, coordinates: frozenset[str], notes: list[str]) -> Muscle:
+    points = tuple(_point(source, muscle.name, one, coordinates, notes) for one in muscle.path.points)
+    bodies = {one.name: one.body for one in source.model.wrap_objects}
+    wraps = []
+    for wrap in muscle.path.wraps:
+        body = bodies.get(wrap.wrap_object)
+        if body is None:
+            raise UnknownName("wrap object", wrap.wrap_object, tuple(bodies))
+        if body in source.homes:
+            wraps.append(_wrap(source, wrap))
+        else:
+            notes.append(f"muscle '{muscle.name}' no longer wraps around '{wrap.wrap_object}', which is on '{body}'")
+    return replace(muscle, path=Path(points, tuple(wraps), muscle.path.divisors), groups=())  # type: ignore[arg-type]
+
+
+def _wrap(source: Anatomy, wrap: PathWrap | TendonWrap) -> PathWrap | TendonWrap:
+    if not isinstance(wrap, TendonWrap) or wrap.side is None:
+        return wrap
+    home, pose = source.homes[wrap.side_body]
+    return replace(wrap, side_body=home, side=pose.apply(wrap.side))
+
+
+def _point(
+    source: Anatomy,
+    muscle: str,
+    point: PathPoint | MovingPathPoint,
+    coordinates: frozenset[str],
+    notes: list[str],
+) -> PathPoint | MovingPathPoint:
+    if isinstance(point, MovingPathPoint):
+        return _moving_point(source, muscle, point, coordinates, notes)
+    home, pose = source.homes[point.body]
+    if point.coordinate and point.coordinate not in coordinates:
+        default = source.model.coordinate(point.coordinate).default
+        if not point.range[0] <= default <= point.range[1]:
+            raise BadModel(
+                f"muscle '{muscle}' goes through '{point.name}' only for some '{point.coordinate}', which the "
+                "specimen does not have: leave the muscle out"
+            )
+        notes.append(f"muscle '{muscle}' always goes through '{point.name}': '{point.coordinate}' is gone")
+        point = PathPoint(point.name, point.body, point.location)
+    return replace(point, body=home, location=pose.apply(point.location))
+
+
+def _moving_point(
+    source: Anatomy, muscle: str, point: MovingPathPoint, coordinates: frozenset[str], notes: list[str]
+) -> PathPoint | MovingPathPoint:
+    """The point with what no longer moves it at the default; at rest in its bone where its own body is gone."""
+    home, pose = source.homes[point.body]
+    gone = [name for name in point.coordinates if name and name not in coordinates]
+    if not gone and home == point.body:
+        return point
+    values = [source.model.coordinate(name).default if name else 0.0 for name in point.coordinates]
+    place = [float(function(value)) for function, value in zip(point.functions, values, strict=True)]
+    notes.append(f"muscle '{muscle}': its point '{point.name}' no longer moves with '{(gone or [point.body])[0]}'")
+    if home != point.body:
+        return PathPoint(point.name, home, pose.apply(place))
+    x, y, z = (
+        constant(value) if name in gone else function
+        for value, name, function in zip(place, point.coordinates, point.functions, strict=True)
+    )
+    a, b, c = ("" if name in gone else name for name in point.coordinates)
+    return replace(point, functions=(x, y, z), coordinates=(a, b, c))

@@ -1,0 +1,308 @@
+"""What fixes bones and plate among the markers: CT scans of bones with their clusters, a marked weight on the plate."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.contact.plate_calibration import PlateCalibration, calibrate_plate, place_plate
+from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
+from myomorph.io.mesh import find_mesh, read_mesh
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, PlateRecording, Trial
+from myomorph.model.surface import Surface
+from myomorph.morph.registration.clusters import NamedCluster, find_balls, name_cluster
+from myomorph.morph.registration.place_clusters import (
+    Picks,
+    ScannedBone,
+    bone_surface,
+    place_cluster_markers,
+    place_scanned_bone,
+)
+from myomorph.morph.registration.rigid import SurfaceOptions
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.store.study_file import Strict
+from myomorph.study.trial.inputs import about, open_trial
+from myomorph.viscosity.report.given import Residual
+
+UNITS = {"m": 1.0, "mm": 0.001}
+HUGE = 1.5
+"""A scanned surface that is larger than that is in millimetres [m]."""
+
+
+class ScanFiles(Strict):
+    """One scanned bone, as an entry of `ct` in a study file.
+
+    Attributes
+    ----------
+    bone : body of the model
+    surface, cluster : STL, PLY, OBJ or VTP of the bone and of its cluster, in one frame
+    markers : of the cluster, as motion capture names them
+    picked : table of points (CSV: name, x, y, z and, for points that are no marker of the model, bone_x, bone_y,
+        bone_z in the body's frame [m]), or None; points called as `markers` tell which ball is which
+    mesh : the model's bone in the body's frame [m], None for the meshes that the model names
+    unit : of the scan, "m" or "mm"; None tells by the size
+    diameter : of the markers' balls [m]
+    """
+
+    bone: str
+    surface: Path
+    cluster: Path
+    markers: tuple[str, ...]
+    picked: Path | None = None
+    mesh: Path | None = None
+    unit: str | None = None
+    diameter: float = 0.009
+
+    def within(self, folder: Path) -> ScanFiles:
+        """The entry of a study file in a folder, with its paths made whole.
+
+        Raises
+        ------
+        BadData : fewer than three markers, or an unknown unit
+        """
+        if len(self.markers) < 3:
+            raise BadData(f"ct of '{self.bone}': {len(self.markers)} markers, but a cluster needs three")
+        if self.unit is not None and self.unit not in UNITS:
+            raise BadData(f"ct of '{self.bone}': unit '{self.unit}' is not one of {', '.join(UNITS)}")
+        paths = {name: path for name, path in self if isinstance(path, Path)}
+        return self.model_copy(update={name: folder / path for name, path in paths.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class ScannedModel:
+    """A model with the markers of a CT.
+
+    Attributes
+    ----------
+    model : bones of the size of the scanned ones, with the clusters' markers
+    bones : how each was laid on the model's
+    clusters : the markers found in each cluster's surface
+    notes : what looks wrong, one line each
+    """
+
+    model: Model
+    bones: tuple[ScannedBone, ...]
+    clusters: tuple[NamedCluster, ...]
+    notes: tuple[str, ...]
+
+
+def model_from_scans(
+    model: Model,
+    scans: Sequence[ScanFiles],
+    recorded: Markers | None = None,
+    options: SurfaceOptions | None = None,
+    resize: bool = True,
+) -> ScannedModel:
+    """The model with the markers of scanned clusters on its bones, and how well all of it fits ([S] figure 3).
+
+    Parameters
+    ----------
+    recorded : a trial, whose distances between markers tell which ball is which and are checked against the scan
+    resize : see `place_cluster_markers`
+
+    Raises
+    ------
+    UnknownName : a body that the model does not have
+    BadFile, BadData : a file that cannot be read, clusters whose markers are not found or not told apart
+    """
+    bones, clusters = [], []
+    for scan in scans:
+        scanned, factor = _read_scan(scan.surface, scan.unit)
+        points = {} if scan.picked is None else read_picks(scan.picked)
+        distances = _distances(recorded, scan.markers)
+        near = {name: factor * row[:3] for name, row in points.items() if name in scan.markers}
+        with about(scan.cluster):
+            balls = find_balls(_sized(read_mesh(scan.cluster), factor), scan.diameter)
+            cluster = name_cluster(balls, scan.markers, distances, near)
+        with about(scan.surface):
+            picks = _picks(model, scan, points, factor)
+            bones.append(
+                place_scanned_bone(scan.bone, scanned, _modelled(model, scan), cluster.centers, picks, options)
+            )
+        clusters.append(cluster)
+    placed = place_cluster_markers(model, bones, resize, default_path_lengths if model.muscles else None)
+    notes = [line for bone in bones for line in bone.notes]
+    notes += [f"{scan.bone}: {line}" for scan, one in zip(scans, clusters, strict=True) for line in one.notes]
+    return ScannedModel(placed, tuple(bones), tuple(clusters), tuple(notes))
+
+
+def read_picks(path: Path) -> dict[str, Array]:
+    """Rows of a table of picked points, (3,) or (6,) by name: x, y, z of the scan and bone_x, bone_y, bone_z.
+
+    A first line of words is skipped.
+
+    Raises
+    ------
+    BadFile : it cannot be read, or a line is no name and three or six numbers
+    """
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
+    found: dict[str, Array] = {}
+    for number, row in enumerate(rows, start=1):
+        cells = [cell.strip() for cell in row]
+        if not any(cells):
+            continue
+        filled = [cell for cell in cells[1:] if cell]
+        try:
+            values = np.array([float(cell) for cell in filled])
+        except ValueError:
+            values = np.zeros(0)
+        if len(values) not in (3, 6) or not np.isfinite(values).all():
+            if number == 1:
+                continue
+            raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}")
+        found[cells[0]] = values
+    if not found:
+        raise BadFile(path, "holds no point", "give lines 'name, x, y, z', or with bone_x, bone_y, bone_z behind")
+    return found
+
+
+def _read_scan(path: Path, unit: str | None) -> tuple[Surface, float]:
+    """A scanned surface in metres, and the factor that made it so."""
+    surface = read_mesh(path)
+    size = float(np.ptp(surface.vertices, axis=0).max())
+    factor = UNITS[unit] if unit is not None else (UNITS["mm"] if size > HUGE else UNITS["m"])
+    return _sized(surface, factor), factor
+
+
+def _sized(surface: Surface, factor: float) -> Surface:
+    return Surface(factor * surface.vertices, surface.faces)
+
+
+def _modelled(model: Model, scan: ScanFiles) -> Surface:
+    """The model's bone in its body's frame."""
+    body = model.body(scan.bone)
+    if scan.mesh is not None:
+        return read_mesh(scan.mesh)
+    folder = Path(model.source).resolve().parent
+    folders = [one for one in (folder, folder / "Geometry", folder / "geometry", folder / "meshes") if one.is_dir()]
+    found = {}
+    for name in (mesh.file for mesh in body.meshes if mesh.shape == "mesh" and mesh.file):
+        # Models from packages name their meshes by whole paths; only those beside the model are opened.
+        whole = Path(name).is_absolute() and Path(name).is_file() and Path(name).resolve().is_relative_to(folder)
+        path = Path(name) if whole else find_mesh(name, folders)
+        if path is not None:
+            found[name] = read_mesh(path)
+    return bone_surface(body, found)
+
+
+def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float) -> Picks | None:
+    """Points of the scan beside those of the model's bone; None where fewer than three were picked."""
+    own = {marker.name: marker.location for marker in model.markers if marker.body == scan.bone}
+    pairs = {}
+    for name, row in points.items():
+        if len(row) == 6:
+            pairs[name] = (factor * row[:3], row[3:])
+        elif name in own and name not in scan.markers:
+            pairs[name] = (factor * row, own[name])
+        elif name not in scan.markers:
+            raise UnknownName("picked point", name, tuple(own), f"body '{scan.bone}'")
+    if not pairs:
+        return None
+    if len(pairs) < 3:
+        raise BadData(f"{len(pairs)} points were picked on '{scan.bone}', but three are needed")
+    scanned, modelled = (np.array(one) for one in zip(*pairs.values(), strict=True))
+    return Picks(tuple(pairs), scanned, modelled)
+
+
+def _distances(recorded: Markers | None, names: Sequence[str]) -> Array | None:
+    """Median distances (markers, markers) between recorded markers [m], NaN where never seen together."""
+    if recorded is None:
+        return None
+    lacking = [name for name in names if name not in recorded.names]
+    if lacking:
+        raise UnknownName("marker", lacking[0], recorded.names, "the recording")
+    places = np.stack([recorded[name] for name in names], axis=1)
+    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=3)
+    found = np.full(apart.shape[1:], np.nan)
+    seen = np.isfinite(apart).any(axis=0)
+    found[seen] = np.nanmedian(apart[:, seen], axis=0)
+    return found
+
+
+@dataclass(frozen=True)
+class PlateFiles:
+    """What a study file says of the plate.
+
+    Attributes
+    ----------
+    placements : C3D recordings of the weight on the plate, one or more placements in each
+    weight : what stood on it
+    plate : its name in the C3D files, "" where they hold one plate only
+    """
+
+    placements: tuple[Path, ...]
+    weight: MarkedWeight
+    plate: str = ""
+
+
+def calibrate(files: PlateFiles) -> PlateCalibration:
+    """The plate's pose in the laboratory of the C3D files.
+
+    Raises
+    ------
+    BadFile, BadData, UnknownName
+        where a file holds no such plate or weight, or too few placements
+    """
+    placements: list[Placement] = []
+    nominal: PlateRecording | None = None
+    for path in files.placements:
+        trial = open_trial(path)
+        with about(path):
+            if trial.markers is None:
+                raise BadData("holds no markers of the weight")
+            nominal = chosen(trial, files.plate)
+            placements += find_placements(nominal, trial.plate_time, trial.markers, files.weight)
+    return calibrate_plate(placements, nominal)
+
+
+def chosen(trial: Trial, name: str) -> PlateRecording:
+    """The plate of that name, or the only one."""
+    plates = {one.name: one for one in trial.plate_recordings}
+    if not plates:
+        raise BadFile(trial.source, "holds no force plates", "plates are calibrated from C3D files")
+    if name and name not in plates:
+        raise UnknownName("force plate", name, tuple(plates), trial.source)
+    if not name and len(plates) > 1:
+        raise BadData(f"{trial.source}: holds {len(plates)} plates ({', '.join(plates)}): name one as 'plate.name'")
+    return plates[name] if name else next(iter(plates.values()))
+
+
+def placed(trial: Trial, files: PlateFiles, calibration: PlateCalibration) -> Trial:
+    """The recording with that plate alone, where the calibration says."""
+    return replace(trial, plate_recordings=(place_plate(chosen(trial, files.plate), calibration),))
+
+
+def plate_residuals(found: PlateCalibration) -> tuple[Residual, ...]:
+    """The calibration as lines of the report."""
+    far, turned = (float(np.sqrt(np.mean(one**2))) for one in (found.left_out_distances, found.left_out_angles))
+    count = f"{len(found.names)} placements"
+    return (
+        Residual(
+            "plate: force past the marked point",
+            1e3 * found.distance_rms,
+            "mm",
+            f"{count}; {1e3 * far:.2f} mm left out",
+        ),
+        Residual(
+            "plate: direction of the force",
+            float(np.degrees(found.angle_rms)),
+            "°",
+            f"{count}; {np.degrees(turned):.2f}° left out",
+        ),
+        Residual(
+            "plate: shift of its center",
+            1e3 * float(np.max(found.left_out_shifts, initial=0.0)),
+            "mm",
+            "the largest when one placement is left out",
+        ),
+    )

@@ -1,0 +1,232 @@
+"""What a study of swinging limbs leaves behind: tables, trials, and the report with its input as a file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.parsing.text import written
+from myomorph.io.sto import write_sto
+from myomorph.model.errors import BadFile
+from myomorph.model.provenance import Estimate
+from myomorph.model.series import Table
+from myomorph.report.trial.identified import COMPONENTS
+from myomorph.store.results import file_name
+from myomorph.viscosity.cohort import QUANTITIES, Row, cohort
+from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity
+from myomorph.viscosity.report import given as shown
+from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
+from myomorph.viscosity.report.page import viscosity_page
+from myomorph.viscosity.swings.recording import SwingRecording
+
+SPECIMENS, COHORT, AXES, MUSCLES, MODELS, NOTES = (
+    "specimens.csv",
+    "cohort.csv",
+    "axes.csv",
+    "muscles.csv",
+    "models.csv",
+    "notes.csv",
+)
+WEIGHED = "measured_muscle_mass"
+"""The one column that was not estimated and so has no interval."""
+
+Cells = Sequence[object]
+
+
+STORE, REPORT = "viscosity.json", "report.html"
+
+KIND, ARRAY, DIGITS = "is", "array", 6
+
+NOUNS: dict[str, Any] = {name: one for name, one in vars(shown).items() if isinstance(one, type) and is_dataclass(one)}
+"""What a report is made of, by the names that its store has."""
+
+
+def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
+    """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its interval."""
+    head, cells = ["name"], [[name] for name, _ in rows]
+    for quantity in (one.name for one in QUANTITIES):
+        width = 1 if quantity == WEIGHED else 3
+        head += [quantity, f"{quantity}_low", f"{quantity}_high"][:width]
+        for own, (_, row) in zip(cells, rows, strict=True):
+            own += _interval(row.get(quantity))[:width]
+    return _csv(head, cells)
+
+
+def _interval(one: Estimate | None) -> list[Any]:
+    return ["", "", ""] if one is None else [one.value, one.low, one.high]
+
+
+def cohort_table(rows: Sequence[Row]) -> str:
+    """`cohort.csv`: mean and population SD of every quantity, and the interval of the mean."""
+    head = ("quantity", "mean", "sd", "n", "mean_low", "mean_high", "unit")
+    cells = (
+        (one.quantity.name, one.mean, one.sd, one.count, one.low, one.high, one.quantity.unit) for one in cohort(rows)
+    )
+    return _csv(head, cells)
+
+
+def axes_table(specimens: Sequence[SpecimenReport]) -> str:
+    """`axes.csv`: viscosity about every free axis."""
+    rows = []
+    for one in specimens:
+        for name, condition in (("without", one.without), ("with", one.intact)):
+            if condition is not None:
+                for axis, value, excited in zip(
+                    condition.axes, condition.axis_viscosity, condition.excited, strict=True
+                ):
+                    rows.append((one.name, name, axis, *_interval(value), "yes" if excited else "no"))
+    return _csv(("name", "condition", "axis", "viscosity", "viscosity_low", "viscosity_high", "excited"), rows)
+
+
+def muscles_table(specimens: Sequence[SpecimenReport]) -> str:
+    """`muscles.csv`: the regularised viscosity of every muscle, and that in proportion to its cross-section."""
+    rows = []
+    for one in specimens:
+        if one.muscles is not None:
+            found = one.muscles
+            for muscle, value, share in zip(found.muscles, found.by_muscle, found.pcsa, strict=True):
+                rows.append((one.name, muscle, *_interval(value), share, share * found.by_pcsa.value, found.rank))
+    head = ("name", "muscle", "viscosity", "viscosity_low", "viscosity_high", "pcsa_share", "by_pcsa", "rank")
+    return _csv(head, rows)
+
+
+def models_table(specimens: Sequence[SpecimenReport]) -> str:
+    """`models.csv`: alternatives of the passive torque and how well each foretells a swing."""
+    head = ("name", "condition", "model", "viscosity", "values", "aic_over_best", "bic_over_best")
+    rows = (
+        (one.name, model.condition, model.terms, model.viscosity, model.values, model.aic, model.bic)
+        + (model.angle_error, model.wrench_error)
+        for one in specimens
+        for model in one.models
+    )
+    return _csv((*head, "held_out_angle_rad", "held_out_moment_nm"), rows)
+
+
+def notes_table(specimens: Sequence[SpecimenReport]) -> str:
+    """`notes.csv`: what failed, and what else was said of each specimen."""
+    rows = [(one.name, "failed", one.failure) for one in specimens if one.failure]
+    rows += [(one.name, "note", note) for one in specimens for note in one.notes]
+    return _csv(("name", "kind", "text"), rows)
+
+
+def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
+    """Write all tables of a cohort, each whole or not at all."""
+    known = [(one.name, one.row) for one in specimens if one.row]
+    for name, text in (
+        (SPECIMENS, specimens_table(known)),
+        (COHORT, cohort_table([row for _, row in known])),
+        (AXES, axes_table(specimens)),
+        (MUSCLES, muscles_table(specimens)),
+        (MODELS, models_table(specimens)),
+        (NOTES, notes_table(specimens)),
+    ):
+        write_whole(text, folder / name)
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Write a text so that the file is whole or not there."""
+    with written(path) as stream:
+        stream.write(text)
+
+
+def write_swings(found: SpecimenViscosity, folder: Path) -> None:
+    """Write every trial as a table over time: angles, rates, torques, wrench measured and predicted."""
+    for name, condition in (("without", found.without), ("with", found.intact)):
+        if condition is not None:
+            for recording in condition.recordings:
+                write_sto(swing_table(recording, condition), folder / f"{name}_{file_name(recording.name)}.sto")
+
+
+def swing_table(recording: SwingRecording, found: Condition) -> Table:
+    """One trial: angle [rad], rate [rad/s], torque and its viscous part [N m] of every axis; the wrench."""
+    torque = recording.torque_rows @ found.parameters
+    blocks = (
+        ("angle", recording.axes, recording.angles),
+        ("rate", recording.axes, recording.rates),
+        ("torque", recording.axes, torque),
+        ("viscous", recording.axes, -found.viscosity.value * recording.rates),
+        ("measured", COMPONENTS, recording.wrench),
+        ("predicted", COMPONENTS, recording.wrench_rows @ found.parameters),
+        ("swing", ("",), recording.swing[:, None].astype(np.float64)),
+    )
+    names = tuple(f"{kind}_{column}".rstrip("_") for kind, columns, _ in blocks for column in columns)
+    return Table(recording.time, names, np.hstack([values for _, _, values in blocks]))
+
+
+def _csv(head: Iterable[str], rows: Iterable[Cells]) -> str:
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(head)
+    for row in rows:
+        table.writerow([f"{cell:.8g}" if isinstance(cell, float) else cell for cell in row])
+    return text.getvalue()
+
+
+def write_store(given: ViscosityInput, folder: Path) -> None:
+    """Write what a report shows, arrays to six digits."""
+    write_whole(json.dumps(_plain(given), separators=(",", ":")) + "\n", folder / STORE)
+
+
+def read_store(folder: Path) -> ViscosityInput:
+    """What `write_store` wrote.
+
+    Raises
+    ------
+    BadFile
+        where it is something else
+    """
+    path = folder / STORE
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"), object_hook=_value)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadFile(path, f"is no result of 'myomorph viscosity' ({error})", "run the study again") from None
+    if not isinstance(found, ViscosityInput):
+        raise BadFile(path, "is no result of 'myomorph viscosity'", "run the study again")
+    return found
+
+
+def remake_report(folder: Path) -> Path:
+    """Make `report.html` of a folder of results again.
+
+    Raises
+    ------
+    BadFile
+        as `read_store`
+    """
+    write_whole(viscosity_page(read_store(folder)), folder / REPORT)
+    return folder / REPORT
+
+
+def _plain(value: object) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return {KIND: type(value).__name__} | {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind != "f":
+            return {KIND: ARRAY, "values": value.tolist(), "whole": True}
+        return {KIND: ARRAY, "values": [float(f"{one:.{DIGITS}g}") for one in value.ravel()], "shape": value.shape}
+    if isinstance(value, Mapping):
+        return {"of": {str(name): _plain(one) for name, one in value.items()}}
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def _value(found: dict[str, Any]) -> Any:
+    kind = found.pop(KIND, None)
+    if kind is None:
+        return MappingProxyType(found["of"]) if set(found) == {"of"} else found
+    if kind == ARRAY:
+        if found.get("whole"):
+            return np.array(found["values"])
+        return np.array(found["values"], dtype=np.float64).reshape(found["shape"])
+    return NOUNS[kind](**{name: tuple(one) if isinstance(one, list) else one for name, one in found.items()})

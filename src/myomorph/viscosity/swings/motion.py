@@ -1,0 +1,197 @@
+"""The motion of a swinging limb: angles without jumps, derivatives, and the wrench that unit parameters need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.series import Motion
+from myomorph.motion.filters import differentiate
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.regressor import base_regressor
+from myomorph.rigid.tree import compile_tree
+from myomorph.viscosity.specimen.model import Specimen
+
+
+@dataclass(frozen=True, eq=False)
+class LimbMotion(FrozenArrays):
+    """A limb in motion about its joint's center, everything distal of the joint one rigid link.
+
+    Attributes
+    ----------
+    rotations : (frames, 3, 3) of the limb's first body in ground
+    slopes : (frames, axes, coordinates) d(rate about a free axis)/d(coordinate's velocity)
+    rates : (frames, axes) angular velocity about the free axes [rad/s]
+    wrench_rows : (frames, 6, 10) moment about the center and force that unit parameters need, ground axes
+    torque_rows : (frames, axes, 10) the moment along the free axes
+    """
+
+    rotations: Array
+    slopes: Array
+    rates: Array
+    wrench_rows: Array
+    torque_rows: Array
+
+
+def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
+    """Rotation, rates and rows of a motion of the specimen's joint; NaN in frames where the motion is NaN.
+
+    Parameters
+    ----------
+    motion : of the joint's coordinates, with velocities and accelerations; the base at its stand
+
+    Raises
+    ------
+    BadData : the motion has no derivatives
+    """
+    pendulum = specimen.pendulum
+    tree = compile_tree(pendulum)
+    rows = base_regressor(pendulum, motion, specimen.center_in_ground)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    rotations = poses.rotations[:, 1]
+    axes = np.einsum("fij,aj->fai", rotations, specimen.axis_vectors)
+    slopes = axes @ poses.axis_directions.transpose(0, 2, 1)
+    assert motion.velocities is not None
+    columns = [motion.names.index(name) for name in specimen.joint_coordinates]
+    rates = np.einsum("fac,fc->fa", slopes, motion.velocities[:, columns])
+    return LimbMotion(rotations, slopes, rates, rows, axes @ rows[:, :3])
+
+
+def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
+    """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad].
+
+    Strands stand muscle after muscle, each divided by the root of their number (see `SwingRecording`). Moment
+    arms about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
+    NaN where the motion is.
+    """
+    strands = [(strand, len(own)) for own in specimen.muscles.values() for strand in own]
+    found = np.full((len(motion), len(strands), len(specimen.axes)), np.nan)
+    seen = np.isfinite(motion.values).all(axis=1)
+    if not specimen.muscles or not seen.any():
+        return found
+    part = Motion(motion.time[seen], motion.names, motion.values[seen])
+    arms = muscle_kinematics(specimen.model, part, velocities=False).moment_arms
+    columns = [specimen.model.coordinate_names.index(name) for name in specimen.joint_coordinates]
+    rows = [specimen.model.muscle_names.index(strand) for strand, _ in strands]
+    roots = np.sqrt([count for _, count in strands])
+    found[seen] = -arms[:, rows][:, :, columns] @ np.linalg.inv(slopes[seen]) / roots[:, None]
+    return found
+
+
+def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None = None) -> Motion:
+    """The motion of a specimen's joint with velocities and accelerations, low-pass filtered first.
+
+    As `motion.filters.differentiate`, but a ball is filtered as a quaternion, which no pose makes singular:
+    omega = 2 vec(conj(q) dq/dt) / |q|^2. Angles near a quarter turn of the middle rotation have large rates, which
+    together still are that omega.
+
+    Parameters
+    ----------
+    motion : of the joint's coordinates [rad], NaN where it is not known
+    cutoff : [Hz]; None for none
+
+    Raises
+    ------
+    BadData
+        where no run of six frames is free of gaps
+    """
+    if len(specimen.joint_coordinates) == 1:
+        return differentiate(motion, cutoff)
+    joint = next(one for one in specimen.model.joints if one.child == specimen.first)
+    axes = np.array([axis.vector for axis in joint.axes])
+    order = "".join("XYZ"[int(np.argmax(axis))] for axis in axes)
+    columns = [motion.names.index(name) for name in joint.coordinates]
+    angles = motion.values[:, columns]
+    seen = np.isfinite(angles).all(axis=1)
+    quaternions = np.full((len(motion), 4), np.nan)
+    quaternions[seen] = continuous(Rotation.from_euler(order, angles[seen]).as_quat(scalar_first=True))
+    found = differentiate(Motion(motion.time, ("w", "x", "y", "z"), quaternions), cutoff)
+    assert found.velocities is not None
+    assert found.accelerations is not None
+    known = np.isfinite(found.values).all(axis=1)
+    values, velocities, accelerations = (np.full((len(motion), 3), np.nan) for _ in range(3))
+    turns, rates, gains = angular_motion(found.values[known], found.velocities[known], found.accelerations[known])
+    values[known] = turns.as_euler(order)
+    velocities[known], accelerations[known] = _angle_rates(axes, values[known], rates, gains)
+    return Motion(motion.time, tuple(joint.coordinates), values, velocities, accelerations)
+
+
+def continuous(quaternions: Array) -> Array:
+    """Quaternions (frames, 4) with the signs that make each the nearest to the one before."""
+    turned = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
+    signed: Array = quaternions * np.concatenate([[1.0], np.cumprod(turned)])[: len(quaternions), None]
+    return signed
+
+
+def angular_motion(values: Array, velocities: Array, accelerations: Array) -> tuple[Rotation, Array, Array]:
+    """Rotations, angular rates and accelerations (frames, 3) along the body's axes.
+
+    Of quaternions (frames, 4), w first and of any length, and their derivatives: with s = |q|,
+    omega = 2 vec(conj(q) q') / s^2 and alpha = 2 vec(conj(q) q'') / s^2 - 2 omega s' / s.
+    """
+    square = np.sum(values**2, axis=1, keepdims=True)
+    growth = np.sum(values * velocities, axis=1, keepdims=True) / square
+    rates = 2.0 * _vector_part(values, velocities) / square
+    gains = 2.0 * _vector_part(values, accelerations) / square - 2.0 * growth * rates
+    return Rotation.from_quat(values, scalar_first=True), rates, gains
+
+
+def _vector_part(first: Array, second: Array) -> Array:
+    """Of conj(first) second, quaternions (frames, 4)."""
+    a, u, b, v = first[:, :1], first[:, 1:], second[:, :1], second[:, 1:]
+    part: Array = a * v - b * u - np.cross(u, v)
+    return part
+
+
+def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tuple[Array, Array]:
+    """Rates and accelerations (frames, 3) of body-fixed rotations about `axes` (3, 3), of those along the body's axes.
+
+    omega = S(q) q', alpha = S q'' + S' q'; the columns of S are the axes as the body sees them.
+    """
+    last, middle = (Rotation.from_rotvec(angles[:, k, None] * axes[k]) for k in (2, 1))
+    second = last.apply(np.tile(axes[1], (len(angles), 1)), inverse=True)
+    third = np.tile(axes[2], (len(angles), 1))
+    first = (middle * last).apply(np.tile(axes[0], (len(angles), 1)), inverse=True)
+    slopes = np.stack([first, second, third], axis=2)
+    speeds = np.linalg.solve(slopes, rates[..., None])[..., 0]
+    beyond = third * speeds[:, 2:]
+    changes = (
+        -np.cross(beyond + second * speeds[:, 1:2], first) * speeds[:, :1] - np.cross(beyond, second) * speeds[:, 1:2]
+    )
+    return speeds, np.linalg.solve(slopes, (gains - changes)[..., None])[..., 0]
+
+
+def on_one_branch(specimen: Specimen, motion: Motion) -> Motion:
+    """The same motion with angles that neither jump by a turn nor to the other branch of a ball's three rotations.
+
+    The middle one of three rotations is brought within a quarter turn, the others of a ball within half a turn; a
+    joint's only angle may go on beyond.
+    """
+    values = np.array(motion.values)
+    for joint in specimen.model.joints:
+        columns = [motion.names.index(name) for name in joint.coordinates if name in motion.names]
+        if joint.kind == "ball" and len(columns) == 3:
+            order = "".join("XYZ"[int(np.argmax(axis.vector))] for axis in joint.axes[-3:])
+            angles = values[:, columns]
+            seen = np.isfinite(angles).all(axis=1)
+            angles[seen] = Rotation.from_euler(order, angles[seen]).as_euler(order)
+            values[:, columns] = angles
+        else:
+            for k in columns:
+                if specimen.model.coordinate(motion.names[k]).motion == "rotational":
+                    values[:, k] = _continuous(values[:, k])
+    return replace(motion, values=values)
+
+
+def _continuous(angle: Array) -> Array:
+    """An angle (frames,) without jumps by a turn, around zero."""
+    seen = np.isfinite(angle)
+    unwound = np.array(angle)
+    unwound[seen] = np.unwrap(angle[seen])
+    middle = np.median(unwound[seen]) if seen.any() else 0.0
+    around: Array = unwound - 2.0 * np.pi * np.round(middle / (2.0 * np.pi))
+    return around

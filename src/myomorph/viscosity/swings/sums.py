@@ -1,0 +1,317 @@
+"""Swings condensed to sums of products, block by block, from which every step and every resampling is solved.
+
+A block is a few successive swings of one trial. Whatever is fitted by least squares to a choice of blocks needs
+only the sums over those blocks, so a draw of the bootstrap costs no pass over the frames. Blocks fade into each
+other over half their length: cut off sharply, each would hold the noise of the limb's energy at its two ends,
+which cancels in the whole because the next block holds it too, but would count as scatter between blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData
+from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
+
+SPEED_THRESHOLD, EXPLAINED = 0.1, 0.8
+"""A direction is still whose rate is below this share of the fastest's and whose acceleration the state explains less
+than this. Only noise is measured there; it would say that the inertia is small, and a possible body's other inertias
+with it. White noise below a cutoff explains 0.56 of its own second derivative."""
+
+
+WRENCH, PREDICTED, ONE = PARAMETERS, PARAMETERS + 1, 2 * PARAMETERS + 1
+"""Columns of the products of a row of the wrench: parameters, the wrench itself, predicted rows, a one."""
+
+RATE, ANGLE, CONSTANT, PLATE, MUSCLES = range(PARAMETERS, PARAMETERS + 5)
+"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque, then muscles."""
+
+
+def free_directions(recordings: Sequence[SwingRecording]) -> Array:
+    """(axes, 3) the free axes in the limb's first body."""
+    left, right = np.zeros((3, 3)), np.zeros((3, len(recordings[0].axes)))
+    for one in recordings:
+        moments, rows = moment_rows(one)[one.used], one.torque_rows[one.used]
+        left += np.einsum("fip,fjp->ij", moments, moments, optimize=True)
+        right += np.einsum("fip,fap->ia", moments, rows, optimize=True)
+    return np.asarray(np.linalg.lstsq(left, right, rcond=1e-12)[0].T, np.float64)
+
+
+def moment_rows(one: SwingRecording) -> Array:
+    """(frames, 3, 10) moment about the joint's center that unit parameters need, along the limb's axes."""
+    rows: Array = one.rotations.transpose(0, 2, 1) @ one.wrench_rows[:, :3]
+    return rows
+
+
+class PredictedRows(NamedTuple):
+    """The wrench rows of a recording and their instruments, (frames, 6, 10) each.
+
+    Attributes
+    ----------
+    rows : `wrench_rows` without the acceleration of directions in which the limb is still
+    instruments : the same rows with the acceleration that the state predicts
+    """
+
+    rows: Array
+    instruments: Array
+
+
+def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]) -> list[PredictedRows]:
+    """Rows of every recording with the measured acceleration, and with the one that the state predicts.
+
+    A rigid limb on a joint with linear spring and damper accelerates by I^-1 (m c x g - omega x I omega - d omega
+    - k theta): linear in the direction of gravity, the products of the rates, the rates and the angles. The fit of
+    the measured acceleration to these has hardly any of its noise, and what it has is not that of the acceleration
+    at the same instant. Rows with it are the instruments of step 1 (Janot, Vandanjon, Gautier 2014): least squares
+    on the rows themselves draws the parameters towards zero, because noise in a row counts as motion.
+
+    Parameters
+    ----------
+    frames : of each recording, those that take part in the fit
+    """
+    along = free_directions(recordings)
+    states = [_state(one) for one in recordings]
+    # The columns of I_xx, I_yy, I_zz hold the angular acceleration about x, y, z.
+    measured = [moment_rows(one)[:, [0, 1, 2], [4, 5, 6]] @ along.T for one in recordings]
+    A = np.concatenate([state[use] for state, use in zip(states, frames, strict=True)])
+    b = np.concatenate([one[use] for one, use in zip(measured, frames, strict=True)])
+    size = np.sqrt(np.square(A).mean(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    law = np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size[:, None]
+    rates = np.concatenate([one.rates[use] for one, use in zip(recordings, frames, strict=True)])
+    still = _still(rates, b, A @ law)
+    turning = np.eye(len(still)) - still
+    found = []
+    for one, state, seen in zip(recordings, states, measured, strict=True):
+        rows = one.wrench_rows - _rows_of(one.rotations, seen @ still @ along)
+        change = (state @ law - seen) @ turning
+        found.append(PredictedRows(rows, rows + _rows_of(one.rotations, change @ along)))
+    return found
+
+
+def _still(rates: Array, measured: Array, predicted: Array) -> Array:
+    """(axes, axes) projection on the directions in which the limb is still."""
+    squares, directions = np.linalg.eigh(rates.T @ rates)
+    seen, left = (np.square(one @ directions).sum(axis=0) for one in (measured, measured - predicted))
+    still = directions[:, (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)]
+    projection: Array = still @ still.T
+    return projection
+
+
+def _state(one: SwingRecording) -> Array:
+    """(frames, n) direction of gravity, rates, products of rates, angles and a one."""
+    down = np.einsum("fji,j->fi", one.rotations, one.gravity)
+    first, second = np.triu_indices(one.rates.shape[1])
+    products = one.rates[:, first] * one.rates[:, second]
+    return np.concatenate([down, one.rates, products, one.angles, np.ones((len(one), 1))], axis=1)
+
+
+def _rows_of(rotations: Array, accelerations: Array) -> Array:
+    """(frames, 6, 10) part of the rows that angular accelerations (frames, 3) in the limb make."""
+    x, y, z = accelerations.T
+    rows = np.zeros((len(rotations), 6, 10))
+    moment, force = rows[:, :3], rows[:, 3:]
+    for column, entries in enumerate(
+        (((0, x),), ((1, y),), ((2, z),), ((1, z), (2, y)), ((0, z), (2, x)), ((0, y), (1, x)))
+    ):
+        for axis, value in entries:
+            moment[:, axis, 4 + column] = value
+    force[:, 0, 2], force[:, 0, 3], force[:, 1, 1] = -z, y, z
+    force[:, 1, 3], force[:, 2, 1], force[:, 2, 2] = -x, -y, x
+    return np.concatenate([rotations @ moment, rotations @ force], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class SwingSums(FrozenArrays):
+    """Sums of products over blocks of swings.
+
+    Attributes
+    ----------
+    names : of the trials
+    trial : (blocks,) which trial a block belongs to
+    frames : (blocks,) frames in a block, a frame in a fade shared by two
+    uses : (blocks,) the frames of each block's own swings in its trial, without those of the fades
+    wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench
+    torque : (blocks, axes, 14 + muscles, 14 + muscles) of [torque_rows, rate, angle, 1, plate, u], one matrix an
+        axis; `plate` is the moment that the plate measures about the axis, and u_m = J_m J_m . rates the torque
+        of muscle m of unit viscosity, sign turned
+    still : frames left out because the limb hardly swung any more
+    parted : sum of the squares of a frame's shares in its blocks, mean over the frames: 1 without fades. Sums of
+        noise that is independent between frames scatter between blocks by so much of what they do in the whole
+    """
+
+    names: tuple[str, ...]
+    axes: tuple[str, ...]
+    muscles: tuple[str, ...]
+    trial: np.ndarray
+    frames: Array
+    uses: tuple[np.ndarray, ...]
+    wrench: Array
+    torque: Array
+    still: int
+    parted: float
+
+    def __len__(self) -> int:
+        return len(self.trial)
+
+    def wrench_total(self, counts: Array) -> Array:
+        """(trials, 6, 22, 22) sums of each trial with every block taken `counts` (blocks,) times."""
+        weight = (self.trial == np.arange(len(self.names))[:, None]) * counts
+        flat = weight @ self.wrench.reshape(len(self), -1)
+        return flat.reshape(len(self.names), *self.wrench.shape[1:])
+
+    def torque_total(self, counts: Array) -> Array:
+        """(axes, n, n) sums with every block taken `counts` (blocks,) times."""
+        return (counts @ self.torque.reshape(len(self), -1)).reshape(self.torque.shape[1:])
+
+
+def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: float = 0.1) -> SwingSums:
+    """The recordings of one condition as sums over blocks of `swings` successive swings.
+
+    Parameters
+    ----------
+    least : swings whose root mean square rate is below this share of the fastest swing's are left out: a limb at
+        rest tells nothing of what resists motion, but its noise biases all
+
+    Raises
+    ------
+    BadData : no recording, no usable frame, numbers that are not finite, or recordings of other axes or muscles
+    """
+    if not recordings:
+        raise BadData("no recording of swings is given")
+    for one in recordings:
+        _check(recordings[0], one)
+    parts = [(number, use) for number, one in enumerate(recordings) for use in _swings(one)]
+    if not parts:
+        raise BadData(
+            f"none of the trials {', '.join(one.name for one in recordings)} holds a frame of free swing: "
+            "release the limb without touching it, and check that its markers are seen"
+        )
+    speed = np.array([np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean()) for number, use in parts])
+    live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
+    blocks = [block for number in range(len(recordings)) for block in _blocks(live, number, swings)]
+    predicted = predicted_rows(recordings, [_of(live, number) for number in range(len(recordings))])
+    along = free_directions(recordings)
+    return SwingSums(
+        tuple(one.name for one in recordings),
+        recordings[0].axes,
+        recordings[0].muscles,
+        np.array([block.trial for block in blocks]),
+        np.array([block.weight.sum() for block in blocks]),
+        tuple(block.own for block in blocks),
+        np.stack([_wrench_products(recordings[block.trial], predicted[block.trial], block) for block in blocks]),
+        np.stack([_torque_products(recordings[block.trial], along, block) for block in blocks]),
+        sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
+        float(np.concatenate([block.weight**2 for block in blocks]).sum() / sum(len(use) for _, use in live)),
+    )
+
+
+def _check(first: SwingRecording, one: SwingRecording) -> None:
+    for name in ("axes", "muscles", "strands"):
+        if getattr(one, name) != getattr(first, name):
+            raise BadData(
+                f"swings '{first.name}' and '{one.name}' have other {name}: {getattr(first, name)} and "
+                f"{getattr(one, name)}; one condition is one specimen"
+            )
+    for name in ("wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening"):
+        lacking = ~np.isfinite(getattr(one, name)[one.used]).all()
+        if lacking:
+            raise BadData(f"swing '{one.name}': {name} is not finite in a frame that is used; mark it with swing -1")
+
+
+def _swings(one: SwingRecording) -> list[np.ndarray]:
+    """Frames of each swing."""
+    return [np.flatnonzero(one.swing == number) for number in np.unique(one.swing[one.used])]
+
+
+@dataclass(frozen=True, eq=False)
+class _Block(FrozenArrays):
+    """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
+
+    trial: int
+    own: np.ndarray
+    frames: np.ndarray
+    weight: Array
+
+
+def _blocks(parts: list[tuple[int, np.ndarray]], trial: int, swings: int) -> list[_Block]:
+    """Blocks of a trial, each fading into the next; a last block of less than half its swings joins the one before."""
+    own = [use for number, use in parts if number == trial]
+    cuts = [own[i : i + swings] for i in range(0, len(own), swings)]
+    if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
+        cuts[-2] += cuts.pop()
+    frames = [np.concatenate(cut) for cut in cuts]
+    weights = [np.ones(len(use)) for use in frames]
+    fades = []
+    for k in range(len(frames) - 1):
+        half = min(len(frames[k]), len(frames[k + 1])) // 2
+        if half and frames[k][-half] + 2 * half - 1 == frames[k + 1][half - 1]:
+            rise = 0.5 + 0.5 * np.sin(np.pi * (np.arange(2 * half) - half + 0.5) / (2.0 * half))
+            weights[k][-half:], weights[k + 1][:half] = 1.0 - rise[:half], rise[half:]
+            fades.append((k, half, rise))
+    whole, given = [[use] for use in frames], [[weight] for weight in weights]
+    for k, half, rise in fades:
+        whole[k].append(frames[k + 1][:half])
+        given[k].append(1.0 - rise[half:])
+        whole[k + 1].append(frames[k][-half:])
+        given[k + 1].append(rise[:half])
+    return [
+        _Block(trial, use[0], np.concatenate(use), np.concatenate(weight))
+        for use, weight in zip(whole, given, strict=True)
+    ]
+
+
+def _of(parts: list[tuple[int, np.ndarray]], trial: int) -> np.ndarray:
+    own = [use for number, use in parts if number == trial]
+    return np.concatenate(own) if own else np.zeros(0, np.int64)
+
+
+def _wrench_products(one: SwingRecording, predicted: PredictedRows, block: _Block) -> Array:
+    use = block.frames
+    rows, instruments = predicted.rows[use], predicted.instruments[use]
+    columns = [rows, one.wrench[use, :, None], instruments, np.ones((len(use), 6, 1))]
+    return _products(np.concatenate(columns, axis=2), block.weight)
+
+
+def _torque_products(one: SwingRecording, along: Array, block: _Block) -> Array:
+    use = block.frames
+    rates, J = one.rates[use], one.lengthening[use]
+    speeds = np.einsum("fma,fa->fm", J, rates)
+    plate = np.einsum("ai,fji,fj->fa", along, one.rotations[use], one.wrench[use, :3], optimize=True)
+    columns = [
+        one.torque_rows[use],
+        rates[:, :, None],
+        one.angles[use, :, None],
+        np.ones((*rates.shape, 1)),
+        plate[:, :, None],
+        (J * speeds[:, :, None]).transpose(0, 2, 1) @ one.strands_of,
+    ]
+    return _products(np.concatenate(columns, axis=2), block.weight)
+
+
+def _products(columns: Array, weight: Array) -> Array:
+    """(rows, n, n) weighted sums over frames of the products of columns (frames, rows, n)."""
+    by_row = columns.transpose(1, 0, 2)
+    return by_row.transpose(0, 2, 1) @ (by_row * weight[:, None])
+
+
+def eliminated(products: Array, columns: Sequence[int]) -> Array:
+    """Products (..., n, n) with what the given columns explain taken off all others; theirs become zero.
+
+    The normal equations of the rest are then those of the fit with the given columns left free
+    (Frisch and Waugh 1933; the Schur complement).
+    """
+    result = np.array(products)
+    for column in columns:
+        pivot = result[..., column, column]
+        row = result[..., column, :]
+        scale = np.divide(1.0, pivot, out=np.zeros_like(pivot), where=pivot > 0.0)
+        # What an earlier column explains wholly leaves rounding only.
+        scale = np.where(pivot > 1e-12 * products[..., column, column], scale, 0.0)
+        result = result - row[..., :, None] * row[..., None, :] * scale[..., None, None]
+        result[..., column, :] = result[..., :, column] = 0.0
+    return result

@@ -1,0 +1,247 @@
+"""What should not move while a limb swings: the base on its plate, and joints that wires hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+from myomorph.viscosity.specimen.model import Specimen
+
+WINDOW = 0.25
+"""Time over which a held pose is averaged before it is judged, against the markers' noise [s]."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Something held that moved.
+
+    Attributes
+    ----------
+    trial, what : the trial, and the coordinate or "base"
+    time : where it moves fastest; the trial's start if it moved before [s]
+    amount : between its extremes, each the mean over `WINDOW`, or against the other trials, in `unit`
+    lasting : whether it stays where it went (a wire slipped), instead of going to and fro (a wire is loose)
+    unit : "rad" or "m"
+    before : whether it moved before this trial, and stands still in it
+    """
+
+    trial: str
+    what: str
+    time: float
+    amount: float
+    lasting: bool
+    unit: str = "rad"
+    before: bool = False
+
+    @property
+    def line(self) -> str:
+        """The warning, as one line."""
+        amount = f"{np.degrees(self.amount):.1f} degrees" if self.unit == "rad" else f"{1000 * self.amount:.1f} mm"
+        base = self.what == "base"
+        what = "the base" if base else f"held joint '{self.what}'"
+        if self.before:
+            return f"trial '{self.trial}': {what} is {amount} away from its position in the other trials"
+        cause = "clamp it again" if base else "a wire slipped" if self.lasting else "a wire is loose"
+        return f"trial '{self.trial}': {what} moves by {amount}, most at {self.time:.2f} s: {cause}"
+
+
+def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
+    """(3, 3) the rotation nearest to all of rotations (frames, 3, 3), in the mean of squared chords."""
+    total = np.einsum("f,fij->ij", np.ones(len(rotations)) if weights is None else weights, rotations)
+    left, _, right = np.linalg.svd(total)
+    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    mean: Array = left @ turn @ right
+    return mean
+
+
+def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
+    """Poses that bring a bone's markers (markers, 3) onto those seen (frames, markers, 3): least squares (Kabsch 1976).
+
+    Returns
+    -------
+    rotations (frames, 3, 3) and origins (frames, 3) [m], NaN where fewer than three markers are seen
+    """
+    finite = np.asarray(np.isfinite(seen).all(axis=2))
+    weight = finite.astype(float)[..., None]
+    count = np.maximum(weight.sum(axis=1), 1.0)
+    values = np.where(finite[..., None], seen, 0.0)
+    middle = values.sum(axis=1) / count
+    own = (weight * places).sum(axis=1) / count
+    spread = (values - middle[:, None]) * weight
+    cross = np.einsum("fmi,fmj->fij", spread, places - own[:, None])
+    left, _, right = np.linalg.svd(cross)
+    turn = np.ones((len(seen), 3))
+    turn[:, 2] = np.sign(np.linalg.det(left @ right))
+    rotations = (left * turn[:, None]) @ right
+    origins = middle - np.einsum("fij,fj->fi", rotations, own)
+    lacking = finite.sum(axis=1) < 3
+    rotations[lacking], origins[lacking] = np.nan, np.nan
+    return rotations, origins
+
+
+def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
+    """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the limb [m].
+
+    min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of
+    Biomechanics 39:2798).
+
+    Parameters
+    ----------
+    base, limb : rotations (frames, 3, 3) and origins (frames, 3) in ground [m], finite
+    """
+    rows = np.concatenate([base[0], -limb[0]], axis=2).reshape(-1, 6)
+    both = np.linalg.lstsq(rows, (limb[1] - base[1]).ravel(), rcond=None)[0]
+    return both[:3], both[3:]
+
+
+def base_poses(specimen: Specimen, motion: Motion) -> tuple[Array, Array]:
+    """Rotations (frames, 3, 3) and origins (frames, 3) of the base in ground, of its six coordinates [m]."""
+    columns = [motion.names.index(name) for name in specimen.base_coordinates]
+    places, angles = motion.values[:, columns[:3]], motion.values[:, columns[3:]]
+    stand = specimen.stand
+    turns = np.full((len(motion), 3, 3), np.nan)
+    seen = np.isfinite(angles).all(axis=1)
+    turns[seen] = Rotation.from_euler("XYZ", angles[seen]).as_matrix()
+    return stand.rotation @ turns, places @ stand.rotation.T + stand.translation
+
+
+def mean_base(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array]) -> Transform:
+    """The one pose of the base over all trials of a condition."""
+    poses = [base_poses(specimen, motion) for motion in motions]
+    rotations, origins = (np.concatenate(parts) for parts in zip(*poses, strict=True))
+    weight = np.concatenate(weights) * np.isfinite(origins).all(axis=1)
+    used = weight > 0.0
+    place = np.average(origins[used], axis=0, weights=weight[used])
+    return Transform(mean_rotation(rotations[used], weight[used]), place)
+
+
+def mean_held(
+    specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array], slipped: Sequence[Sequence[str]] = ()
+) -> dict[str, float]:
+    """The one value of every held coordinate over all trials; of angles, the mean on the circle [rad or m].
+
+    Parameters
+    ----------
+    slipped : what slipped in each trial, which then does not count unless it slipped in all
+    """
+    means = {}
+    for name in specimen.held_coordinates:
+        firm = [name not in own for own in slipped] or [True] * len(motions)
+        chosen = [k for k, holds in enumerate(firm) if holds or not any(firm)]
+        values = np.concatenate([motions[k][name] for k in chosen])
+        weight = np.concatenate([weights[k] for k in chosen])
+        used = np.isfinite(values) & (weight > 0.0)
+        if not used.any():
+            means[name] = specimen.model.coordinate(name).default
+        elif specimen.model.coordinate(name).motion == "translational":
+            means[name] = float(np.average(values[used], weights=weight[used]))
+        else:
+            means[name] = float(np.angle(np.average(np.exp(1j * values[used]), weights=weight[used])))
+    return means
+
+
+def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, moved: float) -> list[Slip]:
+    """Held coordinates and the base, where they move by more than `turned` [rad] or `moved` [m] in a trial."""
+    found = []
+    for held in specimen.held_coordinates:
+        unit = _unit(specimen, held)
+        limit = moved if unit == "m" else turned
+        found += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit, unit)
+    rotations, origins = base_poses(specimen, motion)
+    seen = np.isfinite(origins).all(axis=1)
+    if seen.any():
+        middle = mean_rotation(rotations[seen])
+        angles = np.full((len(motion), 3), np.nan)
+        angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
+        base = _slip(name, "base", motion.time, _filled(angles), turned, "rad")
+        found += base or _slip(name, "base", motion.time, center_course(specimen, motion), moved, "m")
+    return found
+
+
+def slips_before(
+    specimen: Specimen,
+    name: str,
+    motion: Motion,
+    held: Mapping[str, float],
+    center: Array,
+    turned: float,
+    moved: float,
+) -> list[Slip]:
+    """What stands elsewhere in a trial than in the mean of all: moved between two trials.
+
+    Parameters
+    ----------
+    held : mean value of every held coordinate
+    center : (3,) mean place of the joint's center in ground [m]
+    """
+    found = []
+    start = float(motion.time[0])
+    for one, mean in held.items():
+        values = motion[one][np.isfinite(motion[one])]
+        unit = _unit(specimen, one)
+        off = float(np.median(values)) - mean if len(values) else 0.0
+        off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
+        if abs(off) > (moved if unit == "m" else turned):
+            found.append(Slip(name, one, start, abs(off), True, unit, before=True))
+    distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
+    if distance > moved:
+        found.append(Slip(name, "base", start, distance, True, "m", before=True))
+    return found
+
+
+def center_course(specimen: Specimen, motion: Motion) -> Array:
+    """(frames, 3) where the base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
+    rotations, origins = base_poses(specimen, motion)
+    places = _filled(rotations @ specimen.center + origins)
+    smooth: Array = median_filter(places, (_window(motion.time), 1), mode="nearest")
+    return smooth
+
+
+def _unit(specimen: Specimen, name: str) -> str:
+    return "m" if specimen.model.coordinate(name).motion == "translational" else "rad"
+
+
+def course(motion: Motion, name: str) -> Array:
+    """(frames,) a held coordinate that slipped: the running median over `WINDOW`, gaps bridged [rad or m]."""
+    values = np.unwrap(_filled(motion[name]))
+    smooth: Array = median_filter(values, _window(motion.time), mode="nearest")
+    return smooth
+
+
+def _window(time: Array) -> int:
+    """Frames in `WINDOW`, an odd number, so that a median stays where it is."""
+    return max(3, round(WINDOW / float(np.median(np.diff(time)))) | 1) if len(time) > 1 else 3
+
+
+def _slip(trial: str, what: str, time: Array, values: Array, limit: float, unit: str) -> list[Slip]:
+    frames = _window(time)
+    if len(time) <= 2 * frames:
+        return []
+    smooth = uniform_filter1d(values, frames, axis=0, mode="nearest")
+    axis = int(np.argmax(np.ptp(smooth, axis=0)))
+    column = smooth[:, axis]
+    if np.ptp(column) <= limit:
+        return []
+    rate = np.abs(column[frames:] - column[:-frames])
+    at = int(np.argmax(rate)) + frames // 2
+    before, after = np.median(column[: max(at, 1)]), np.median(column[at:])
+    lasting = bool(abs(after - before) > 0.5 * np.ptp(column))
+    return [Slip(trial, what, float(time[at]), float(np.ptp(column)), lasting, unit)]
+
+
+def _filled(values: Array) -> Array:
+    """Values with gaps bridged along straight lines."""
+    filled = np.array(values, dtype=np.float64)
+    columns = filled.reshape(len(filled), -1)
+    frames = np.arange(len(filled))
+    for column in columns.T:
+        known = np.isfinite(column)
+        column[~known] = np.interp(frames[~known], frames[known], column[known]) if known.any() else 0.0
+    return columns.reshape(filled.shape)

@@ -1,0 +1,140 @@
+"""Tracked trials as the linear equations of a swing: derivatives, rows, moment arms, and which frames count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData
+from myomorph.model.series import Motion
+from myomorph.viscosity.specimen.model import Specimen
+from myomorph.viscosity.swings.motion import LimbMotion, differentiate_joint, lengthening, limb_motion
+from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs
+from myomorph.viscosity.swings.recording import REACH, SwingRecording, near, swing_numbers, whole_frames
+from myomorph.viscosity.tracking.held import mean_rotation
+from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackedTrial
+
+MIN_ROTATION = 0.005
+"""Angle between two turns under which the limb counts as still [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Filtered(FrozenArrays):
+    """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out of reach."""
+
+    motion: Motion
+    limb: LimbMotion
+    wrench: Array
+    whole: np.ndarray
+
+
+def swing_recordings(
+    tracked: TrackedSpecimen, cutoff: float | None, muscles: bool = True
+) -> tuple[SwingRecording, ...]:
+    """The trials of one condition as the equations of [S] step 1 to 3.
+
+    Motion and wrench pass the same low-pass. The rest of `angles` is the mean rotation over the free swings of
+    all trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in which
+    the limb is touched have swing -1.
+
+    Parameters
+    ----------
+    cutoff : of the low-pass of motion and wrench [Hz]; None for none
+    muscles : also J_M; without it the recordings have no muscles
+
+    Raises
+    ------
+    BadData : no trial has a frame of free swing
+    """
+    specimen, trials = tracked.specimen, tracked.trials
+    made = [_filtered(specimen, trial, cutoff) for trial in trials]
+    # Hands were found at `CUTOFF`; a lower one smears them further.
+    further = max(0.0, 0.5 * REACH * (1.0 / cutoff - 1.0 / CUTOFF)) if cutoff else 0.0
+    free = [
+        one.whole & ~near(trial.touched, trial.motion.time, further) for one, trial in zip(made, trials, strict=True)
+    ]
+    if not any(one.any() for one in free):
+        raise BadData(
+            f"none of the trials {', '.join(one.name for one in trials)} has a frame of free swing with motion and "
+            "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
+        )
+    rest = _rest(specimen, made, free)
+    return tuple(
+        _recording(specimen, trial, one, use, rest, muscles) for trial, one, use in zip(trials, made, free, strict=True)
+    )
+
+
+def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:
+    motion = differentiate_joint(specimen, trial.motion, cutoff)
+    wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
+    finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
+    return _Filtered(motion, limb_motion(specimen, motion), wrench, whole_frames(motion.time, finite, cutoff))
+
+
+def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
+    """(3, 3) mean rotation of a ball in free swing, or (1,) mean angle of a hinge."""
+    if len(specimen.joint_coordinates) == 1:
+        angles = np.concatenate([one.motion.values[use, 0] for one, use in zip(made, free, strict=True)])
+        return np.array([angles.mean() if len(angles) else 0.0])
+    rotations = np.concatenate([one.limb.rotations[use] for one, use in zip(made, free, strict=True)])
+    return mean_rotation(rotations) if len(rotations) else np.eye(3)
+
+
+def _angles(specimen: Specimen, one: _Filtered, rest: Array) -> Array:
+    if len(specimen.joint_coordinates) == 1:
+        return one.motion.values - rest
+    angles = np.full((len(one.motion), 3), np.nan)
+    seen = np.isfinite(one.limb.rotations).all(axis=(1, 2))
+    angles[seen] = Rotation.from_matrix(rest.T @ one.limb.rotations[seen]).as_rotvec()
+    return angles
+
+
+def _swung(specimen: Specimen, one: _Filtered, angles: Array, free: np.ndarray) -> tuple[Array, Array]:
+    """(frames,) how far the limb is out, and its rate, by which swings are told from each other.
+
+    Of a ball, how far the direction that hangs down on average is out sideways, along the main direction of the
+    swing: however much the limb twists about it meanwhile.
+    """
+    if len(specimen.joint_coordinates) == 1 or not free.any():
+        return angles[:, 0], one.limb.rates[:, 0]
+    gravity = np.asarray(specimen.model.gravity) / np.linalg.norm(specimen.model.gravity)
+    rotations = one.limb.rotations
+    down = (gravity @ rotations[free]).mean(axis=0)
+    lever = rotations @ (down / np.linalg.norm(down))
+    speed = np.cross(np.einsum("fij,fj->fi", rotations, one.limb.rates), lever)
+    level = speed[free] - np.outer(speed[free] @ gravity, gravity)
+    main = np.linalg.eigh(level.T @ level)[1][:, -1]
+    return lever @ main, speed @ main
+
+
+def _recording(
+    specimen: Specimen,
+    trial: TrackedTrial,
+    one: _Filtered,
+    free: np.ndarray,
+    rest: Array,
+    muscles: bool,
+) -> SwingRecording:
+    angles = _angles(specimen, one, rest)
+    names = tuple(specimen.muscles) if muscles else ()
+    none = np.zeros((len(one.motion), 0, len(specimen.axes)))
+    arms = lengthening(specimen, one.motion, one.limb.slopes) if muscles else none
+    return SwingRecording(
+        name=trial.name,
+        time=np.array(one.motion.time),
+        wrench_rows=one.limb.wrench_rows,
+        wrench=np.array(one.wrench),
+        torque_rows=one.limb.torque_rows,
+        rates=one.limb.rates,
+        angles=angles,
+        axes=specimen.axes,
+        muscles=names,
+        lengthening=arms,
+        rotations=one.limb.rotations,
+        gravity=np.array(specimen.model.gravity),
+        swing=swing_numbers(*_swung(specimen, one, angles, free), free, MIN_ROTATION),
+        strands=tuple(i for i, own in enumerate(specimen.muscles.values()) for _ in own) if muscles else (),
+    )

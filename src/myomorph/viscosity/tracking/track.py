@@ -1,0 +1,363 @@
+"""The motion of a specimen's bones from the clusters on them, and the wrench on its base beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Transform
+from myomorph.motion.clocks import Clock
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.sync import cut
+from myomorph.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.viscosity.swings.motion import differentiate_joint, limb_motion, on_one_branch
+from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs, on_clock, plate_clock, wrench_about
+from myomorph.viscosity.swings.recording import REACH, touched_frames, whole_frames
+from myomorph.viscosity.tracking.clusters import checked_clusters
+from myomorph.viscosity.tracking.held import (
+    Slip,
+    center_course,
+    cluster_poses,
+    course,
+    mean_base,
+    mean_held,
+    mean_rotation,
+    rotation_center,
+    slips_before,
+    slips_within,
+)
+
+TURNED = 0.995
+"""Largest singular value of a mean rotation from which a limb has not turned about two axes enough, some 6 degrees
+root mean square, to show its center."""
+
+QUICK = 25.0
+"""Low-pass of a motion before its rows are filtered themselves [Hz]."""
+
+PARTIAL = 0.1
+"""Weight in means of a frame in which a cluster has lost a marker."""
+
+Progress = Callable[[int], None]
+
+EXACT = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-12)
+"""What is left of an iteration's last step, and of a pull to the default pose, would be differentiated twice."""
+
+
+@dataclass(frozen=True)
+class TrackingOptions:
+    """How bones are followed.
+
+    Attributes
+    ----------
+    cluster : a distance between two markers of a bone may differ from the model's by this much [m]
+    slip : a held joint, or the base, that turns by more is named [rad]
+    shift : a base that moves by more is named [m]
+    center : "model" for the joint's center of the model, "motion" for the point about which the limb turns
+    astray : distance of these two from which it is told [m]
+    clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
+    find_touch : find the frames in which the wrench says that something besides the joint carries the limb
+    touch : part of the swing's largest change of force under which a mismatch is no hand
+    """
+
+    cluster: float = 0.006
+    slip: float = 0.035
+    shift: float = 0.002
+    center: Literal["model", "motion"] = "model"
+    astray: float = 0.005
+    clock: bool = True
+    find_touch: bool = True
+    touch: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("cluster", "slip", "shift", "astray", "touch"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedTrial(FrozenArrays):
+    """A trial as motion and wrench on the markers' clock, neither filtered.
+
+    Attributes
+    ----------
+    motion : of the joint's coordinates [rad], NaN where too few markers are seen
+    wrench : (frames, 6) on the base, moment about the joint's center and force, in ground [N m], [N]; NaN
+        where the plate did not record
+    touched : (frames,) whether something besides the joint carries the limb
+    rms : (frames,) of the distances between markers and model [m]
+    clock : of the plate against the markers, as it was taken
+    notes : what was found odd, one line each
+    """
+
+    name: str
+    motion: Motion
+    wrench: Array
+    touched: np.ndarray
+    rms: Array
+    clock: Clock
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedSpecimen:
+    """The trials of one condition.
+
+    Attributes
+    ----------
+    specimen : its base fixed where it stood, held joints locked as they were
+    held : value of every held coordinate [rad or m]
+    slips : what was held and moved all the same
+    notes : about all trials together, one line each
+    """
+
+    specimen: Specimen
+    trials: tuple[TrackedTrial, ...]
+    held: Mapping[str, float]
+    slips: tuple[Slip, ...]
+    notes: tuple[str, ...] = ()
+
+
+def track(
+    specimen: Specimen,
+    trials: Sequence[SwingTrial],
+    options: TrackingOptions | None = None,
+    progress: Progress | None = None,
+) -> TrackedSpecimen:
+    """Motion of the joint and wrench on the base in every trial of one condition.
+
+    Labels are checked by the distances within clusters. Inverse kinematics with everything free then gives
+    the one pose of the base and the one value of every held joint over all trials; with those fixed, it is
+    solved again for the joint alone. The wrench is moved to the joint's center and to the markers' clock.
+
+    Parameters
+    ----------
+    trials : of one condition, between which the specimen stays on the plate and its wires in place
+    progress : called with the number of frames just done, each frame twice
+
+    Raises
+    ------
+    BadData : no trial; markers that are not the model's; a plate that recorded at other times
+    """
+    options = options or TrackingOptions()
+    if not trials:
+        raise BadData("no trial of the swinging limb is given")
+    checked = [_checked(specimen, one, options) for one in trials]
+    markers = [one for one, _ in checked]
+    started, astray = _centered(_started(specimen, markers), markers, options)
+    fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
+    motions = [on_one_branch(started, fit.motion) for fit in fits]
+    weights = [_sureness(started, fit) for fit in fits]
+    # Where markers lack, what is held may be anything: it is judged, and followed, by the frames that show each bone.
+    sure = [
+        replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
+        for motion, weight in zip(motions, weights, strict=True)
+    ]
+    base, held, found = _held_still(started, [one.name for one in trials], sure, weights, options)
+    posed = _posed(started.standing(base), held)
+    tracked = []
+    for trial, (seen, notes), motion, own in zip(trials, checked, sure, found, strict=True):
+        away = np.zeros((len(motion), 3))
+        if any(slip.what == "base" for slip in own):
+            away = center_course(started, motion) - posed.center_in_ground
+        fit = _joint_alone(posed, seen, away, motion, own, progress)
+        wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
+        told = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
+        untouched = np.zeros(len(fit.motion), bool)
+        tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
+    if options.find_touch:
+        tracked = _with_touches(posed, tracked, options.touch)
+    return TrackedSpecimen(posed, tuple(tracked), held, tuple(slip for own in found for slip in own), astray)
+
+
+def _held_still(
+    specimen: Specimen,
+    names: Sequence[str],
+    motions: Sequence[Motion],
+    weights: Sequence[Array],
+    options: TrackingOptions,
+) -> tuple[Transform, dict[str, float], list[list[Slip]]]:
+    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or before it."""
+    limits = options.slip, options.shift
+    found = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
+    moved = [[slip.what for slip in own] for own in found]
+    base = mean_base(specimen, motions, weights)
+    held = mean_held(specimen, motions, weights, moved)
+    center = base.apply(specimen.center)
+    for name, motion, own, told in zip(names, motions, found, moved, strict=True):
+        before = slips_before(specimen, name, motion, held, center, *limits)
+        own += [slip for slip in before if slip.what not in told]
+    return base, held, found
+
+
+def _checked(specimen: Specimen, trial: SwingTrial, options: TrackingOptions) -> tuple[Markers, list[str]]:
+    markers = trial.markers if trial.time is None else cut(trial.markers, *trial.time)
+    return checked_clusters(specimen, markers, trial.name, options.cluster)
+
+
+def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
+    """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
+    base = [_poses(specimen.model, specimen.base, one) for one in trials]
+    rotations, origins = (np.concatenate(parts) for parts in zip(*base, strict=True))
+    seen = np.isfinite(origins).all(axis=1)
+    if not seen.any():
+        raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
+    stand = Transform(mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
+    standing = specimen.standing(stand)
+    limb = np.concatenate([_poses(specimen.model, specimen.first, one)[0] for one in trials])
+    shown = np.isfinite(limb).all(axis=(1, 2))
+    return standing.resting(stand.rotation.T @ mean_rotation(limb[shown])) if shown.any() else standing
+
+
+def _centered(
+    specimen: Specimen, trials: Sequence[Markers], options: TrackingOptions
+) -> tuple[Specimen, tuple[str, ...]]:
+    """The specimen about the center that was asked for, and how far the limb's own center is from the model's.
+
+    A hinge, and a limb that hardly turns or of which fewer than three markers are seen, tell no center.
+    """
+    if len(specimen.joint_coordinates) == 1:
+        return specimen, ()
+    poses = [[_poses(specimen.model, bone, one) for one in trials] for bone in (specimen.base, specimen.first)]
+    base, limb = ([np.concatenate(parts) for parts in zip(*own, strict=True)] for own in poses)
+    seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
+    turned = np.einsum("fji,fjk->ik", base[0][seen], limb[0][seen]) / max(int(seen.sum()), 1)
+    if seen.sum() < 10 or np.linalg.svd(turned, compute_uv=False)[0] > TURNED:
+        return specimen, ()
+    in_base, in_limb = rotation_center((base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen]))
+    distance = float(np.linalg.norm(in_base - specimen.center))
+    notes: tuple[str, ...] = ()
+    if distance > options.astray:
+        used = "that is used" if options.center == "motion" else "set center to 'motion' to use it"
+        notes = (
+            f"the limb turns about a point {1000 * distance:.1f} mm from the joint's center of the model ({used}): "
+            "check how clusters fit bones",
+        )
+    return (specimen.centered(in_base, in_limb) if options.center == "motion" else specimen), notes
+
+
+def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
+    own = [one for one in model.markers if one.body == bone and one.name in markers.names]
+    if len(own) < 3:
+        return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
+    columns = [markers.names.index(one.name) for one in own]
+    return cluster_poses(np.array([one.location for one in own]), markers.values[:, columns])
+
+
+def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
+    """(frames,) weight in means: 1 where all markers are seen that the trial ever shows, `PARTIAL` where two of each
+    bone are, else 0; `PARTIAL` wherever any is seen if that is nowhere so.
+    """
+    seen = np.isfinite(fit.errors)
+    ever = seen.any(axis=0)
+    bodies = np.array([specimen.model.marker(name).body for name in fit.marker_names])
+    enough = np.ones(len(seen), bool)
+    for bone in set(bodies[ever]):
+        own = seen[:, ever & (bodies == bone)]
+        enough &= own.sum(axis=1) >= min(2, own.shape[1])
+    if not enough.any():
+        return np.asarray(PARTIAL * seen.any(axis=1))
+    weight: Array = np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
+    return weight
+
+
+def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
+    """The specimen with base and held joints locked."""
+    still = dict.fromkeys(specimen.base_coordinates, 0.0) | dict(held)
+    coordinates = tuple(
+        replace(one, default=still[one.name], locked=True) if one.name in still else one
+        for one in specimen.model.coordinates
+    )
+    return replace(specimen, model=replace(specimen.model, coordinates=coordinates))
+
+
+def _joint_alone(
+    specimen: Specimen, markers: Markers, away: Array, motion: Motion, own: Sequence[Slip], progress: Progress | None
+) -> KinematicsFit:
+    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean.
+
+    A joint whose base moved is brought back by how far its center was `away` (frames, 3) [m].
+    """
+    markers = replace(markers, values=markers.values - away[:, None])
+    slipped = [slip.what for slip in own if slip.what != "base"]
+    given = None
+    if slipped:
+        given = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))
+    limb = {one.name for one in specimen.model.markers if one.body != specimen.base} & set(markers.names)
+    options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=given)
+    fit = inverse_kinematics(specimen.model, markers, options, progress)
+    columns = [fit.motion.names.index(name) for name in specimen.joint_coordinates]
+    values = fit.motion.values[:, columns].copy()
+    values[np.isfinite(fit.errors).sum(axis=1) < 2] = np.nan
+    return replace(fit, motion=on_one_branch(specimen, Motion(fit.motion.time, specimen.joint_coordinates, values)))
+
+
+def _wrench(
+    specimen: Specimen, trial: SwingTrial, away: Array, motion: Motion, options: TrackingOptions
+) -> tuple[Array, Clock, list[str]]:
+    """The wrench about the center at the motion's times, the plate's clock, and what is doubtful."""
+    center = specimen.center_in_ground
+    time, raw = trial.wrenches.time, wrench_about(trial.wrenches, center)
+    if trial.tare is not None:
+        raw = raw - np.nanmean(wrench_about(trial.tare, center), axis=0)
+    if away.any():
+        moved = np.stack([np.interp(time, motion.time, column) for column in away.T], axis=1)
+        raw[:, :3] -= np.cross(moved, raw[:, 3:])
+    clock, doubts = Clock(), list[str]()
+    if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
+        rows, slow, whole = _rows(specimen, motion)
+        clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.touch)
+    found = on_clock(clock.times(time), raw, motion.time)
+    if not np.isfinite(found).any():
+        raise BadData(
+            f"trial '{trial.name}': markers ({motion.time[0]:g} to {motion.time[-1]:g} s) and plate "
+            f"({time[0]:g} to {time[-1]:g} s) have no time in common"
+        )
+    return found, clock, doubts
+
+
+def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]:
+    """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of reach of its ends.
+
+    Rows are filtered as the wrench is, after the motion has passed a filter that leaves fast twists as they are:
+    what is then left of wrench - rows phi is no matter of filters.
+    """
+    quick = differentiate_joint(specimen, motion, QUICK)
+    rows = limb_motion(specimen, quick).wrench_rows
+    slow = lowpass_runs(rows.reshape(len(rows), -1), motion.rate, CUTOFF).reshape(rows.shape)
+    finite = np.asarray(np.isfinite(slow).all(axis=(1, 2)))
+    return rows, slow, whole_frames(motion.time, finite, CUTOFF)
+
+
+def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: float) -> list[TrackedTrial]:
+    """The trials with the frames in which somebody touches the limb, found over all of them together."""
+    rows, wrenches, frames = [], [], []
+    for one in trials:
+        _, slow, whole = _rows(specimen, one.motion)
+        wrench = lowpass_runs(one.wrench, one.motion.rate, CUTOFF)
+        rows.append(slow)
+        wrenches.append(wrench)
+        frames.append(whole & np.asarray(np.isfinite(wrench).all(axis=1)))
+    times = [one.motion.time for one in trials]
+    found = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
+    return [
+        replace(one, touched=touched, notes=(*one.notes, *_hands(one.name, times, touched)))
+        for one, touched, times in zip(trials, found, times, strict=True)
+    ]
+
+
+def _hands(name: str, time: Array, touched: np.ndarray) -> tuple[str, ...]:
+    if not touched.any():
+        return ()
+    share = float(touched.mean())
+    seconds = share * float(time[-1] - time[0])
+    line = f"trial '{name}': something besides the joint carries the limb for {seconds:.1f} s: left out"
+    if share > 0.5:
+        line += "; as that is most of the trial, check the plate's calibration and its clock"
+    return (line,)

@@ -1,0 +1,205 @@
+"""What can be wrong with a swing experiment, named in a line each: what was given, what it spoils, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.inertia import inertia_matrices
+from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition
+from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.sums import SwingSums, swing_sums
+from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.trust.forward import sense
+
+Kind = Literal["tare", "zero", "few swings", "small swing", "axis", "misfit", "lost frames", "clock", "slip"]
+
+SPARE = 0.9
+"""A mass below this share of the least that the motion allows cannot be the limb's."""
+OFF = 0.05
+"""A constant moment above this share of the limb's own, m g c, is not the noise of a plate."""
+LEAN = 0.1
+"""An axis whose rates are below this share of the fastest axis' is not excited: what leaks over from an error of a
+tenth in the other axes' torque is then as large as its own."""
+MISFIT = 1.5
+"""How much larger than that of free parameters the residual of a possible limb's wrench may be."""
+LOST = 0.5
+"""Share of a trial's frames without a pose from which the trial is doubted."""
+DRIFT = 5e-3
+"""A drift that shifts force against motion by more over a trial would be seen in the viscosity [s]."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong with one condition of a specimen.
+
+    Attributes
+    ----------
+    kind : which of the known faults
+    line : what was given and what to do
+    fatal : whether the condition has no viscosity for it; else the rest stands
+    hides_mass : whether mass and mass center cannot be known, and "tare" must be "unknown"
+    """
+
+    kind: Kind
+    line: str
+    fatal: bool = False
+    hides_mass: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PlateZero(FrozenArrays):
+    """What the constant part of the wrench says against what the moving part says.
+
+    Attributes
+    ----------
+    mass : that the constant force amounts to [kg]
+    least_mass : |h|^2 / I, below which no body has first moment h and inertia I about the joint [kg]
+    moment : constant moment about the joint that the limb does not explain (3,) [N m]
+    own_moment : |h| g, the limb's at a right angle to gravity [N m]
+    oscillation : I / |h|, the distance from the joint beyond which no mass center lies [m]
+    """
+
+    mass: float
+    least_mass: float
+    moment: Array
+    own_moment: float
+    oscillation: float
+
+
+def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = None) -> PlateZero:
+    """Identify first moment and inertia from what changes alone, then see what is left of the wrench.
+
+    On a fixed base the mass shows only as the constant force m g, which a zero set with the limb on the plate
+    takes away; the first moment h = m c and the inertia I show in what changes. Since I >= m c^2 for every
+    body, m >= |h|^2 / I, and c <= I / |h|, the distance of the center of oscillation.
+
+    Raises
+    ------
+    BadData
+        as `swing_sums` and `limb_inertia`
+    """
+    sums = swing_sums(recordings) if sums is None else sums
+    parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()
+    parameters[0] = 0.0
+    left = np.concatenate([
+        recordings[i].wrench[use] - recordings[i].wrench_rows[use] @ parameters
+        for i, use in zip(sums.trial, sums.uses, strict=True)
+    ]).mean(axis=0)  # fmt: skip
+    gravity, h = recordings[0].gravity, float(np.linalg.norm(parameters[1:4]))
+    g = float(np.linalg.norm(gravity))
+    inertia = float(np.linalg.eigvalsh(inertia_matrices(parameters))[-1])
+    mass = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2
+    return PlateZero(mass, h**2 / inertia, left[:3], h * g, inertia / h)
+
+
+def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, ...]:
+    """Faults that recordings of one condition show before anything is identified of them.
+
+    Raises
+    ------
+    BadData
+        as `swing_sums` and `limb_inertia`
+    """
+    sums = swing_sums(recordings)
+    found = []
+    if len(sums) < 3:
+        found.append(
+            Finding(
+                "few swings",
+                f"{len(sums)} whole swing{'s' if len(sums) > 1 else ''} in all, too few for intervals: record more "
+                "releases, or longer ones",
+            )
+        )
+    zero = plate_zero(recordings, sums)
+    if zero.mass < SPARE * zero.least_mass:
+        line = (
+            f"the constant force says {zero.mass:.2f} kg, but the motion allows no limb below {zero.least_mass:.2f} kg"
+            f" (its mass center would lie beyond the center of oscillation at {zero.oscillation:.2f} m): the plate was "
+            "set to zero with the limb on it, so the mass hides; set zero with the fixture alone, or give that as tare"
+        )
+        found.append(Finding("tare", line, hides_mass=True))
+    elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
+        line = (
+            f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's ({zero.own_moment:.2f} N m "
+            "at most): the plate's zero, or the joint's center, is off; give a tare recording with the fixture alone"
+        )
+        found.append(Finding("zero", line))
+    return tuple(found)
+
+
+def condition_findings(condition: Condition) -> tuple[Finding, ...]:
+    """Faults that show in what was identified: a swing too small, or not about an axis; a limb that cannot be.
+
+    An axis is excited where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
+    narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
+    """
+    one = condition.viscosity
+    rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
+    size = np.sqrt(np.square(rates).mean(axis=0))
+    if not one.high - one.low <= 2.0 * MAX_RELATIVE_WIDTH * one.value:
+        line = (
+            f"the swings are too small to identify the viscosity: {one.low:.2g} to {one.high:.2g} N m s/rad at rates "
+            f"of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or more often"
+        )
+        return (Finding("small swing", line, fatal=True),)
+    found = []
+    axes = condition.recordings[0].axes
+    for axis, rate, excited, each in zip(axes, size, condition.excited, condition.axis_viscosity, strict=True):
+        if rate < LEAN * size.max():
+            why = f"below {100 * LEAN:.0f} % of the fastest axis'"
+        elif not excited:
+            limit = f"+-{100 * MAX_RELATIVE_WIDTH:.0f} % of the joint's"
+            why = f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than {limit}"
+        else:
+            continue
+        line = (
+            f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
+            f"square), {why}; release the limb with a turn about that axis"
+        )
+        found.append(Finding("axis", line))
+    return (*found, *_misfit(condition))
+
+
+def _misfit(condition: Condition) -> tuple[Finding, ...]:
+    """Whether the limb that was identified explains the wrench nearly as well as any ten numbers could."""
+    rows = np.concatenate([one.wrench_rows[one.used] for one in condition.recordings])
+    wrench = np.concatenate([one.wrench[one.used] for one in condition.recordings])
+    if not np.isfinite(condition.mass.value):
+        rows, wrench = rows - rows.mean(axis=0), wrench - wrench.mean(axis=0)
+    left = wrench - rows @ condition.parameters
+    scale = np.repeat([np.sqrt(np.square(left[:, part]).mean()) for part in (slice(3), slice(3, 6))], 3)
+    A, b = (rows / scale[:, None]).reshape(-1, rows.shape[2]), (wrench / scale).ravel()
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    free = b - A @ (np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size)
+    ratio = float(np.linalg.norm(left / scale) / max(np.linalg.norm(free), 1e-9 * np.linalg.norm(b)))
+    if ratio < MISFIT:
+        return ()
+    line = (
+        f"the identified limb leaves {ratio:.1f} times as much of the wrench as free numbers would: its inertia cannot "
+        "be trusted, nor the viscosity; swing it about every axis, and check the joint's center"
+    )
+    return (Finding("misfit", line),)
+
+
+def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
+    """Faults that the markers, the plate's clock and the held joints show."""
+    found = [Finding("slip", slip.line) for slip in tracked.slips]
+    for one in tracked.trials:
+        lost = float(np.mean(~np.isfinite(one.motion.values).all(axis=1)))
+        if lost > LOST:
+            line = f"trial '{one.name}': {100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
+            found.append(Finding("lost frames", line))
+        shift = abs(one.clock.drift) * one.clock.length
+        if shift > max(DRIFT, 3.0 * one.clock.drift_sd * one.clock.length):
+            line = (
+                f"trial '{one.name}': the plate's clock drifts by {1e6 * one.clock.drift:.0f} parts per million, "
+                f"{1e3 * shift:.1f} ms over the trial, against the markers': corrected; a common clock is better"
+            )
+            found.append(Finding("clock", line))
+    return tuple(found)

@@ -1,0 +1,205 @@
+"""The low-pass filter of a swing: its cutoff from the recordings themselves, and what the results make of others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import welch
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.motion.clock_lags import runs
+from myomorph.motion.filters import lowpass
+from myomorph.viscosity.identification.identify import ViscosityOptions
+from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.identification.torque import joint_viscosity, torque_problem
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.sums import swing_sums
+from myomorph.viscosity.tracking.track import TrackedSpecimen
+
+SCANNED = (3.0, 4.0, 6.0, 8.0, 10.0, 14.0, 20.0)
+"""Cutoffs whose results are compared [Hz]."""
+MIN_CUTOFF, MAX_CUTOFF = 4.0, 20.0
+"""Between which a cutoff is chosen [Hz]."""
+NOISY = 0.5
+"""Share of the examined frequencies, the upper ones, where residuals are taken for noise alone."""
+ABOVE = 4.0
+"""How far a spectrum must rise above its noise to count as motion."""
+WRENCH = ("moment x", "moment y", "moment z", "force x", "force y", "force z")
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """The low-pass of motion and wrench.
+
+    Attributes
+    ----------
+    cutoff : of motion and wrench [Hz]; by default the one that residual analysis of the recordings asks for
+    """
+
+    cutoff: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not self.cutoff > 0.0:
+            raise BadData(f"cutoff of motion and wrench is {self.cutoff:g} Hz: expected above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals(FrozenArrays):
+    """Residual analysis of one signal (Winter 2009, section 3.4.4.3).
+
+    Attributes
+    ----------
+    name : of the signal
+    cutoffs : (n,) [Hz]
+    residual : (n,) root mean square of signal less filtered signal, in the signal's unit
+    noise : what the straight line through the upper cutoffs says at 0 Hz: the noise
+    cutoff : lowest at which the residual is no more than that: as much signal is lost as noise is let through [Hz]
+    band : highest frequency at which the spectrum stands above that of the noise [Hz]
+    """
+
+    name: str
+    cutoffs: Array
+    residual: Array
+    noise: float
+    cutoff: float
+    band: float
+
+
+@dataclass(frozen=True, eq=False)
+class CutoffChoice:
+    """The cutoff for motion and wrench alike.
+
+    Attributes
+    ----------
+    cutoff : the highest that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF` [Hz]
+    reason : in a line
+    signals : each signal's analysis
+    """
+
+    cutoff: float
+    reason: str
+    signals: tuple[Residuals, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CutoffScan(FrozenArrays):
+    """Results of one condition over cutoffs; NaN where a cutoff leaves nothing to identify.
+
+    Attributes
+    ----------
+    cutoffs : (n,) [Hz]
+    mass : (n,) [kg]
+    com : (n,) distance of the mass center from the joint [m]
+    viscosity : (n,) the one value [N m s/rad]
+    """
+
+    cutoffs: Array
+    mass: Array
+    com: Array
+    viscosity: Array
+
+    def change(self, cutoff: float) -> Array:
+        """(3,) largest relative change of mass, mass center and viscosity to the next cutoffs on either side."""
+        at = int(np.argmin(np.abs(self.cutoffs - cutoff)))
+        near = [i for i in (at - 1, at + 1) if 0 <= i < len(self.cutoffs)]
+        values = np.stack([self.mass, self.com, self.viscosity])
+        return np.max(np.abs(values[:, near] / values[:, [at]] - 1.0), axis=1)
+
+
+def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residuals:
+    """Residual and spectrum of one signal, in unbroken parts (frames,), over cutoffs to a fifth of the rate.
+
+    Raises
+    ------
+    BadData
+        no part of at least 2 s
+    """
+    parts = [one - one.mean() for one in parts if len(one) >= 2.0 * rate]
+    if not parts:
+        raise BadData(f"the cutoff of '{name}' needs 2 s without gaps at once: record longer, or give a cutoff")
+    cutoffs = rate / 200.0 * np.arange(1.0, 41.0)
+    square = [sum(np.square(one - lowpass(one, rate, fc)).sum() for one in parts) for fc in cutoffs]
+    residual = np.sqrt(np.array(square) / sum(len(one) for one in parts))
+    upper = cutoffs > NOISY * cutoffs[-1]
+    noise = max(float(np.polyfit(cutoffs[upper], residual[upper], 1)[1]), float(residual[-1]))
+    cutoff = float(cutoffs[residual <= noise][0])
+    length = min(int(4.0 * rate), min(len(one) for one in parts))
+    spectra = [welch(one, rate, "hann", length) for one in parts]
+    frequency, power = spectra[0][0], np.average([p for _, p in spectra], axis=0, weights=[len(one) for one in parts])
+    above = frequency[power > ABOVE * noise**2 / (0.5 * rate)]
+    return Residuals(name, cutoffs, residual, noise, cutoff, float(above.max(initial=0.0)))
+
+
+def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
+    """One cutoff for motion and wrench of all conditions, so that a difference between them is not the filter's.
+
+    A low-pass leaves an equation as it is as long as both its sides pass the same filter; what it may not do is
+    bend the motion, from which the sides are made by products. So the cutoff is the highest that the residual
+    analysis of any joint coordinate or component of the wrench asks for.
+
+    Raises
+    ------
+    BadData
+        as `residual_analysis`
+    """
+    tracked = [trial for one in conditions for trial in one.trials]
+    if not tracked:
+        raise BadData("no trial of the swinging limb is given")
+    rate = tracked[0].motion.rate
+    found = []
+    for column, name in enumerate(conditions[0].specimen.joint_coordinates):
+        found.append(residual_analysis(name, _runs([one.motion.values[:, column] for one in tracked]), rate))
+    for column, name in enumerate(WRENCH):
+        found.append(residual_analysis(name, _runs([one.wrench[:, column] for one in tracked]), rate))
+    return choice_of(found)
+
+
+def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
+    """The cutoff that the most demanding of the signals asks for."""
+    most = max(signals, key=lambda one: one.cutoff)
+    cutoff = float(np.clip(most.cutoff, MIN_CUTOFF, MAX_CUTOFF))
+    limit = "" if cutoff == most.cutoff else f", kept within {MIN_CUTOFF:g} and {MAX_CUTOFF:g} Hz"
+    reason = (
+        f"cut-off {cutoff:g} Hz: residual analysis asks for {most.cutoff:g} Hz in '{most.name}'{limit}, for less in "
+        f"all others; the spectrum of '{most.name}' stands above its noise up to {most.band:.2g} Hz"
+    )
+    return CutoffChoice(cutoff, reason, tuple(signals))
+
+
+def scan_cutoffs(
+    recordings_at: Callable[[float], Sequence[SwingRecording]],
+    cutoffs: Sequence[float] = SCANNED,
+    options: ViscosityOptions | None = None,
+) -> CutoffScan:
+    """Mass, mass center and viscosity of one condition at several cutoffs.
+
+    Parameters
+    ----------
+    recordings_at : from a cutoff [Hz] to the recordings, as `swing_recordings` of a tracked condition
+    """
+    options = options or ViscosityOptions()
+    rows = []
+    for cutoff in cutoffs:
+        try:
+            rows.append(_identified(recordings_at(cutoff), options))
+        except MyomorphError:
+            rows.append(np.full(3, np.nan))
+    mass, com, viscosity = np.array(rows).T
+    return CutoffScan(np.array(cutoffs), mass, com, viscosity)
+
+
+def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> Array:
+    """Mass, mass center and viscosity, without what intervals take."""
+    sums = swing_sums(recordings, options.block, options.least)
+    every = np.ones(len(sums))
+    limb = limb_inertia(sums, every, InertiaOptions(options.tare, options.prior_sd, options.instruments))
+    problem = torque_problem(sums.torque_total(every), limb.parameters, options.stiffness)
+    return np.array([limb.mass, limb.com, joint_viscosity(problem, float(every @ sums.frames)).one])
+
+
+def _runs(signals: Sequence[Array]) -> list[Array]:
+    """Unbroken runs of finite samples."""
+    return [one[start:stop] for one in signals for start, stop in runs(np.isfinite(one))]

@@ -1,0 +1,251 @@
+"""What a passive joint may do (damping, stiffness, friction along its axes), fitted from sums over swings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import UnknownName
+from myomorph.motion.clock_lags import runs
+from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
+from myomorph.viscosity.swings.sums import SwingSums, swing_sums
+
+WIDTH = 0.1
+"""Angular velocity within which Coulomb friction turns its sign [rad/s]: about what the rate changes by at a turn in
+the 20 ms over which a low-pass of 8 Hz spreads the jump of the measured torque."""
+
+
+TERMS = ("viscosity", "viscosity by axis", "stiffness", "stiffness by axis", "coulomb", "quadratic", "muscles")
+"""What a law can be made of."""
+
+LAST = {"coulomb": -3, "quadratic": -2, "muscles": -1}
+"""Where among a law's coefficients those stand that all axes share."""
+
+Groups = list[list[int]]
+"""Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveLaw(FrozenArrays):
+    """Torque of a joint from its angles and rates.
+
+        tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w
+
+    For a ball w and theta have three components and friction acts against the direction of w; d and k may
+    differ by axis. The spring is linear in the rotation vector from wherever angles are counted.
+
+    Attributes
+    ----------
+    viscosity : d (axes,) [N m s/rad]
+    stiffness : k (axes,) [N m/rad]
+    rest_moment : s = k theta_0 (axes,), theta_0 the angle where the spring is at rest [N m]
+    coulomb : c [N m]
+    quadratic : e [N m s^2/rad^2]
+    muscle : d_M, the same for every muscle [N s/m]
+    width : [rad/s]
+    """
+
+    viscosity: Array
+    stiffness: Array
+    rest_moment: Array
+    coulomb: float
+    quadratic: float
+    muscle: float
+    width: float = WIDTH
+
+    @classmethod
+    def of(cls, coefficients: Array, width: float = WIDTH) -> PassiveLaw:
+        """The law with coefficients (3 axes + 3,) in the order of its attributes."""
+        *first, c, e, muscle = np.asarray(coefficients, dtype=np.float64)
+        d, k, s = np.reshape(first, (3, -1))
+        return cls(d, k, s, float(c), float(e), float(muscle), width)
+
+    @property
+    def coefficients(self) -> Array:
+        """(3 axes + 3,) the attributes in their order, without the width."""
+        last = [self.coulomb, self.quadratic, self.muscle]
+        return np.concatenate([self.viscosity, self.stiffness, self.rest_moment, last])
+
+    def torque(self, angles: Array, rates: Array, lengthening: Array) -> Array:
+        """Torque (frames, axes) [N m] at angles and rates (frames, axes), lengthening (frames, muscles, axes)."""
+        return -resistances(angles, rates, lengthening, self.width) @ self.coefficients
+
+    def values(self, axis: Array) -> Array:
+        """(13,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
+        each = [np.broadcast_to(one, (3,)) for one in (self.viscosity, self.stiffness)]
+        rest = self.rest_moment * axis if axis.any() else self.rest_moment
+        return np.concatenate([*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle]])
+
+    def fastest(self, rate: float, lengthening: Array) -> float:
+        """A bound of the slope of torque against rate [N m s/rad] at rates up to `rate` [rad/s]."""
+        arms = float(np.square(lengthening).sum(axis=(1, 2)).max(initial=0.0))
+        slope = self.coulomb / self.width + 2.0 * self.quadratic * rate + self.muscle * arms
+        return float(self.viscosity.max()) + slope
+
+
+def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -> Array:
+    """(frames, axes, 3 axes + 3) what each coefficient of a law adds to the torque against the motion."""
+    frames, axes = rates.shape
+    columns = np.zeros((frames, axes, 3 * axes + 3))
+    speed = np.linalg.norm(rates, axis=1)[:, None]
+    each = np.arange(axes)
+    columns[:, each, each] = rates
+    columns[:, each, axes + each] = angles
+    columns[:, each, 2 * axes + each] = -1.0
+    columns[:, :, -3] = rates / np.hypot(speed, width)
+    columns[:, :, -2] = speed * rates
+    speeds = np.einsum("fma,fa->fm", lengthening, rates)
+    columns[:, :, -1] = np.einsum("fma,fm->fa", lengthening, speeds)
+    return columns
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveProblem(FrozenArrays):
+    """The torques of one condition and what each coefficient of a law explains of them.
+
+    Attributes
+    ----------
+    sums : its blocks are single swings
+    products : (blocks, 10 + 3 axes + 3, ...) of [torque_rows, resistances], all axes together
+    width : of Coulomb friction [rad/s]
+    inertial : how the limb's parameters are identified
+    noise : (6,) of the wrench [N m], [N]
+    """
+
+    recordings: tuple[SwingRecording, ...]
+    sums: SwingSums
+    products: Array
+    width: float
+    inertial: InertiaOptions
+    noise: Array
+
+    @staticmethod
+    def of(recordings: Sequence[SwingRecording], width: float, inertial: InertiaOptions) -> PassiveProblem:
+        """The problem of recordings of one condition."""
+        sums = swing_sums(recordings)
+        products = [_products(recordings[i], use, width) for i, use in zip(sums.trial, sums.uses, strict=True)]
+        noise = limb_inertia(sums, None, inertial).noise
+        return PassiveProblem(tuple(recordings), sums, np.stack(products), width, inertial, noise)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the free axes."""
+        return self.sums.axes
+
+    def samples(self, counts: Array) -> float:
+        """Frames times axes."""
+        return float(counts @ [len(use) for use in self.sums.uses]) * len(self.axes)
+
+    def parameters(self, counts: Array) -> Array:
+        """(10,) of the limb, from the wrench of blocks taken `counts` (blocks,) times."""
+        return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
+
+    def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
+        """Coefficients (..., 3 axes + 3) and what they leave of the torque's sum of squares (...,).
+
+        Parameters
+        ----------
+        counts : (..., blocks), parameters : (..., 10)
+        """
+        products = np.tensordot(counts, self.products, axes=1)
+        phi = np.asarray(parameters)
+        mapping, groups = law_columns(terms, len(self.axes))
+        H = mapping.T @ products[..., PARAMETERS:, PARAMETERS:] @ mapping
+        g = -np.einsum("...ij,...j->...i", products[..., PARAMETERS:, :PARAMETERS], phi) @ mapping
+        square = np.einsum("...i,...ij,...j->...", phi, products[..., :PARAMETERS, :PARAMETERS], phi)
+        found, gain = bounded_least_squares(H, g, groups)
+        return found @ mapping.T, np.maximum(square - gain, 0.0)
+
+    def left(self, parameters: Array, law: PassiveLaw) -> list[Array]:
+        """Torque (frames, axes) that a law leaves in every unbroken run of frames [N m]."""
+        result = []
+        for number, one in enumerate(self.recordings):
+            torque = one.torque_rows @ parameters - law.torque(one.angles, one.rates, one.lengthening)
+            used = np.zeros(len(one), bool)
+            for i, use in zip(self.sums.trial, self.sums.uses, strict=True):
+                used[use] |= i == number
+            result += [torque[start:stop] for start, stop in runs(used)]
+        return result
+
+
+def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
+    """What a law's own coefficients (columns) are among the 3 axes + 3 of `PassiveLaw` (rows).
+
+    Raises
+    ------
+    UnknownName
+        a term that does not exist
+    """
+    eye = np.eye(3 * axes + 3)
+    columns: list[Array] = []
+    groups: Groups = []
+    for term in terms:
+        if term not in TERMS:
+            raise UnknownName("term", term, TERMS, "a passive law")
+        kind, _, by_axis = term.partition(" by ")
+        first = len(columns)
+        if kind in LAST:
+            columns.append(eye[LAST[kind]])
+            groups.append([first])
+            continue
+        start = 0 if kind == "viscosity" else axes
+        each = eye[start : start + axes]
+        columns += list(each) if by_axis else [each.sum(axis=0)]
+        groups += [[i] for i in range(first, len(columns))]
+        if kind == "stiffness":
+            rest = len(columns) + np.arange(axes)
+            columns += list(eye[2 * axes : 3 * axes])
+            if by_axis:
+                groups[-axes:] = [[*group, int(i)] for group, i in zip(groups[-axes:], rest, strict=True)]
+            else:
+                groups[-1] += rest.tolist()
+    return np.array(columns).T, groups
+
+
+def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Array]:
+    """The x (..., n) that minimises x H x / 2 - g x, the first of each group at least 0, and g x (...,).
+
+    Every choice of groups that are not 0 is solved and the best feasible one taken: exact, for a few groups.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1), 1e-300))
+    scaled, right = H / scale[..., :, None] / scale[..., None, :], g / scale
+    best, gain = np.zeros(g.shape), np.zeros(g.shape[:-1])
+    for size in range(1, len(groups) + 1):
+        for chosen in combinations(groups, size):
+            columns = [column for group in chosen for column in group]
+            part = scaled[..., columns, :][..., :, columns] + 1e-12 * np.eye(len(columns))
+            x = np.linalg.solve(part, right[..., columns, None])[..., 0]
+            value = np.sum(x * right[..., columns], axis=-1)
+            at = np.cumsum([0, *(len(group) for group in chosen[:-1])])
+            better = (x[..., at] >= 0.0).all(axis=-1) & (value > gain)
+            full = np.zeros(g.shape)
+            full[..., columns] = x
+            best = np.where(better[..., None], full, best)
+            gain = np.where(better, value, gain)
+    return best / scale, gain
+
+
+def effective_samples(runs: Sequence[Array]) -> float:
+    """Independent samples that tell the variance of series (frames, n): N / sum_k rho_k^2 (Bartlett 1946).
+
+    The lags k are of either sign, to half the longest run. White noise through an ideal low-pass has two
+    samples a period of its cutoff.
+    """
+    length = max(len(one) for one in runs)
+    size = next_fast_len(2 * length)
+    covariance = sum(irfft(np.abs(rfft(one, size, axis=0)) ** 2, size, axis=0).sum(axis=1) for one in runs)
+    rho = np.asarray(covariance)[: max(length // 2, 1)]
+    rho = rho / rho[0] if rho[0] > 0.0 else np.eye(1, len(rho))[0]
+    return float(sum(one.size for one in runs) / (2.0 * np.square(rho).sum() - 1.0))
+
+
+def _products(one: SwingRecording, use: np.ndarray, width: float) -> Array:
+    columns = resistances(one.angles[use], one.rates[use], one.lengthening[use], width)
+    rows = np.concatenate([one.torque_rows[use], columns], axis=2).reshape(-1, PARAMETERS + columns.shape[2])
+    return rows.T @ rows

@@ -1,0 +1,321 @@
+"""Is it viscosity? Other passive laws fitted to the same torques, and asked to predict swings they have not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification.condition import Influences
+from myomorph.viscosity.identification.inertia import InertiaOptions, Tare
+from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
+from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, effective_samples, law_columns
+
+UNITS: Mapping[str, str] = {
+    "viscosity": "N m s/rad",
+    "stiffness": "N m/rad",
+    "rest angle": "rad",
+    "coulomb": "N m",
+    "quadratic": "N m s^2/rad^2",
+    "muscles": "N s/m",
+}
+"""Of the coefficients; those that differ by axis have the axis' name after theirs."""
+
+LAWS: tuple[tuple[str, ...], ...] = (
+    ("viscosity",),
+    ("viscosity by axis",),
+    ("coulomb",),
+    ("quadratic",),
+    ("viscosity", "stiffness"),
+    ("viscosity", "coulomb"),
+    ("viscosity", "quadratic"),
+    ("viscosity", "stiffness", "coulomb"),
+    ("viscosity", "stiffness", "quadratic"),
+    ("viscosity", "stiffness", "coulomb", "quadratic"),
+    ("viscosity", "muscles"),
+    ("viscosity", "stiffness", "muscles"),
+)
+"""What is compared. "muscles": one viscosity of every muscle, left out where the recordings have no moment arms."""
+
+ALONE = LAWS[0]
+NEUTRAL_ROUNDS = 2
+"""How often the rest of a ball's spring is found again with angles counted from the last."""
+MAX_CRITERION_DIFFERENCE = 2.0
+"""Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
+
+
+@dataclass(frozen=True)
+class PassiveOptions:
+    """Settings of `compare_passive_laws`.
+
+    Attributes
+    ----------
+    width : angular velocity within which Coulomb friction turns its sign [rad/s]
+    held_out : how many windows are left out in turn and predicted
+    horizon : shortest window that is predicted; whole swings that follow each other are joined to reach it [s]
+    draws, seed : of the bootstrap over swings and trials
+    tare, prior_sd : of `InertiaOptions`
+    """
+
+    width: float = WIDTH
+    held_out: int = 4
+    horizon: float = 5.0
+    draws: int = 500
+    seed: int = 0
+    tare: Tare = "known"
+    prior_sd: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (self.width > 0.0 and self.horizon > 0.0 and self.held_out >= 1 and self.draws >= 2):
+            raise BadData(f"passive laws need positive settings and at least 2 draws, but got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveFit:
+    """One law, as the torques and the swings judge it.
+
+    Attributes
+    ----------
+    terms : of the law
+    coefficients : by name, units in `UNITS`
+    law : with these coefficients
+    free : number of coefficients
+    residual : root mean square of torque that the law leaves [N m]
+    aic, bic : above the lowest of all laws
+    angle_error : root mean square angle between measured and predicted limb over the held-out windows [rad]
+    moment_error, force_error : root mean square of measured less predicted wrench, same windows [N m], [N]
+    """
+
+    terms: tuple[str, ...]
+    coefficients: Mapping[str, Estimate]
+    law: PassiveLaw
+    free: int
+    residual: float
+    aic: float
+    bic: float
+    angle_error: float
+    moment_error: float
+    force_error: float
+
+    @property
+    def name(self) -> str:
+        """The terms in words."""
+        return " + ".join(self.terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(FrozenArrays):
+    """A window that was left out: measured, and as two laws predict it from its first frame; for a figure.
+
+    Attributes
+    ----------
+    trial : name of the recording
+    measured, viscous, chosen : as it was, as viscosity alone has it, as the chosen law has it
+    axes : names of the free axes
+    measured_angles, viscous_angles, chosen_angles : (frames, axes) from hanging at rest [rad]
+    """
+
+    trial: str
+    measured: SwingMotion
+    viscous: SwingMotion
+    chosen: SwingMotion
+    axes: tuple[str, ...]
+    measured_angles: Array
+    viscous_angles: Array
+    chosen_angles: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveComparison:
+    """Which passive law the swings ask for.
+
+    Attributes
+    ----------
+    fits : one a law, in the order of `LAWS`
+    chosen : the simplest law whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest
+    samples : frames times axes
+    effective : independent samples among them, which the criteria count
+    horizon : mean length of the windows that were predicted [s]
+    prediction : the first of these; None where no two windows could be had
+    """
+
+    fits: tuple[PassiveFit, ...]
+    chosen: PassiveFit
+    samples: int
+    effective: float
+    horizon: float
+    prediction: Prediction | None = field(repr=False)
+
+    @property
+    def viscous(self) -> PassiveFit:
+        """Viscosity alone, as [S] has it."""
+        return next(one for one in self.fits if one.terms == ALONE)
+
+
+def compare_passive_laws(
+    recordings: Sequence[SwingRecording],
+    options: PassiveOptions | None = None,
+    laws: Sequence[tuple[str, ...]] = LAWS,
+) -> PassiveComparison:
+    """Fit every law to the torques of one condition, and let it predict windows that it has not seen.
+
+    All laws are least squares of the same torques, torque_rows phi, with coefficients of at least 0 and a free
+    rest angle. The criteria count independent samples, not frames, for a low-pass leaves about two a period of
+    its cutoff:
+
+        AIC = n ln(RSS / N) + 2 free,   BIC = n ln(RSS / N) + ln(n) free,   n = N / sum_k rho_k^2
+
+    with rho the autocorrelation of what the richest law leaves (`effective_samples`). A prediction, and the
+    inertia and law that make it, know nothing of the window but its first frame. The angles of a ball are counted
+    from where its spring is slack (`neutral_position`), for only from there is the spring linear in them.
+
+    Parameters
+    ----------
+    laws : terms of each, among `TERMS`; viscosity alone must be one of them
+
+    Raises
+    ------
+    BadData
+        as `swing_sums` and `limb_inertia`
+    UnknownName
+        a term that does not exist
+    """
+    options = options or PassiveOptions()
+    inertial = InertiaOptions(options.tare, options.prior_sd)
+    problem = PassiveProblem.of(recordings, options.width, inertial)
+    slack = Rotation.identity()
+    if len(problem.axes) == 3:
+        problem, slack = _from_spring(problem)
+        recordings = problem.recordings
+    laws = _applicable(problem, laws)
+    blocks = len(problem.sums)
+    every = np.ones(blocks)
+    phi = problem.parameters(every)
+    found = [problem.fit(terms, every, phi) for terms in laws]
+    richest = min(found, key=lambda one: float(one[1]))[0]
+    effective = effective_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
+    lacking = 1.0 - np.eye(blocks)
+    others = np.array([problem.parameters(one) for one in lacking])
+    left_out = windows(recordings, problem.sums, options.horizon, options.held_out)
+    trained = [problem.parameters(one.training(blocks)) for one in left_out]
+    samples = problem.samples(every)
+    fits = []
+    for terms, (coefficients, rss) in zip(laws, found, strict=True):
+        less = problem.fit(terms, lacking, others)[0]
+        draws = Influences(coefficients, coefficients - less, problem.sums.trial).draws(
+            options.draws, np.random.default_rng(options.seed)
+        )
+        errors = [_errors(problem, terms, one, p) for one, p in zip(left_out, trained, strict=True)]
+        angle, moment, force = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
+        free = law_columns(terms, len(problem.axes))[0].shape[1]
+        score = effective * np.log(max(float(rss), 1e-300) / samples)
+        fit = PassiveFit(
+            terms,
+            _estimates(terms, coefficients, draws, problem.axes, slack),
+            PassiveLaw.of(coefficients, options.width),
+            free,
+            float(np.sqrt(rss / samples)),
+            score + 2.0 * free,
+            score + np.log(effective) * free,
+            float(angle),
+            float(moment),
+            float(force),
+        )
+        fits.append(fit)
+    least_aic, least_bic = min(one.aic for one in fits), min(one.bic for one in fits)
+    fits = [replace(one, aic=one.aic - least_aic, bic=one.bic - least_bic) for one in fits]
+    chosen = min((one for one in fits if one.bic <= MAX_CRITERION_DIFFERENCE), key=lambda one: (one.free, one.bic))
+    shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
+    horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")
+    return PassiveComparison(tuple(fits), chosen, round(samples), effective, horizon, shown)
+
+
+def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Viscosity alone, and the laws of whose terms the recordings have muscles and axes."""
+    muscles = bool(problem.sums.muscles)
+    laws = [ALONE, *(one for one in laws if one != ALONE and (muscles or "muscles" not in one))]
+    if len(problem.axes) == 1:
+        laws = [one for one in laws if not any("by axis" in term for term in one)]
+    return laws
+
+
+def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
+    """The problem with angles counted from where a ball's spring is slack, and that rotation from the given zero."""
+    slack = Rotation.identity()
+    for _ in range(NEUTRAL_ROUNDS):
+        parameters = problem.parameters(np.ones(len(problem.sums)))
+        shift = neutral_position(problem.sums, parameters)
+        moved = PassiveProblem.of(counted_from(problem.recordings, shift), problem.width, problem.inertial)
+        if spring_misfit(moved.sums, parameters) >= spring_misfit(problem.sums, parameters):
+            break
+        problem, slack = moved, slack * Rotation.from_rotvec(-shift)
+    return problem, slack
+
+
+def _predict(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> SwingMotion:
+    law = problem.fit(terms, one.training(len(problem.sums)), parameters)[0]
+    return one.predicted(parameters, PassiveLaw.of(law, problem.width))
+
+
+def _errors(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> Array:
+    return one.errors(_predict(problem, terms, one, parameters), problem.inertial.tare == "unknown")
+
+
+def _shown(
+    problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array, slack: Rotation
+) -> Prediction:
+    measured = one.measured
+    viscous, chosen = (_predict(problem, law, one, parameters) for law in (ALONE, terms))
+    axis = hinge_axis(one.recording)
+    turn = axis[:, None] if axis.any() else np.eye(3)
+    first = Rotation.from_matrix(measured.rotations[0])
+    hanging = first * Rotation.from_rotvec(turn @ one.recording.angles[one.frames][0]).inv() * slack.inv()
+    angles = [
+        (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec() @ turn
+        for motion in (measured, viscous, chosen)
+    ]
+    return Prediction(one.recording.name, measured, viscous, chosen, one.recording.axes, *angles)
+
+
+def _estimates(
+    terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str], slack: Rotation
+) -> dict[str, Estimate]:
+    """Coefficients by name, with the intervals of draws (draws, 3 axes + 3).
+
+    Parameters
+    ----------
+    slack : from which the angles are counted, by the zero that was given
+    """
+    n = len(axes)
+    columns: dict[str, int] = {}
+    for term in terms:
+        kind, _, by_axis = term.partition(" by ")
+        if kind in LAST:
+            columns[kind] = LAST[kind]
+            continue
+        start = 0 if kind == "viscosity" else n
+        columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
+    found = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
+    if any(term.startswith("stiffness") for term in terms):
+        rest, rests = (_rest_angles(one[..., 2 * n : 3 * n], one[..., n : 2 * n], slack) for one in (value, draws))
+        for axis, one, several in zip(axes, rest, rests.T, strict=True):
+            if np.isfinite(one) and np.isfinite(several).any():
+                found[f"rest angle {axis}"] = Estimate.of_draws(float(one), several)
+    return found
+
+
+def _rest_angles(moment: Array, stiffness: Array, slack: Rotation) -> Array:
+    """Moment over stiffness (..., axes) as angles from the given zero; NaN where there is no spring."""
+    lies = np.divide(moment, stiffness, out=np.full(np.shape(moment), np.nan), where=np.asarray(stiffness) > 0.0)
+    if lies.shape[-1] != 3:
+        return lies
+    sprung = np.isfinite(lies).all(axis=-1)
+    lies[sprung] = (slack * Rotation.from_rotvec(lies[sprung])).as_rotvec()
+    return lies

@@ -1,0 +1,229 @@
+"""How far the muscles' viscosity follows an error of their moment arms, which [S] blames for the spread of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.errors import BadData
+from myomorph.viscosity.identification.torque import FIRST, SPEED, TORQUE, MuscleProblem, muscle_problem, torque_problem
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.sums import eliminated, swing_sums
+
+Kind = Literal["one factor", "factor of each muscle", "offset of each muscle"]
+
+ATTACHMENT = 13.3e-3
+"""Mean distance between an attachment carried over from another body's bone and the true one, SD 8.1 mm; legs
+(Pellikaan, Carbone, Fluit, van der Krogt, Verdonschot, Koopman 2013) [m]."""
+OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
+"""Standard deviation of each component of such a distance, 8.3 mm, and about that of the moment arms that follow:
+points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation`) [m]."""
+ANGLE, CONSTANT = SPEED + 1, SPEED + 2
+"""Columns beside torque and rate, of what a spring explains."""
+
+
+@dataclass(frozen=True)
+class MomentArmOptions:
+    """Settings of `moment_arm_sensitivity`.
+
+    Attributes
+    ----------
+    factor : standard deviation of the factors, relative
+    offset : of each component of an offset [m]; 0 leaves that kind out
+    draws, seed : of the errors
+    stiffness : as in `ViscosityOptions`
+    """
+
+    factor: float = 0.10
+    offset: float = OFFSET
+    draws: int = 1000
+    seed: int = 0
+    stiffness: bool = True
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.factor < 1.0 and self.offset >= 0.0 and self.draws >= 2):
+            raise BadData(f"errors of moment arms: expected factor within 0 and 1 and at least 2 draws, but got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class MomentArmSpread(FrozenArrays):
+    """What one kind of error does to d_M, the common viscosity of the muscles.
+
+    Attributes
+    ----------
+    kind : one factor for all muscles; one a muscle; or an offset of each muscle's arms, constant in the limb's axes
+    error : standard deviation of the factor, relative, or of each component of the offset [m]
+    exact : d_M with the arms as given [N s/m]
+    draws : (draws,) d_M with arms in error [N s/m]
+    first_order : relative standard deviation of d_M by its slopes; NaN for an offset
+    """
+
+    kind: Kind
+    error: float
+    exact: float
+    draws: Array
+    first_order: float
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of d_M, relative to the exact value."""
+        return float(np.std(self.draws) / self.exact)
+
+    @property
+    def bias(self) -> float:
+        """Mean of d_M less the exact value, relative to that."""
+        return float(np.mean(self.draws) / self.exact - 1.0)
+
+    def quantiles(self, shares: Sequence[float] = (0.025, 0.5, 0.975)) -> Array:
+        """Quantiles of d_M [N s/m]."""
+        return np.quantile(self.draws, shares)
+
+
+@dataclass(frozen=True, eq=False)
+class MomentArmSensitivity(FrozenArrays):
+    """Sensitivity of d_M to moment arms.
+
+    Attributes
+    ----------
+    muscles : names
+    slopes : (muscles,) relative change of d_M over relative change of that muscle's moment arms; they sum to -2
+    spreads : one a kind of error
+    """
+
+    muscles: tuple[str, ...]
+    slopes: Array
+    spreads: tuple[MomentArmSpread, ...]
+
+    def spread(self, kind: Kind) -> MomentArmSpread:
+        """Of one kind of error."""
+        return next(one for one in self.spreads if one.kind == kind)
+
+
+def moment_arm_sensitivity(
+    intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, options: MomentArmOptions | None = None
+) -> MomentArmSensitivity:
+    """Spread of d_M when every muscle's moment arms are systematically wrong.
+
+    The common value of swings with muscles is d_M = v g / v H v with v_m the square of the factor of muscle m,
+    so a factor s of all arms makes it d_M / s^2.
+
+    Parameters
+    ----------
+    intact : swings with muscles
+    parameters : (10,) of the limb with muscles
+    joint : d_J of the swings without muscles, one or (axes,) [N m s/rad]
+
+    Raises
+    ------
+    BadData
+        the swings have no moment arms, or show no viscosity of muscles
+    """
+    options = options or MomentArmOptions()
+    random = np.random.default_rng(options.seed)
+    problem = _problem(intact, parameters, joint, options.stiffness)
+    n = len(problem.g)
+    exact = problem.along(np.ones(n)) if n else 0.0
+    if not exact > 0.0:
+        raise BadData("sensitivity to moment arms: these swings show no viscosity of muscles")
+    force, square = problem.g / problem.g.sum(), problem.H.sum(axis=1) / problem.H.sum()
+    slopes = 2.0 * (force - 2.0 * square)
+    one = 1.0 + options.factor * random.standard_normal((options.draws, 1)) * np.ones(n)
+    each = 1.0 + options.factor * random.standard_normal((options.draws, n))
+    spreads = [
+        MomentArmSpread("one factor", options.factor, exact, _by_factors(problem, one), 2.0 * options.factor),
+        MomentArmSpread(
+            "factor of each muscle",
+            options.factor,
+            exact,
+            _by_factors(problem, each),
+            options.factor * float(np.linalg.norm(slopes)),
+        ),
+    ]
+    if options.offset > 0.0:
+        spreads.append(_by_offsets(intact, parameters, joint, options, random))
+    return MomentArmSensitivity(intact[0].muscles, slopes, tuple(spreads))
+
+
+def _problem(
+    intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, stiffness: bool
+) -> MuscleProblem:
+    sums = swing_sums(intact)
+    torque = torque_problem(sums.torque_total(np.ones(len(sums))), parameters, stiffness)
+    return muscle_problem(torque, np.broadcast_to(np.asarray(joint, dtype=np.float64), (len(sums.axes),)))
+
+
+def _by_factors(problem: MuscleProblem, factors: Array) -> Array:
+    """d_M (draws,) with the arms of every muscle times factors (draws, muscles)."""
+    v = factors**2
+    return np.maximum(v @ problem.g, 0.0) / np.einsum("di,ij,dj->d", v, problem.H, v)
+
+
+def _by_offsets(
+    intact: Sequence[SwingRecording],
+    parameters: Array,
+    joint: float | Array,
+    options: MomentArmOptions,
+    random: np.random.Generator,
+) -> MomentArmSpread:
+    """With J + delta the torque u = (J + delta) ((J + delta) . w) is a sum of products that do not change."""
+    sums = swing_sums(intact)
+    parts = [_offset_columns(intact[i], use, parameters) for i, use in zip(sums.trial, sums.uses, strict=True)]
+    columns = np.concatenate(parts).transpose(1, 0, 2)
+    products = columns.transpose(0, 2, 1) @ columns
+    if options.stiffness:
+        products = eliminated(products, [ANGLE, CONSTANT])
+    count, axes = intact[0].lengthening.shape[1:]
+    damping = np.broadcast_to(np.asarray(joint, dtype=np.float64), (axes,))
+
+    def common(delta: Array) -> float:
+        problem = np.stack([
+            turn.T @ own @ turn for own, turn in zip(products, _offset_maps(delta), strict=True)
+        ])  # fmt: skip
+        return muscle_problem(problem, damping).along(np.ones(count))
+
+    # A strand's row holds its arm divided by the root of its muscle's strands, and so its error does.
+    table = intact[0].strands_of
+    roots = np.sqrt(table @ table.sum(axis=0))[:, None]
+    draws = [common(options.offset / roots * random.standard_normal((count, axes))) for _ in range(options.draws)]
+    exact = common(np.zeros((count, axes)))
+    return MomentArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
+
+
+def _offset_columns(one: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
+    """(frames, axes, 4 + n) torque, rate, angle, one; of every muscle u, J . w and J_a w; w."""
+    rates, J = one.rates[use], one.lengthening[use]
+    frames, axes = rates.shape
+    speeds = np.einsum("fma,fa->fm", J, rates)
+    columns = [
+        (one.torque_rows[use] @ parameters)[:, :, None],
+        rates[:, :, None],
+        one.angles[use][:, :, None],
+        np.ones((frames, axes, 1)),
+        (J * speeds[:, :, None]).transpose(0, 2, 1),
+        np.broadcast_to(speeds[:, None], (frames, axes, speeds.shape[1])),
+        np.einsum("fma,fb->famb", J, rates).reshape(frames, axes, -1),
+        np.broadcast_to(rates[:, None], (frames, axes, axes)),
+    ]
+    return np.concatenate(columns, axis=2)
+
+
+def _offset_maps(delta: Array) -> Array:
+    """(axes, 4 + n, 2 + muscles) from `_offset_columns` to torque, rate and u with arms off by delta (muscles, axes).
+
+    u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a delta . w
+    """
+    count, axes = delta.shape
+    muscle = np.arange(count)
+    maps = np.zeros((axes, CONSTANT + 1 + (2 + axes) * count + axes, FIRST + count))
+    maps[:, TORQUE, TORQUE] = maps[:, SPEED, SPEED] = 1.0
+    start = CONSTANT + 1
+    maps[:, start + muscle, FIRST + muscle] = 1.0
+    maps[:, start + count + muscle, FIRST + muscle] = delta.T
+    for b in range(axes):
+        maps[:, start + 2 * count + axes * muscle + b, FIRST + muscle] = delta[:, b]
+        maps[:, -axes + b, FIRST:] = delta.T * delta[:, b]
+    return maps

@@ -1,0 +1,65 @@
+"""Values as xarray and pandas hold them: the same numbers under the same names."""
+
+from __future__ import annotations
+
+import builtins
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import MissingPackage
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+
+TIME = np.arange(5) / 10.0
+VALUES = np.random.default_rng(0).normal(size=(5, 2))
+POINTS = np.random.default_rng(1).normal(size=(5, 2, 3))
+
+
+def test_a_series_has_a_column_a_name():
+    pytest.importorskip("xarray")
+    frame = Series(TIME, ("a", "b"), VALUES).to_pandas()
+    assert list(frame.columns) == ["a", "b"]
+    assert frame.index.name == "time"
+    np.testing.assert_array_equal(frame["b"], VALUES[:, 1])
+
+
+def test_markers_have_a_column_an_axis():
+    pytest.importorskip("xarray")
+    markers = Markers(TIME, ("a", "b"), POINTS)
+    np.testing.assert_array_equal(markers.to_pandas()["b", "z"], POINTS[:, 1, 2])
+    dataset = markers.to_xarray()
+    np.testing.assert_array_equal(dataset["values"].sel(name="a", axis="y"), POINTS[:, 0, 1])
+
+
+def test_derivatives_come_where_they_are_known():
+    pytest.importorskip("xarray")
+    motion = Motion(TIME, ("a", "b"), VALUES, 2.0 * VALUES)
+    assert set(motion.to_xarray()) == {"values", "velocities"}
+    np.testing.assert_array_equal(motion.to_pandas()["velocities", "a"], 2.0 * VALUES[:, 0])
+
+
+def test_forces_have_units():
+    pytest.importorskip("xarray")
+    wrenches = Wrenches(TIME, ("left", "right"), ("foot_l", "foot_r"), POINTS, POINTS, POINTS)
+    dataset = wrenches.to_xarray()
+    assert {name: one.attrs["units"] for name, one in dataset.items()} == {
+        "forces": "N",
+        "points": "m",
+        "torques": "N m",
+    }
+
+
+def test_a_missing_package_is_named_with_its_extra(monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *rest):
+        if name in ("xarray", "pandas"):
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    series = Series(TIME, ("a", "b"), VALUES)
+    with pytest.raises(MissingPackage, match=r"needs the package 'xarray': .*myomorph\[xarray\]"):
+        series.to_xarray()
+    with pytest.raises(MissingPackage, match="needs the package 'pandas'"):
+        series.to_pandas()

@@ -1,0 +1,70 @@
+"""Results that the version before wrote are read by this one, and a run reuses them while nothing has changed.
+
+`old_results/reach.nc` was written by the code before steps were values, from the files of the example arm: steps ik,
+id, muscles and tension, `cutoff = 6`.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from myomorph.store.results import read_result
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.reporting import report_input
+from myomorph.study.trial.run_trial import kept_steps
+from myomorph.study.trial.step import step_of
+from myomorph.study.trial.step_table import STEPS
+from myomorph.study.trial.trial_files import read_trial
+from myomorph.study.trial.trial_inputs import OptionSet
+
+OLD = Path(__file__).with_name("old_results") / "reach.nc"
+STUDY = """
+[study]
+name = "reaching"
+[[subject]]
+name = "s01"
+model = "arm.osim"
+trials = ["reach.trc"]
+steps = ["ik", "id", "muscles", "tension"]
+[options.id]
+cutoff = 6
+"""
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_every_step_reads_its_result(step):
+    stored = read_result(OLD)
+    found = step_of(step).read(stored, OptionSet())
+    assert isinstance(found, step_of(step).gives)
+
+
+def test_a_report_is_made_of_them(arm):
+    given = report_input(read_result(OLD), open_model(arm.model), {})
+    assert given.head.title == "s01: reach"
+    assert [one.name for one in given.head.steps] == [step_of(name).title for name in STEPS]
+    assert given.kinematics.fit is not None
+    assert given.dynamics.torques is not None
+    assert given.dynamics.wrenches is not None
+    assert given.muscles.lengths is not None
+    assert given.tension is not None
+    assert np.isfinite(given.tension.forces).all()
+
+
+def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
+    path = arm.folder / "study.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    plan = read_plan(path)
+    monkeypatch.setattr("myomorph.store.results.__version__", read_result(OLD).provenance["ik"].version)
+    trial = read_trial(plan.trials[0], plan.settings)
+    home = arm.folder / "there"
+    home.mkdir()
+    shutil.copy(OLD, home / "reach.nc")
+    assert kept_steps(trial, tuple(STEPS), home) == dict.fromkeys(STEPS, ())
+    monkeypatch.setattr("myomorph.store.results.__version__", "99.0")
+    version = read_result(OLD).provenance["ik"].version
+    assert set(kept_steps(trial, tuple(STEPS), home).values()) == {(f"version {version} -> 99.0",)}

@@ -1,0 +1,261 @@
+"""One frame of the tension problem as a quadratic program with full matrices, for solvers that know nothing of ours.
+
+    minimise  1/2 x^T H x + c^T x   subject to  A x = b,  G x <= h,  lower <= x <= upper
+
+Where the package adds unknowns to stay separable (`terms.measured`, `terms.emg`), this form has full cost matrices and
+inequalities; both have one solution. Smoothness between frames has no place in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+import piqp
+from numpy.typing import ArrayLike
+
+from myomorph.model.arrays import Array
+from myomorph.model.contacts import Cone
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.terms.cones import tangents
+from myomorph.tension.terms.emg import STIFFNESS, EmgTarget
+from myomorph.tension.terms.measured import MEASURED_COST
+
+Cost: TypeAlias = tuple[Array, Array]
+"""(H, c): H (n,) its diagonal or (n, n), c (n,)."""
+
+Constraint: TypeAlias = tuple[Array, Array]
+"""(A, b) of A x = b, or (G, h) of G x <= h."""
+
+
+def effort(weights: ArrayLike) -> Cost:
+    """sum_i weights_i x_i^2: muscles and reserves share the work, strong effort costs most."""
+    weights = np.asarray(weights, dtype=np.float64)
+    return 2.0 * weights, np.zeros_like(weights)
+
+
+def nearness(targets: ArrayLike, weights: ArrayLike) -> Cost:
+    """sum_i weights_i (x_i - targets_i)^2 less its constant: stay near measured or earlier values.
+
+    A weight of 0 leaves a variable alone, and its target may then be NaN.
+    """
+    weights = np.asarray(weights, dtype=np.float64)
+    wanted = np.where(weights == 0.0, 0.0, np.asarray(targets, dtype=np.float64))
+    return 2.0 * weights, -2.0 * weights * wanted
+
+
+def balance(directions: ArrayLike, torques: ArrayLike) -> Constraint:
+    """Equation of motion: directions (rows, n) of unit variables add up to the torques (rows,)."""
+    return np.asarray(directions, dtype=np.float64), np.asarray(torques, dtype=np.float64)
+
+
+def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
+    """Soft target weight (a_m - emg_m)^2 of the first variables, activations; NaN asks for nothing.
+
+    Parameters
+    ----------
+    emg : (muscles,) measured activations
+    variables : n, of which the activations come first
+    """
+    wanted = np.full(variables, np.nan)
+    wanted[: len(np.asarray(emg))] = emg
+    return nearness(wanted, np.where(np.isnan(wanted), 0.0, weight))
+
+
+def emg_equality(emg: ArrayLike, slack: float, first: int, variables: int) -> Constraint:
+    """|a_m - excess_m - emg_m| <= slack: (G, h) with variables of excess that a cost of their own keeps small.
+
+    Parameters
+    ----------
+    emg : (muscles,) measured activations, NaN where unknown
+    first : number of the first variable of excess, one for every muscle that is known
+    """
+    emg = np.asarray(emg, dtype=np.float64)
+    known = np.flatnonzero(np.isfinite(emg))
+    difference = np.zeros((len(known), variables))
+    difference[np.arange(len(known)), known] = 1.0
+    difference[np.arange(len(known)), first + np.arange(len(known))] = -1.0
+    return np.vstack([difference, -difference]), np.concatenate([slack + emg[known], slack - emg[known]])
+
+
+def contact_regularisation(compliance: float, cost: ArrayLike) -> Cost:
+    """Add compliance sum_g cost_g z_g^2: of forces that physics leaves open, the ones spread most evenly."""
+    return effort(compliance * np.asarray(cost, dtype=np.float64))
+
+
+def shared_wrench(sums: ArrayLike, measured: ArrayLike, sd: ArrayLike, weight: float = 1.0) -> Cost:
+    """Soft target weight |(S x - measured) / sd|^2: what several contacts carry together was measured.
+
+    Parameters
+    ----------
+    sums : (rows, n) S, which adds the contact forces' components up
+    measured, sd : (rows,) NaN where unknown; standard deviations
+    """
+    sums, measured = np.asarray(sums, dtype=np.float64), np.asarray(measured, dtype=np.float64)
+    known = np.isfinite(measured)
+    S = sums[known] / np.broadcast_to(sd, measured.shape)[known, None]
+    m = measured[known] / np.broadcast_to(sd, measured.shape)[known]
+    return 2.0 * weight * S.T @ S, -2.0 * weight * S.T @ m
+
+
+def direction_limit(direction: ArrayLike, forces: ArrayLike) -> Constraint:
+    """A push or a pull to one side only: -direction . f <= 0 with f = forces x (3, n)."""
+    return -(np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.zeros(1)
+
+
+def most(direction: ArrayLike, greatest: float, forces: ArrayLike) -> Constraint:
+    """Greatest force: direction . f <= greatest with f = forces x (3, n)."""
+    return (np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.array([float(greatest)])
+
+
+def friction_cone(cone: Cone, forces: ArrayLike) -> Constraint:
+    """Faces of the linearised cone of a force f = forces x (3, n), in the axes of the cone's frame.
+
+    m_k . t . f <= friction cos(pi / edges) d . f for the outward normals m_k between two generators. The package
+    keeps a cone by its generators (`terms.cones.cone_generators`); both are one cone.
+    """
+    if cone.direction is None:
+        return np.zeros((0, np.shape(forces)[1])), np.zeros(0)
+    if np.isinf(cone.friction):
+        return direction_limit(cone.direction, forces)
+    one, other = tangents(cone.direction)
+    angles = 2.0 * np.pi * (np.arange(cone.edges) + 0.5) / cone.edges
+    normals = np.cos(angles)[:, None] * one + np.sin(angles)[:, None] * other
+    faces = normals - cone.friction * np.cos(np.pi / cone.edges) * cone.direction
+    return faces @ np.asarray(forces), np.zeros(cone.edges)
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The sum of all terms.
+
+    Attributes
+    ----------
+    H : (n,) diagonal or (n, n)
+    c : (n,)
+    A, b : (rows, n), (rows,)
+    G, h : (more rows, n), (more rows,)
+    lower, upper : (n,)
+    variables, rows : names of x and of the rows of A, where they have any
+    """
+
+    H: Array
+    c: Array
+    A: Array
+    b: Array
+    G: Array
+    h: Array
+    lower: Array
+    upper: Array
+    variables: tuple[str, ...] = ()
+    rows: tuple[str, ...] = ()
+
+
+def program(
+    costs: Sequence[Cost],
+    equalities: Sequence[Constraint] = (),
+    inequalities: Sequence[Constraint] = (),
+    lower: ArrayLike = -np.inf,
+    upper: ArrayLike = np.inf,
+) -> Program:
+    """Add terms up."""
+    n = len(costs[0][1])
+    dense = any(H.ndim == 2 for H, _ in costs)
+    H = sum((np.diag(one) if dense and one.ndim == 1 else one for one, _ in costs), np.zeros((n, n) if dense else n))
+    stacked = [np.vstack([A for A, _ in group] or [np.zeros((0, n))]) for group in (equalities, inequalities)]
+    right = [np.concatenate([b for _, b in group] or [np.zeros(0)]) for group in (equalities, inequalities)]
+    low, high = (np.broadcast_to(np.asarray(one, dtype=np.float64), (n,)).copy() for one in (lower, upper))
+    c = np.sum([one for _, one in costs], axis=0)
+    return Program(H, c, stacked[0], right[0], stacked[1], right[1], low, high)
+
+
+def solve_program(problem: Program) -> Array:
+    """The x of least cost within the constraints, by piqp (Schwan, Jiang, Kuhn and Jones 2023), an interior point."""
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = solver.settings.eps_rel = 1e-10
+    solver.settings.eps_duality_gap_abs = solver.settings.eps_duality_gap_rel = 1e-10
+    H = np.diag(problem.H) if problem.H.ndim == 1 else problem.H
+    A, G = (np.asfortranarray(one) if len(one) else None for one in (problem.A, problem.G))
+    b, h = (one if len(one) else None for one in (problem.b, problem.h))
+    solver.setup(np.asfortranarray(H), problem.c, A, b, G, None, h, problem.lower, problem.upper)
+    assert solver.solve() == piqp.PIQP_SOLVED
+    return np.array(solver.result.x)
+
+
+def frame_program(problem: TensionProblem, frame: int) -> Program:
+    """The quadratic program of one frame.
+
+    Returns
+    -------
+    Program whose variables are the activations, the controls of reserves and residuals, the amplitudes of contacts'
+    edges [weights of the body], and the excess of each activation that an EMG equality tells of; its rows are the
+    equations of motion [N m or N].
+
+    """
+    assert problem.options.exponent == 2.0, "no quadratic program"
+    muscles, contacts, fast = problem.assembly.tree.model.muscle_names, problem.contacts, problem.separable
+    matrix, right, sums, measured = _matrices(problem, frame)
+    names = list(muscles) + [one.name for one in problem.actuators.actuators]
+    controls = len(names)
+    names += [] if contacts is None else contacts.generators.names
+    known = next((one for one in problem.terms if isinstance(one, EmgTarget)), None)
+    emg = _emg(problem, known, frame)
+    equality = known is not None and known.mode == "equality"
+    base = len(names)
+    if equality:
+        names += [f"{muscles[m]} excess" for m in np.flatnonzero(np.isfinite(emg))]
+    n = len(names)
+
+    def widened(values: Array, fill: float = 0.0) -> Array:
+        return np.concatenate([values, np.full(n - len(values), fill)])
+
+    def spread(rows: Array) -> Array:
+        return np.hstack([rows, np.zeros((len(rows), n - rows.shape[1]))])
+
+    costs: list[Cost] = [effort(widened(fast.weight[:controls]))]
+    limits: list[Constraint] = []
+    if contacts is not None:
+        cost = np.concatenate([np.zeros(controls), contacts.generators.cost])
+        costs.append(contact_regularisation(contacts.task.options.compliance, widened(cost)))
+        told = np.array([one.measured for one in problem.rows for _ in one.names], dtype=bool)
+        unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.rows)])
+        if told.any():
+            costs.append(shared_wrench(spread(sums[told]), measured[told], unit[told], MEASURED_COST))
+        bound = unit[~told]
+        limits += [(spread(sums[~told]), bound), (-spread(sums[~told]), bound)]
+    if known is not None and equality:
+        limits.append(emg_equality(emg, known.slack, base, n))
+        costs.append(effort(np.where(np.arange(n) >= base, STIFFNESS, 0.0)))
+    elif known is not None:
+        costs.append(emg_target(emg, known.weight, n))
+    whole = program(
+        costs,
+        [balance(spread(matrix), right)],
+        limits,
+        widened(fast.lower[:base], -np.inf),
+        widened(fast.upper[:base], np.inf),
+    )
+    return replace(whole, variables=tuple(names), rows=problem.assembly.rows)
+
+
+def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:
+    """A and b of the equations of motion, and S and what it should add up to of the rows that contacts add."""
+    given = problem.balance(frame, frame + 1)
+    pattern, extra = problem.assembly.pattern, problem.assembly.extra_row
+    variables = len(problem.separable.weight)
+    matrix = np.zeros((len(pattern.order), variables))
+    matrix[pattern.row, np.repeat(np.arange(variables), np.diff(pattern.start))] = given.values[0]
+    shared = variables - len(extra)
+    mine = problem.assembly.coordinate_row
+    return matrix[mine, :shared], given.right[0, mine], matrix[extra, :shared], given.right[0, extra]
+
+
+def _emg(problem: TensionProblem, emg: EmgTarget | None, frame: int) -> Array:
+    """(muscles,) what EMG tells of a frame, NaN where it tells nothing."""
+    names = problem.assembly.tree.model.muscle_names
+    told = np.full(len(names), np.nan)
+    if emg is not None:
+        told[[names.index(one) for one in emg.muscles]] = emg.activations[frame]
+    return told
