@@ -19,8 +19,7 @@ from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.lengths import lengths_of
-from myomorph.motion.measurements import measured_factors
-from myomorph.motion.place import place_markers
+from myomorph.motion.measurements import measured_factors, place_markers
 from myomorph.motion.sync import cut
 
 OPENCAP, GAIT = "opencap-subject4-multitask", "opensim-gait-subject01"

@@ -15,8 +15,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_delay import Delays, find_delays, shifted
-from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains
+from myomorph.motion.emg_delay import ChannelMap, Delays, EmgCalibration, channel_means, find_delays, fit_gains, shifted
 from myomorph.motion.envelope import EnvelopeOptions, envelopes
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.motion.sync import cut, resample_wrenches

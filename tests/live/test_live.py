@@ -23,6 +23,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.inputs import open_model
 from myomorph.viewer.identification_page import Clock, live_markdown, live_panel, move_next
+from myomorph.viewer.web_page import _viser
 
 FRAMES = 120
 OPTIONS = OnlineOptions(cutoff=6.0, missing=1e9)
@@ -413,3 +414,5 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(MyomorphError, match=r"pip install 'myomorph\[live\]'"):
         LabStreams("a", "b")
+    with pytest.raises(MyomorphError, match=r"pip install 'myomorph\[view\]'"):
+        _viser()

@@ -13,9 +13,9 @@ from myomorph.model.model import GROUND
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
-from myomorph.motion.body_size import coordinate_units, length_unit
 from myomorph.motion.calibrate import calibrate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.lengths import coordinate_units, length_unit
 from myomorph.motion.sync import cut
 from myomorph.rigid.tree import compile_tree
 from stick_figure import person

@@ -16,7 +16,7 @@ from myomorph.motion.emg_checks import (
     refuse_unfit,
     without_faults,
 )
-from myomorph.motion.emg_gain import EmgCalibration, channel_means, fit_gains
+from myomorph.motion.emg_delay import EmgCalibration, channel_means, fit_gains
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest, linear_envelope
 
 RATE = 2000.0

@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion, Wrenches
-from myomorph.motion.filters import differentiate, lowpass, natural_spline
+from myomorph.motion.filters import _lowpass_padded, differentiate, lowpass, natural_spline
 from myomorph.motion.sync import common_time, cut, resample_wrenches
 
 
@@ -73,6 +73,45 @@ def test_derivatives_of_a_known_motion_and_over_a_gap():
     inside[[0, 1, 2, 77, 78, 79, 90, 91, 92, -3, -2, -1]] = False
     np.testing.assert_allclose(motion.velocities[inside, 0], 3 * np.cos(3 * t[inside]), atol=1e-4)
     np.testing.assert_allclose(motion.accelerations[inside, 1], -4 * np.cos(2 * t[inside]), atol=1e-2)
+
+
+def wandering(frames=200):
+    return np.cumsum(np.random.default_rng(3).normal(size=(frames, 2)), axis=0)
+
+
+def test_a_filtered_motion_is_that_of_the_filter_and_its_extensions():
+    """Also where the recording does not begin at 0 s."""
+    rate, cutoff, values = 100.0, 6.0, wandering()
+    time = 3.0 + np.arange(len(values)) / rate
+    found = differentiate(Motion(time, ("a", "b"), values), cutoff)
+    np.testing.assert_allclose(found.values, lowpass(values, rate, cutoff), atol=1e-9)
+    padded, pad = _lowpass_padded(values, rate, cutoff)
+    spline = natural_spline(3.0 + (np.arange(len(padded)) - pad) / rate, padded)
+    np.testing.assert_allclose(found.velocities, spline.derivative(1)(time), atol=1e-6)
+    np.testing.assert_allclose(found.accelerations, spline.derivative(2)(time), atol=1e-4)
+
+
+def test_values_at_uneven_times_are_filtered_at_even_ones():
+    values, cutoff = wandering(), 6.0
+    time = 3.0 + np.cumsum(np.where(np.arange(len(values)) % 3, 0.01, 0.012))
+    found = differentiate(Motion(time, ("a", "b"), values), cutoff)
+    even = np.linspace(time[0], time[-1], int(np.ceil(np.ptp(time) / 0.01)) + 1)
+    filtered = lowpass(natural_spline(time, values)(even), (len(even) - 1) / np.ptp(time), cutoff)
+    expected = natural_spline(even, filtered)
+    inside = slice(30, -30)
+    np.testing.assert_allclose(found.values[inside], expected(time)[inside], atol=1e-8)
+    np.testing.assert_allclose(found.velocities[inside], expected.derivative(1)(time)[inside], atol=1e-6)
+
+
+@pytest.mark.parametrize(("uneven", "taken_as_even"), [(0.99e-3, True), (1.01e-3, False)])
+def test_steps_that_differ_by_less_than_a_thousandth_are_even(uneven, taken_as_even):
+    values, cutoff = wandering(), 6.0
+    steps = np.full(len(values) - 1, 0.01)
+    steps[50:100] += 0.01 * uneven
+    time = np.concatenate([[3.0], 3.0 + np.cumsum(steps)])
+    rate = (len(time) - 1) / (time[-1] - time[0])
+    found = differentiate(Motion(time, ("a", "b"), values), cutoff).values
+    assert (np.abs(found - lowpass(values, rate, cutoff)).max() < 1e-9) == taken_as_even
 
 
 def test_too_few_frames_are_refused():

@@ -14,8 +14,7 @@ from myomorph.model.model import Marker
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.measurements import default_markers, frames_around, measure, measured_factors
-from myomorph.motion.place import place_on_pose
+from myomorph.motion.measurements import default_markers, frames_around, measure, measured_factors, place_on_pose
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.mouse_motion import alone, held_out, lengths_of, motion_of, mouse, rms, strides_of
 
-from myomorph.motion.body_size import length_unit
+from myomorph.motion.lengths import length_unit
 from myomorph.rigid.tree import compile_tree
 
 NAME = "1R_12_01_26"

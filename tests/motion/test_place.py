@@ -7,7 +7,7 @@ from mujoco_models import compiled, random_motion
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.place import place_markers
+from myomorph.motion.measurements import place_markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

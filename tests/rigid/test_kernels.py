@@ -13,16 +13,16 @@ from numba.core.caching import IndexDataCacheFile
 
 from myomorph import __version__
 from myomorph.rigid import kernels
-from myomorph.rigid.kernels import PACKAGE, KernelFile, is_compiled, kernel_folder
+from myomorph.rigid.kernels import PACKAGE, KernelFile, kernel_folder, signatures_on_disk
 
 DOUBLE = "from myomorph.rigid.kernels import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
 CALL = """
 import sys
-from myomorph.rigid.kernels import kernel, is_compiled
+from myomorph.rigid.kernels import kernel, signatures_on_disk
 from doubled import double
 sys.stdin.readline()
 assert double(2) == 4 and double(1.5) == 3.0
-assert is_compiled(double)
+assert signatures_on_disk(double)
 print(sum(double.stats.cache_hits.values()))
 """
 IMPORT = """
@@ -100,7 +100,7 @@ def test_kernels_of_each_version_and_copy_have_a_folder_of_their_own(tmp_path, m
     assert not kernel_folder().is_relative_to(PACKAGE)
 
 
-def test_a_kernel_is_compiled_anew_where_one_that_it_calls_has_changed(tmp_path, monkeypatch):
+def test_a_kernel_signatures_on_disk_anew_where_one_that_it_calls_has_changed(tmp_path, monkeypatch):
     """The code of a kernel holds that of the kernels it calls."""
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -112,17 +112,17 @@ def test_a_kernel_is_compiled_anew_where_one_that_it_calls_has_changed(tmp_path,
     kernels._fingerprint.cache_clear()
     from doubled_outside import four
 
-    assert not is_compiled(four)
+    assert not signatures_on_disk(four)
     assert four(1) == 4
-    assert is_compiled(four)
+    assert signatures_on_disk(four)
     (tmp_path / "doubled_inside.py").write_text(DOUBLE.replace("2 * x", "3 * x"))
     kernels._fingerprint.cache_clear()
     vars(four._cache).pop("_cache_file")
-    assert not is_compiled(four)
+    assert not signatures_on_disk(four)
 
 
 def test_where_nothing_can_be_written_a_kernel_still_runs(tmp_path, cached):
     (tmp_path / "cache").write_text("a file, no folder")
-    call = CALL.replace("assert is_compiled(double)", "")
+    call = CALL.replace("assert signatures_on_disk(double)", "")
     done = subprocess.run([sys.executable, "-c", call], env=cached, input="\n", capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

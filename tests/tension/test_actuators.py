@@ -9,7 +9,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Actuator
 from myomorph.model.scale import scale
-from myomorph.motion.body_size import length_unit
+from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.terms.actuators import body_directions, compile_body_actuators, default_reserves, free_coordinates

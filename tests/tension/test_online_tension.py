@@ -10,8 +10,7 @@ from walking import walk
 from looped import four_bar
 from myomorph.identify.online import total_wrench
 from myomorph.model.errors import BadModel, UnknownName
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.online import OnlineDynamics
+from myomorph.rigid.dynamics import OnlineDynamics, inverse_dynamics, motion_arrays
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.online import OnlineTension
 from myomorph.tension.solve import solve_tension

@@ -176,11 +176,13 @@ def run_command(
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say what a run came to, where its results are and what failed where; the exit status."""
     from myomorph.study.run.schedule import FULL
-    from myomorph.study.summary.study_tables import PAGE
+    from myomorph.study.summary.study_tables import PAGE, PARQUET, has_parquet
 
     trials = [one for one in outcomes if one.trial]
     failed = [one for one in outcomes if one.error]
     said(f"{sum(1 for one in trials if not one.error)} of {len(trials)} trials done; table: {out / 'results.csv'}")
+    if not has_parquet():
+        said(f"{PARQUET} is left out: pip install 'myomorph[parquet]' brings what writes it")
     full = sum(1 for one in trials if one.error.startswith("not run:") and FULL in one.error)
     if full:
         said(f"{full} trials were not run: {FULL}")

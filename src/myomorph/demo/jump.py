@@ -14,7 +14,7 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.trial.ahead import compile_ahead, compile_motion
+from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
@@ -32,11 +32,13 @@ def run_demo(name: str, out: Path) -> Outcome:
         where there is no such demo
     """
     # Making the recording needs all kernels already: on a new machine both processes compile at once.
-    ahead = compile_ahead(DEMO_STEPS)
+    ahead = compile_ahead(DEMO_STEPS, frozenset() if name == "judo" else frozenset({TENDONS}))
     try:
         if ahead.works:
-            compile_motion()
-        ahead.wait("muscles")
+            with compiling():
+                compile_curves()
+                compile_motion()
+                ahead.join()
     finally:
         ahead.stop()
     if name == "judo":

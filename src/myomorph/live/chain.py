@@ -17,7 +17,7 @@ from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.steady_pose import BLEND, SteadyFrame, SteadyKinematics
-from myomorph.rigid.online import OnlineDynamics
+from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame
 from myomorph.tension.tension import TensionOptions

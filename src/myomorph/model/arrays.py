@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import wraps
+from types import MappingProxyType
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from myomorph.model.errors import BadData
 
 Array = NDArray[np.float64]
+_Class = TypeVar("_Class", bound=type)
 
 
 class FrozenArrays:
@@ -61,3 +68,59 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Arr
         raise ValueError(f"expected an array of shape {shape}, but got {array.shape}")
     array.setflags(write=False)
     return array
+
+
+def read_only(cls: _Class) -> _Class:
+    """Class decorator, above `@dataclass(frozen=True)`: the arrays of its fields are read-only, too.
+
+    Each array, also in tuples and mappings, becomes a read-only view of itself, without a copy: when an object is made,
+    by `dataclasses.replace`, and when it is unpickled or copied. A class derived from such a one needs the decorator
+    itself. Kernels are compiled anew for read-only arrays: what they take as it is stays without.
+    """
+    kind: Any = cls
+    made, restored = kind.__init__, getattr(cls, "__setstate__", None)
+
+    @wraps(made)
+    def initialize(self: Any, *args: Any, **options: Any) -> None:
+        made(self, *args, **options)
+        _lock(self)
+
+    def restore(self: Any, state: Any) -> None:
+        if restored is not None:
+            restored(self, state)
+        else:
+            # Without a method of its own, a class with slots is given (what has no slot, what has one).
+            for part in state if isinstance(state, tuple) else (state,):
+                for name, value in (part or {}).items():
+                    object.__setattr__(self, name, value)
+        _lock(self)
+
+    kind.__init__, kind.__setstate__, kind._arrays_are_read_only = initialize, restore, True
+    return cls
+
+
+def _lock(value: Any) -> None:
+    for field in fields(value):
+        # Where a derived class calls this one's __init__ first, its own fields come later.
+        held = getattr(value, field.name, None)
+        locked = _locked(held)
+        if locked is not held:
+            object.__setattr__(value, field.name, locked)
+
+
+def _locked(value: Any) -> Any:
+    """The value with read-only arrays; itself where it has none that can be written."""
+    if isinstance(value, np.ndarray):
+        if value.flags.writeable:
+            value = value.view()
+            value.setflags(write=False)
+        return value
+    if isinstance(value, tuple):
+        parts = [_locked(one) for one in value]
+        if all(one is other for one, other in zip(parts, value, strict=True)):
+            return value
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if isinstance(value, Mapping):
+        entries = {key: _locked(one) for key, one in value.items()}
+        return value if all(one is value[key] for key, one in entries.items()) else MappingProxyType(entries)
+    return value

@@ -14,7 +14,6 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
-from myomorph.motion.body_size import length_unit
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
@@ -23,15 +22,14 @@ from myomorph.motion.calibration import (
     FoundMarker,
     root_mean_square,
 )
-from myomorph.motion.calibration_prior import calibration_prior, usual_shifts
-from myomorph.motion.calibration_search import Search, search_minimum
+from myomorph.motion.calibration_search import Search, calibration_prior, search_minimum, usual_shifts
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
     marker_arrays,
     tracked_markers,
 )
-from myomorph.motion.lengths import factors_of, lengths_of
+from myomorph.motion.lengths import factors_of, length_unit, lengths_of
 from myomorph.motion.postures import overall_size, spread_postures
 from myomorph.motion.shared_fit import (
     FrameSet,

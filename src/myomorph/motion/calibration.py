@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.lengths import Length
@@ -116,6 +116,7 @@ class FoundLength:
         return self.sd < 0.5 * self.prior_sd
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class FoundMarker:
     """A marker where the recordings show it.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.least_squares import SCOUT, hold, posture_cost, resume, solve_frame, solve_frames, solve_in_place
+from myomorph.motion.least_squares import SCOUT, hold, posture_cost, resume, solve_frames, solve_in_place
 from myomorph.motion.marker_cost import (
     marker_cost,
     marker_distances,
@@ -29,27 +29,19 @@ from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.tree import Tree
 
 
-def solvers(tree: Tree) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """`solve_frame` and `solve_frames` for a tree: where it closes loops, those that keep them closed."""
+def frame_solver(tree: Tree) -> Callable[..., None]:
+    """`solve_frames` for a tree: where it closes loops, one that keeps them closed."""
     if not tree.model.loops:
-        return solve_frame, solve_frames
+        solve: Callable[..., None] = solve_frames
+        return solve
     ties = ties_of(tree)
 
-    def one(T: Any, K: Any, observed: Array, target: Array, *told: Any) -> tuple[bool, int, float]:
-        *settings, c, _ = told
-        errors, cost = np.empty((1, len(K.body))), np.empty(1)
-        converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
-        frames = (observed[None], target[None], *settings, False, c[None], c[None], errors, cost, converged, iterations)
-        solve_closed_frames(ties, T, K, *frames)
-        return bool(converged[0]), int(iterations[0]), float(cost[0])
-
-    def all_frames(T: Any, K: Any, observed: Array, *told: Any) -> None:
-        *settings, starts, c, errors, converged, iterations = told
+    def solve_closed(T: Any, K: Any, observed: Array, *options: Any) -> None:
+        *settings, starts, c, errors, cost, converged, iterations = options
         c[:1] = starts[0]
-        cost = np.empty(len(c))
         solve_closed_frames(ties, T, K, observed, *settings, True, starts, c, errors, cost, converged, iterations)
 
-    return one, all_frames
+    return solve_closed
 
 
 def settle_closed(ties: Ties, T: Any, K: Any, observed: Array, *told: Any) -> None:
@@ -82,9 +74,11 @@ def solve_closed_frames(
         now = c[frame]
         if chained and seen_weight(K, observed[frame]) == 0.0:
             run, unseen = 0, unseen + 1
-            now[:] = c[max(frame - 1, 0)]
+            for j in range(n):
+                now[j] = c[max(frame - 1, 0), j]
             converged[frame], iterations[frame], cost[frame] = False, 0, 0.0
-            errors[frame] = np.nan
+            for m in range(errors.shape[1]):
+                errors[frame, m] = np.nan
             continue
         if chained and frame > 0:
             for j in range(n):

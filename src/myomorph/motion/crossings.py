@@ -13,7 +13,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.body_size import coordinate_units
+from myomorph.motion.lengths import coordinate_units
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 

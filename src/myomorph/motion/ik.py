@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.body_size import coordinate_units
-from myomorph.motion.closed_frames import solvers
+from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
+from myomorph.motion.lengths import coordinate_units
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import scout_poses
 from myomorph.rigid.coordinates import Ints
@@ -64,6 +64,7 @@ class InverseKinematicsOptions:
     posture_weight: float = 1e-7
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class KinematicsFit:
     """Coordinates found, and how well they explain the markers.
@@ -164,15 +165,15 @@ def inverse_kinematics(
 
     frames = len(markers)
     values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
-    converged, iterations = np.empty(frames, np.bool_), np.empty(frames, np.int64)
-    _, solve_frames = solvers(tree)
+    cost, converged, iterations = np.empty(frames), np.empty(frames, np.bool_), np.empty(frames, np.int64)
+    solve_frames = frame_solver(tree)
 
     def part(start: int, stop: int) -> None:
         span, poses = slice(start, stop), starts[start // SCOUT : -(-stop // SCOUT)]
         solve_frames(
             tree.arrays, arrays, observed[span], targets[span], tree.defaults, options.posture_weight,
             options.tolerance, options.iterations, poses, values[span], errors[span],
-            converged[span], iterations[span],
+            cost[span], converged[span], iterations[span],
         )  # fmt: skip
 
     over_frames(part, frames, progress)

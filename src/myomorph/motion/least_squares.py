@@ -22,7 +22,20 @@ SCOUT = 16
 
 @kernel
 def solve_frames(
-    T, K, observed, targets, posture, posture_weight, tolerance, most, starts, c_out, errors, converged, iterations
+    T,
+    K,
+    observed,
+    targets,
+    posture,
+    posture_weight,
+    tolerance,
+    most,
+    starts,
+    c_out,
+    errors,
+    cost,
+    converged,
+    iterations,
 ):
     """Inverse kinematics frame after frame, each starting from the one before; frames without markers are left out.
 
@@ -33,7 +46,8 @@ def solve_frames(
     posture, posture_weight : (coordinates,) and its weight relative to the mean curvature
     tolerance, most : largest last step, in units of the coordinates, and iterations allowed
     starts : (poses, coordinates) of every `SCOUT`-th frame: where the first frame starts, and the first after a gap
-    c_out, errors, converged, iterations : filled, (frames, coordinates), (frames, markers), (frames,) twice
+    c_out, errors : filled, (frames, coordinates) and (frames, markers)
+    cost, converged, iterations : filled, (frames,)
     """
     n = starts.shape[1]
     work = new_work(T, n)
@@ -42,8 +56,11 @@ def solve_frames(
     for frame in range(observed.shape[0]):
         if seen_weight(K, observed[frame]) == 0.0:
             run, unseen = 0, unseen + 1
-            converged[frame], iterations[frame] = False, 0
-            c_out[frame], errors[frame] = c, np.nan
+            converged[frame], iterations[frame], cost[frame] = False, 0, 0.0
+            for j in range(n):
+                c_out[frame, j] = c[j]
+            for m in range(errors.shape[1]):
+                errors[frame, m] = np.nan
             continue
         if unseen >= SCOUT:
             resume(K, observed, starts, frame, c)
@@ -53,10 +70,9 @@ def solve_frames(
                 c[j] = 2.0 * c[j] - before[j]
         run, unseen = run + 1, 0
         hold(K, targets[frame], c)
-        done, count, _ = solve_frame(
+        converged[frame], iterations[frame], cost[frame] = solve_frame(
             T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c, work
         )
-        converged[frame], iterations[frame] = done, count
         for j in range(n):
             before[j] = c_out[frame - 1, j] if frame > 0 else c[j]
             c_out[frame, j] = c[j]
@@ -68,11 +84,13 @@ def resume(K, observed, starts, frame, c):
     """Put c at the nearest of the poses tracked first that is seen; the one to come goes before the one that was."""
     for k in (-(-frame // SCOUT), frame // SCOUT):
         if k < starts.shape[0] and k * SCOUT < observed.shape[0] and seen_weight(K, observed[k * SCOUT]) > 0.0:
-            c[:] = starts[k]
+            # One by one: an assignment of a slice would bring in the compilation of its error's text.
+            for j in range(c.shape[0]):
+                c[j] = starts[k, j]
             return
 
 
-@kernel
+@inner
 def hold(K, target, c):
     """Put the coordinates that are not solved for at their targets."""
     fixed = np.ones(c.shape[0], np.bool_)
@@ -83,7 +101,7 @@ def hold(K, target, c):
             c[j] = target[j]
 
 
-@kernel
+@in_place
 def solve_frame(T, K, observed, target, posture, posture_weight, tolerance, most, c, work):
     """Damped Newton steps inside the bounds, from c in place.
 

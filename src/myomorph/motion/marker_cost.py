@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
-from myomorph.rigid.kernels import in_place, inner, kernel
+from myomorph.rigid.kernels import in_place, inner
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION
 
@@ -64,7 +64,7 @@ class Work(NamedTuple):
     curvature: Array
 
 
-@kernel
+@inner
 def new_work(T, n):
     """Scratch arrays for a tree of n coordinates."""
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]

@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.closed_frames import solvers
+from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
@@ -180,7 +180,7 @@ class OnlineKinematics:
         self.marker_names, weights = tracked_markers(model, empty, self._options)
         self._columns = [list(names).index(name) for name in self.marker_names]
         self._arrays = marker_arrays(self._tree, self.marker_names, weights, self._options)
-        _, self._solve_frames = solvers(self._tree)
+        self._solve_frames = frame_solver(self._tree)
         self._before: list[Array] = []
         self._usual = 0.0
 
@@ -241,6 +241,6 @@ class OnlineKinematics:
         converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
         self._solve_frames(
             self._tree.arrays, self._arrays, observed, targets, drawn, options.posture_weight,
-            options.tolerance, options.iterations, start[None], values, errors, converged, iterations,
+            options.tolerance, options.iterations, start[None], values, errors, np.empty(1), converged, iterations,
         )  # fmt: skip
         return values[0], float(np.sqrt(np.nanmean(errors**2)))

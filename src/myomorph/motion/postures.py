@@ -11,9 +11,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
-from myomorph.motion.body_size import length_unit
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.lengths import segments_that_stretch
+from myomorph.motion.lengths import length_unit, segments_that_stretch
 from myomorph.motion.measurements import default_markers
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics

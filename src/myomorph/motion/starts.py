@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.closed_frames import solvers
-from myomorph.motion.least_squares import SCOUT, hold
-from myomorph.motion.marker_cost import MarkerArrays, new_work
+from myomorph.motion.closed_frames import frame_solver
+from myomorph.motion.least_squares import SCOUT
+from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
 
@@ -39,21 +39,21 @@ def scout_poses(
     targets : (frames, coordinates) of `coordinate_targets`
     posture_weight, iterations : as in `InverseKinematicsOptions`
     """
-    work = new_work(tree.arrays, len(tree.defaults))
-    solve_frame, _ = solvers(tree)
+    solve_frames = frame_solver(tree)
     rest = closed_defaults(tree)
     root = root_coordinates(tree)
     turning = _turning(tree, markers, root)
     whole_body = _only(markers, root)
 
     def settle(problem: MarkerArrays, frame: int, start: Array) -> tuple[float, Array]:
-        pose = start.copy()
-        hold(problem, targets[frame], pose)
-        _, _, cost = solve_frame(
-            tree.arrays, problem, observed[frame], targets[frame], tree.defaults, posture_weight, SCOUT_TOLERANCE,
-            iterations, pose, work,
+        # One frame of `solve_frames`: to compile a kernel of its own for it takes longer than to use it.
+        here = slice(frame, frame + 1)
+        pose, errors, cost = np.empty((1, len(start))), np.empty((1, observed.shape[1])), np.empty(1)
+        solve_frames(
+            tree.arrays, problem, observed[here], targets[here], tree.defaults, posture_weight, SCOUT_TOLERANCE,
+            iterations, start[None], pose, errors, cost, np.empty(1, np.bool_), np.empty(1, np.int64),
         )  # fmt: skip
-        return cost, pose
+        return float(cost[0]), pose[0]
 
     poses = np.empty((-(-len(observed) // SCOUT), len(tree.defaults)))
     pose, usual = rest.copy(), 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
+from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 
 LOADED = 0.02
@@ -90,12 +90,6 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     forces, moments = _splined(wrenches.time, forces, time), _splined(wrenches.time, moments, time)
     torques = moments - np.cross(points, forces)
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
-
-
-def resample_emg(emg: Emg, time: Array) -> Emg:
-    """Envelopes at other times, linearly; NaN outside the recording."""
-    columns = [np.interp(time, emg.time, column, left=np.nan, right=np.nan) for column in emg.values.T]
-    return replace(emg, time=time, values=np.array(columns).T.reshape(len(time), len(emg.names)))
 
 
 def refuse_other_times(what: str, given: Array, time: Array) -> None:

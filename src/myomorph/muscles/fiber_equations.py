@@ -10,10 +10,10 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
+from myomorph.muscles.hill import active_length_factor, passive_length_factor, velocity_factor
 from myomorph.muscles.hill_arrays import HillArrays, compile_hill
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, RIGID, inverse_force_velocity
 from myomorph.muscles.hill_curves import Curve, tendon_force_length
-from myomorph.muscles.hill_factors import active_length_factor, passive_length_factor, velocity_factor
 from myomorph.rigid.kernels import kernel
 
 UNDAMPED = 0.001

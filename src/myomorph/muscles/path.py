@@ -23,6 +23,7 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path_arrays import (
+    AFTER,
     ARMS,
     BODIES,
     BODY,
@@ -64,6 +65,12 @@ class Paths:
     def arm_muscle(self) -> Ints:
         """(moment arms,) the muscle of each pair of the pattern."""
         return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, ARMS]))
+
+    @cached_property
+    def wraps(self) -> tuple[int | None, int | None]:
+        """`surfaces` and `tendons` of `path_frames`."""
+        by_mujoco = self.arrays.wrap[:, AFTER] >= 0
+        return (1 if (~by_mujoco).any() else None), (1 if by_mujoco.any() else None)
 
     @property
     def arm_coordinate(self) -> Ints:
@@ -112,7 +119,7 @@ class Paths:
         def part(start: int, stop: int) -> None:
             here = slice(start, stop)
             results = lengths[here], velocities[here], arms[here], none[0][here], none[1][here]
-            path_frames(T, P, coordinates[here], speeds[here], *results)
+            path_frames(T, P, *self.wraps, coordinates[here], speeds[here], *results)
 
         over_frames(part, frames, progress)
         return lengths, velocities, arms
@@ -159,7 +166,8 @@ class Paths:
 
         def part(start: int, stop: int) -> None:
             here, room = slice(start, stop), np.empty((2, stop - start, muscles))
-            path_frames(T, P, c[here], np.zeros_like(c[here]), room[0], room[1], work[here], found[here], none[here])
+            results = room[0], room[1], work[here], found[here], none[here]
+            path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *results)
 
         over_frames(part, frames, progress)
         return found, work
@@ -185,7 +193,8 @@ class Paths:
         def part(start: int, stop: int) -> None:
             n = stop - start
             room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
-            path_frames(T, P, c[start:stop], np.zeros_like(c[start:stop]), *room, none[start:stop], found[start:stop])
+            here = slice(start, stop)
+            path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *room, none[here], found[here])
 
         over_frames(part, frames)
         return found

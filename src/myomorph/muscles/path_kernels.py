@@ -102,12 +102,14 @@ def path_scratch(P):
 
 
 @kernel
-def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
+def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
 
     Parameters
     ----------
     T, P : `TreeArrays`, `PathArrays`
+    surfaces, tendons : 1 where a path wraps by the rules of OpenSim or of MuJoCo, else None, for which they are not
+        compiled: they are half of this kernel
     c, cdot : (frames, coordinates) values, of which dependent ones are set here, and speeds, of which
         dependent ones are not read
     lengths, velocities : (frames, muscles) filled [m, m/s]
@@ -146,13 +148,17 @@ def path_frames(T, P, c, cdot, lengths, velocities, arms, pulls, nodes):
             if end > begin:
                 for i in range(2 * (end - begin)):
                     seen[i, 3] = 0.0
-                if wrap[begin, AFTER] >= 0:
-                    count = tendon_nodes(
-                        wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows, out,
-                        count,
-                    )  # fmt: skip
-                else:
-                    count = wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
+                by_mujoco = wrap[begin, AFTER] >= 0
+                # Numba leaves out a branch whose condition is None by type, if nothing else stands in the condition.
+                if tendons is not None:  # noqa: SIM102
+                    if by_mujoco:
+                        count = tendon_nodes(
+                            wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows,
+                            out, count,
+                        )  # fmt: skip
+                if surfaces is not None:  # noqa: SIM102
+                    if not by_mujoco:
+                        count = wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
             lengths[f, m] = chain_length(x, node, count)
             if nodes.shape[1] > 0:
                 _tell_nodes(x, node, count, nodes[f, m])

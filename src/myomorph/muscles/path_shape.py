@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.muscles.path import Paths
 from myomorph.muscles.path_arrays import POINTS, WRAPS
 
@@ -14,6 +14,7 @@ ARC_PARTS = 4
 """Straight parts that an arc on a surface is drawn from."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class DrawnPaths:
     """All paths of a model as one list of points.

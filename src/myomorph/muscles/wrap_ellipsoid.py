@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 
-from myomorph.muscles.ellipsoid_point import nearest_in_plane, nearest_on_ellipsoid
-from myomorph.muscles.ellipsoid_tangent import tangent_point
+from myomorph.muscles.ellipsoid import nearest_in_plane, nearest_on_ellipsoid, tangent_point
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP
 from myomorph.rigid.kernels import inner
 from myomorph.rigid.vectors import along, cross, dot, minus, norm, replaced, sign, unit

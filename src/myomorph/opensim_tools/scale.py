@@ -20,8 +20,7 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Table
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.measurements import frames_around, measure, with_measured
-from myomorph.motion.place import Placement, place_on_pose
+from myomorph.motion.measurements import Placement, frames_around, measure, place_on_pose, with_measured
 from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs

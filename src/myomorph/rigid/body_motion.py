@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
@@ -14,6 +14,7 @@ from myomorph.rigid.kinematics import body_poses, body_rates
 from myomorph.rigid.tree import Tree
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
     """How bodies move; body 0 is the ground, and every vector is in ground.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
@@ -104,6 +104,7 @@ def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class LoopTorques:
     """Generalized forces of the coordinates that follow no other, couplers' and loops' share handed on.

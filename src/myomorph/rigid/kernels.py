@@ -66,9 +66,9 @@ def kernel_folder() -> Path:
     return root / f"myomorph-{__version__}-{copy}"
 
 
-def is_compiled(dispatcher: Any) -> bool:
-    """Whether code of a kernel lies on disk, made from the present sources."""
-    return bool(dispatcher._cache._cache_file._load_index())
+def signatures_on_disk(dispatcher: Any) -> list[tuple[Any, ...]]:
+    """The argument types for which code of a kernel lies on disk, made from the present sources."""
+    return [key[0] for key in dispatcher._cache._cache_file._load_index()]
 
 
 @cache

@@ -17,7 +17,7 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Event, Markers, Motion, Trial, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.place import place_markers
+from myomorph.motion.measurements import place_markers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

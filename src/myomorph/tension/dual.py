@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.tension.separable import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
@@ -171,7 +171,7 @@ def _free_stiffness(S, values, slope, diagonal):
             diagonal[S.row[a]] += slope[i] * values[a] * values[a]
 
 
-@inner
+@in_place
 def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
 
@@ -233,7 +233,7 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
             s[i] += t * ds[i]
 
 
-@inner
+@in_place
 def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row, M):
     """One frame from the multipliers y: equilibrium residual, iterations and status; x and y are filled.
 

@@ -14,8 +14,18 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model, index_of
 from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.emg_delay import USUAL, DelayOptions, Delays, find_delays, shifted
-from myomorph.motion.emg_gain import ChannelMap, EmgCalibration, channel_means, fit_gains, uncalibrated
+from myomorph.motion.emg_delay import (
+    USUAL,
+    ChannelMap,
+    DelayOptions,
+    Delays,
+    EmgCalibration,
+    channel_means,
+    find_delays,
+    fit_gains,
+    shifted,
+    uncalibrated,
+)
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.problem import tension_problem

@@ -232,5 +232,5 @@ def _viser() -> Any:
     try:
         import viser
     except ImportError as error:
-        raise MyomorphError(f"the web page needs the package 'viser' ({error}): pip install viser") from None
+        raise MyomorphError(f"the web page needs the package 'viser' ({error}): pip install 'myomorph[view]'") from None
     return viser

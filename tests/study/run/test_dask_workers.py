@@ -17,11 +17,11 @@ import pytest
 from benchmarks.cluster import Cluster, cluster_in
 from benchmarks.interrupted_checks import differences, left_over
 
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
 from myomorph.study.run import dask_workers
-from myomorph.study.run.dask_cluster import scheduler_address, unfit
+from myomorph.study.run.dask_cluster import connected, scheduler_address, unfit
 from myomorph.study.run.dask_job import do_job, fitness
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.jobs import Ended, Job
@@ -205,6 +205,12 @@ def test_a_model_that_a_process_no_longer_has_is_sent_again(workers: DaskWorkers
 
 def test_a_process_gives_back_what_it_cannot_do_alone() -> None:
     assert do_job(b"", "unknown model") is None
+
+
+def test_without_the_extra_cluster_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MyomorphError, match=r"pip install 'myomorph\[cluster\]'"):
+        connected("tcp://127.0.0.1:8786", 1.0)
 
 
 def test_a_scheduler_that_does_not_answer_is_named_soon() -> None:

@@ -19,6 +19,7 @@ from myomorph.io.trc import write_trc
 from myomorph.model.series import Series
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.study.summary import study_tables
 from myomorph.study.summary.condition_tables import described
 from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans
 from myomorph.study.summary.sign_notes import SignSearch
@@ -167,7 +168,7 @@ def test_links_of_the_page_lead_somewhere(study):
         assert (study.out / one).is_file(), one
 
 
-def test_the_order_in_which_trials_ended_does_not_matter(study, tmp_path, monkeypatch):
+def test_the_order_in_which_trials_ended_does_not_matter(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     found = []
     for k, outcomes in enumerate((study.outcomes, study.outcomes[::-1])):
@@ -269,3 +270,13 @@ def test_angles_that_models_count_the_other_way_round_are_noted():
     assert search.notes() == []
     search.add("s3", angle("knee_angle_r", -68.0, 1.0))
     assert search.notes()[0].startswith("knee_angle_r: above zero in s1, s2, below it in s3: where their models")
+
+
+def test_without_the_extra_parquet_the_tables_are_csv_alone(tmp_path, monkeypatch):
+    """An older file of that name goes: it would hold other values than the tables beside it."""
+    monkeypatch.setattr(study_tables, "has_parquet", lambda: False)
+    whole = tmp_path / "results.parquet"
+    whole.write_text("older")
+    with study_tables._parquet(whole) as keep:
+        keep(("S1", "slow", "walk"), [])
+    assert not whole.exists()

@@ -11,8 +11,10 @@ import pytest
 USE = """
 from myomorph.study.trial import ahead
 from myomorph.muscles.path_kernels import path_frames
-assert ahead.cached()
-ahead.compile_muscles()
+wraps = frozenset({ahead.TENDONS})
+assert ahead.cached(wraps)
+assert not ahead.cached(frozenset())
+ahead.compile_muscles(wraps)
 assert sum(path_frames.stats.cache_hits.values()) == 1
 assert not path_frames.stats.cache_misses
 """
@@ -21,7 +23,7 @@ assert not path_frames.stats.cache_misses
 @pytest.mark.long
 def test_what_the_child_compiles_is_found_in_the_cache(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    subprocess.run([sys.executable, "-m", "myomorph.study.trial.ahead"], check=True, env=environment)
+    subprocess.run([sys.executable, "-m", "myomorph.study.trial.ahead", "tendons"], check=True, env=environment)
     subprocess.run([sys.executable, "-c", USE], check=True, env=environment)
 
 
@@ -32,3 +34,13 @@ def test_nothing_is_compiled_where_no_later_step_needs_it():
         waiting = compile_ahead(steps)
         assert waiting._child is None
         waiting.wait("muscles")
+
+
+def test_the_rules_by_which_paths_wrap_are_those_of_their_kernels():
+    from myomorph.muscles.path import compile_paths
+    from myomorph.study.trial.ahead import SURFACES, TENDONS, two_links, wraps_of
+
+    for wraps in (set(), {SURFACES}, {TENDONS}, {SURFACES, TENDONS}):
+        model = two_links(frozenset(wraps))
+        assert wraps_of(model) == wraps
+        assert compile_paths(model).wraps == (1 if SURFACES in wraps else None, 1 if TENDONS in wraps else None)

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.model.errors import BadData, BadFile, MyomorphError, listing
 from myomorph.study.run.dask_job import Fitness, fitness
 
 MARK = ".seen-by-workers-"
@@ -56,9 +56,15 @@ def connected(address: str, patience: float) -> Any:
     ------
     BadData
         where it does not answer for `patience` [s]
+    MyomorphError
+        where the extra `cluster` is not installed
     """
-    from distributed import Client
-    from distributed.versions import VersionMismatchWarning
+    try:
+        from distributed import Client
+        from distributed.versions import VersionMismatchWarning
+    except ImportError as error:
+        needed = f"a Dask cluster needs the package 'distributed' ({error})"
+        raise MyomorphError(f"{needed}: pip install 'myomorph[cluster]'") from None
 
     try:
         # In a thread of its own, for where there is a loop already, as in a notebook.

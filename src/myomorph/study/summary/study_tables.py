@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -147,7 +148,7 @@ def _write_conditions(
         tuple(one for one in quantities if one.quantity in shown),
         _changes(trials),
         (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
-        (*groups, *FILES),
+        (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
     )
     page = study_page(given)
     key = made_here(plan, [one.outcome for one in trials], out)
@@ -234,9 +235,20 @@ def _csv(path: Path, head: Sequence[str]) -> Iterator[Any]:
         yield table
 
 
+def has_parquet() -> bool:
+    """Whether tables can be written as Parquet, too."""
+    return importlib.util.find_spec("pyarrow") is not None
+
+
 @contextmanager
 def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Value]], None]]:
-    """The same for the values of trials as Parquet, written in blocks."""
+    """The same for the values of trials as Parquet, written in blocks; without the extra `parquet`, nothing."""
+    if not has_parquet():
+        # What an earlier run has left would hold other values than the tables beside it.
+        path.unlink(missing_ok=True)
+        yield lambda whose, values: None
+        return
+    # Takes half a second to import, and only here.
     import pyarrow as pa
     import pyarrow.parquet as pq
 

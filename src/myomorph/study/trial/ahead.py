@@ -1,8 +1,8 @@
-"""The muscle kernels compiled in a second process while the first steps run: once on a new machine.
+"""Kernels compiled in two processes at once: what a new machine waits for before its first result.
 
 Compilation takes most of the first command's time and uses one core. This process compiles inverse
-kinematics, muscle curves and the tension solver; a child meanwhile compiles muscle paths and what is left
-of tension, and leaves it in Numba's cache on disk.
+kinematics and what its first steps use; a child meanwhile compiles muscle paths and the tension solver, and leaves
+them in the kernels' cache on disk.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -17,13 +18,20 @@ import numpy as np
 
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
-from myomorph.model.paths import Muscle, PathPoint
+from myomorph.model.paths import Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.paths import Path as MusclePath
 from myomorph.model.series import Markers, Motion, Series
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
+from myomorph.store.progress import progress
 
 MUSCLE_STEPS = ("muscles", "tension")
+SURFACES, TENDONS = "surfaces", "tendons"
+"""By whose rules muscle paths wrap, OpenSim's or MuJoCo's: each is a kernel of its own."""
+KERNELS = 86
+"""About how many files the kernels of all steps have, for the bar."""
+PERIOD = 0.3
+"""Between two looks at those files [s]."""
 
 
 class Ahead:
@@ -38,11 +46,16 @@ class Ahead:
         return self._child is not None and self._child.poll() is None
 
     def wait(self, step: str) -> None:
-        """Return when the kernels of a step are compiled (or the child has failed: then they compile here)."""
-        if self._child is not None and step in MUSCLE_STEPS:
-            if self._child.poll() is None:
-                sys.stderr.write("compiling the muscle kernels: once on this machine, up to half a minute\n")
-                compile_forces()
+        """Return when the kernels of a step are compiled; where the child has failed, they compile here."""
+        if step in MUSCLE_STEPS:
+            if self.works:
+                with compiling():
+                    self.join()
+            self.join()
+
+    def join(self) -> None:
+        """Return when the child has ended."""
+        if self._child is not None:
             self._child.wait()
             self._child = None
 
@@ -53,33 +66,79 @@ class Ahead:
             self._child = None
 
 
-def compile_ahead(steps: Sequence[str]) -> Ahead:
-    """Compile the muscle kernels in a child where steps after the first need them and they are not cached."""
+def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> Ahead:
+    """Compile the muscle kernels in a child where steps after the first need them and they are not cached.
+
+    Parameters
+    ----------
+    steps : of one recording, in order
+    wraps : of `wraps_of` its model
+    """
     child = None
-    if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached():
-        command = [sys.executable, "-m", "myomorph.study.trial.ahead"]
+    if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
+        command = [sys.executable, "-m", "myomorph.study.trial.ahead", *sorted(wraps)]
         child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return Ahead(child)
 
 
-def cached() -> bool:
-    """Whether an earlier command has left the muscle kernels in Numba's cache."""
-    from myomorph.muscles.path_kernels import path_frames
-    from myomorph.rigid.kernels import is_compiled
+def wraps_of(model: Model) -> frozenset[str]:
+    """By whose rules the paths of a model wrap: `SURFACES`, `TENDONS`, both or neither."""
+    wraps = [wrap for muscle in model.muscles for wrap in muscle.path.wraps]
+    return frozenset(TENDONS if isinstance(wrap, TendonWrap) else SURFACES for wrap in wraps)
 
-    return is_compiled(path_frames)
+
+def cached(wraps: frozenset[str] = frozenset()) -> bool:
+    """Whether an earlier command has left the muscle kernels on disk."""
+    from numba import types
+
+    from myomorph.muscles.path_kernels import path_frames
+    from myomorph.rigid.kernels import signatures_on_disk
+
+    wanted = [one in wraps for one in (SURFACES, TENDONS)]
+    found = signatures_on_disk(path_frames)
+    return any([not isinstance(one, types.NoneType) for one in signature[2:4]] == wanted for signature in found)
 
 
 def motion_cached() -> bool:
-    """Whether an earlier command has left the kernels of inverse kinematics in Numba's cache."""
+    """Whether an earlier command has left the kernels of inverse kinematics on disk."""
     from myomorph.motion.least_squares import solve_frames
-    from myomorph.rigid.kernels import is_compiled
+    from myomorph.rigid.kernels import signatures_on_disk
 
-    return is_compiled(solve_frames)
+    return bool(signatures_on_disk(solve_frames))
 
 
-def two_links() -> Model:
-    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second."""
+@contextmanager
+def compiling() -> Iterator[None]:
+    """A bar while this process or a child compiles, by the files that appear in the cache."""
+    from myomorph.rigid.kernels import kernel_folder
+
+    folder, ended = kernel_folder(), threading.Event()
+
+    def watch() -> None:
+        with progress("compiling, once on this machine", KERNELS, "kernels") as advance:
+            seen = 0
+            while not ended.wait(PERIOD):
+                files = min(sum(1 for _ in folder.glob("*.nbc")), KERNELS)
+                advance(max(files - seen, 0))
+                seen = max(files, seen)
+            advance(KERNELS - seen)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        watcher.join()
+
+
+def two_links(wraps: frozenset[str] = frozenset()) -> Model:
+    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second; one more a wrap.
+
+    Parameters
+    ----------
+    wraps : as of `wraps_of`
+    """
     still, z = Transform.identity(), np.array([0.0, 0.0, 1.0])
     bodies, joints = [], []
     for name, parent in (("first", GROUND), ("second", "first")):
@@ -90,9 +149,18 @@ def two_links() -> Model:
         PathPoint("origin", "first", np.array([0.1, 0.3, 0.0])),
         PathPoint("end", "second", np.array([0.0, -0.3, 0.0])),
     )
-    muscle = Muscle("muscle", "Millard2012EquilibriumMuscle", MusclePath(points), 100.0, 0.3, 0.3)
+    ball = WrapObject("ball", "second", "sphere", still, (0.01,))
+    paths = [MusclePath(points)]
+    if SURFACES in wraps:
+        paths.append(MusclePath(points, (PathWrap(ball.name),)))
+    if TENDONS in wraps:
+        paths.append(MusclePath(points, (TendonWrap(ball.name, 0),)))
+    kind = "Millard2012EquilibriumMuscle"
+    muscles = tuple(Muscle(f"muscle_{k}", kind, path, 100.0, 0.3, 0.3) for k, path in enumerate(paths))
     coordinates = tuple(Coordinate(f"{body.name}_angle") for body in bodies)
-    return Model("two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=(muscle,))
+    return Model(
+        "two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=muscles, wrap_objects=(ball,)
+    )
 
 
 @contextmanager
@@ -130,27 +198,20 @@ def compile_motion() -> None:
 
 
 @uncollected()
-def compile_forces() -> None:
-    """Run the muscle curves and the tension solver once, which need no paths."""
+def compile_curves() -> None:
+    """Run the muscle curves once, which need no paths."""
     from myomorph.muscles.hill import hill_forces
-    from myomorph.tension.dual import solve_separable
-    from myomorph.tension.separable import Separable, no_links, no_penalties, pattern
 
     hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
-    shape, one = pattern(np.zeros(2, np.int64), np.arange(2), (1, 2)), np.ones(2)
-    problem = Separable(shape.start, shape.row, shape.first, one, 2.0 * one, -one, one)
-    given = np.ones((1, 2)), np.ones((1, 1)), np.zeros((1, 2)), no_penalties(2), no_links(), np.zeros(1)
-    found = np.empty((1, 2)), np.empty((1, 1)), np.empty(1), np.empty(1, np.int64), np.empty(1, np.int8)
-    solve_separable(problem, *given, *found)
 
 
 @uncollected()
-def compile_muscles() -> None:
+def compile_muscles(wraps: frozenset[str] = frozenset()) -> None:
     """Run every muscle and tension kernel once, paths first."""
     from myomorph.muscles.path import muscle_kinematics
     from myomorph.tension.solve import solve_tension
 
-    model = two_links()
+    model = two_links(wraps)
     residual = Actuator("residual", "torque", 1.0, body="first", direction=np.array([0.0, 0.0, 1.0]))
     time = np.linspace(0.0, 0.07, 8)
     motion = differentiate(Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time])))
@@ -160,4 +221,4 @@ def compile_muscles() -> None:
 
 
 if __name__ == "__main__":
-    compile_muscles()
+    compile_muscles(frozenset(sys.argv[1:]))

@@ -28,7 +28,7 @@ from myomorph.store.results import (
     stored_values,
     whole_folder,
 )
-from myomorph.study.trial.ahead import compile_ahead
+from myomorph.study.trial.ahead import compile_ahead, wraps_of
 from myomorph.study.trial.changes import NEVER, changes
 from myomorph.study.trial.kept_report import PAGE, keep_facts, report_is_made, told_the_same
 from myomorph.study.trial.step import StepOutput, StepResults, large_variables, run_step, step_of, step_provenance
@@ -126,7 +126,7 @@ def run_trial(
     outcome = Outcome(trial.subject, trial.name, folder, changed=tuple(dict.fromkeys(changed)))
     chain = _Chain(trial, results or StepResults(), earlier)
     held = _Held(parts, _is_short(trial) and not earlier.files and not _stored(trial, folder).exists())
-    ahead = compile_ahead(wanted) if computed else None
+    ahead = compile_ahead(wanted, wraps_of(trial.model)) if computed else None
     try:
         for step in wanted:
             check()

@@ -16,7 +16,7 @@ from myomorph.model.inertia import free_object
 from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Wrenches
-from myomorph.motion.one_clock import on_one_clock
+from myomorph.motion.clocks import on_one_clock
 from myomorph.motion.sync import resample_wrenches
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured

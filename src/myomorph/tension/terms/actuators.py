@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
-from myomorph.motion.body_size import length_unit
+from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree

@@ -15,8 +15,7 @@ from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.motion.emg_delay import USUAL
-from myomorph.motion.emg_gain import EmgCalibration
+from myomorph.motion.emg_delay import USUAL, EmgCalibration
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension
 from myomorph.rigid.dynamics import inverse_dynamics

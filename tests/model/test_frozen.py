@@ -1,0 +1,167 @@
+"""Frozen values really are: their arrays cannot be written, and no class of the package is forgotten."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+import pickle
+import pkgutil
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import myomorph
+from myomorph.model.arrays import Array, read_only
+
+ARRAY = re.compile(r"\b(Array|Ints|Flags|NDArray|ndarray)\b")
+
+KERNELS = "kernels take its arrays as they are, and would be compiled anew for read-only ones"
+EXCEPTIONS: dict[str, str] = {
+    "myomorph.motion.calibration.Calibration": KERNELS,
+    "myomorph.motion.shared_fit.FrameSet": KERNELS,
+    "myomorph.motion.shared_fit.Point": KERNELS,
+    "myomorph.motion.shared_fit.Prior": KERNELS,
+    "myomorph.motion.shared_fit.Reduced": KERNELS,
+    "myomorph.motion.shared_fit.SharedProblem": KERNELS,
+    "myomorph.muscles.coupled_arms.LoopGroup": KERNELS,
+    "myomorph.muscles.fiber_equations.Fibers": KERNELS,
+    "myomorph.muscles.hill.HillForces": KERNELS,
+    "myomorph.muscles.path.MuscleKinematics": KERNELS,
+    "myomorph.motion.steady_pose.SteadyFrame": KERNELS,
+    "myomorph.rigid.joint_wrenches.JointWrenches": KERNELS,
+    "myomorph.rigid.kinematics.Poses": KERNELS,
+    "myomorph.rigid.loops.LoopBasis": KERNELS,
+}
+"""Frozen classes whose arrays may be written, and why."""
+
+LATER = (
+    "myomorph.analysis", "myomorph.cli", "myomorph.contact", "myomorph.demo", "myomorph.identify", "myomorph.io",
+    "myomorph.live", "myomorph.model", "myomorph.morph", "myomorph.opensim_tools", "myomorph.report",
+    "myomorph.simulate", "myomorph.store", "myomorph.study", "myomorph.tension", "myomorph.viewer",
+    "myomorph.viscosity",
+)  # fmt: skip
+"""Rooms in which the decorator is not applied everywhere yet."""
+
+
+class Pair(NamedTuple):
+    first: Array
+    second: Array
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Plain:
+    values: Array
+    parts: tuple[Array, ...] = ()
+    pair: Pair | None = None
+    named: Mapping[str, Array] = field(default_factory=dict)
+    name: str = ""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Derived(Plain):
+    more: Array = field(default_factory=lambda: np.zeros(2))
+
+
+@read_only
+@dataclass(frozen=True, eq=False, slots=True)
+class Slotted:
+    values: Array
+    name: str = ""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Checked:
+    values: Array
+
+    def __post_init__(self):
+        object.__setattr__(self, "values", np.asarray(self.values, dtype=np.float64))
+
+
+def plain():
+    return Plain(np.zeros(3), (np.zeros(2), np.ones(2)), Pair(np.zeros(1), np.ones(1)), {"a": np.zeros(4)}, "name")
+
+
+def arrays_in(value):
+    """All arrays in the fields of a value."""
+    left, found = [getattr(value, one.name) for one in fields(value)], []
+    while left:
+        one = left.pop()
+        if isinstance(one, np.ndarray):
+            found.append(one)
+        elif isinstance(one, tuple):
+            left += one
+        elif isinstance(one, Mapping):
+            left += one.values()
+    return found
+
+
+def again(value):
+    return pickle.loads(pickle.dumps(value))
+
+
+@pytest.mark.parametrize("way", [lambda one: one, again, copy.copy, copy.deepcopy, replace], ids=str)
+@pytest.mark.parametrize("made", [plain, lambda: Derived(np.zeros(3)), lambda: Slotted(np.zeros(3)),
+                                  lambda: Checked([1, 2])])  # fmt: skip
+def test_no_array_can_be_written(made, way):
+    value = way(made())
+    assert arrays_in(value)
+    for array in arrays_in(value):
+        assert not array.flags.writeable
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 1.0
+
+
+def test_nothing_is_copied_and_what_was_given_stays_as_it_was():
+    values = np.zeros(3)
+    value = Plain(values)
+    assert np.shares_memory(value.values, values)
+    assert values.flags.writeable
+
+
+def test_kinds_names_and_values_stay():
+    value, back = plain(), again(plain())
+    for one in (value, back, replace(value, name="name")):
+        assert isinstance(one.pair, Pair)
+        assert isinstance(one.parts, tuple)
+        assert one.name == "name"
+        np.testing.assert_array_equal(one.named["a"], np.zeros(4))
+        np.testing.assert_array_equal(one.pair.second, [1.0])
+    assert list(inspect.signature(Plain).parameters) == ["values", "parts", "pair", "named", "name"]
+
+
+def frozen_classes():
+    """All frozen dataclasses of the package that have arrays, by full name."""
+    found = {}
+    for module in pkgutil.walk_packages(myomorph.__path__, "myomorph."):
+        if not module.name.endswith("__main__"):
+            for one in vars(importlib.import_module(module.name)).values():
+                if inspect.isclass(one) and is_dataclass(one) and one.__module__ == module.name:
+                    arrays = any(ARRAY.search(str(each.type)) for each in fields(one))
+                    if arrays and one.__dataclass_params__.frozen:
+                        found[f"{one.__module__}.{one.__qualname__}"] = one
+    return found
+
+
+def freezes_itself(one):
+    check = vars(one).get("__post_init__")
+    return check is not None and "frozen_array(" in inspect.getsource(check)
+
+
+def test_every_frozen_class_has_read_only_arrays():
+    found = frozen_classes()
+    assert len(found) > 100
+    assert set(EXCEPTIONS) <= set(found), "an exception that is none"
+    open_ones = [
+        name
+        for name, one in found.items()
+        if "_arrays_are_read_only" not in vars(one) and not freezes_itself(one) and name not in EXCEPTIONS
+    ]
+    assert [name for name in open_ones if not name.startswith(LATER)] == []
