@@ -20,10 +20,8 @@ from myomorph.model.series import Series
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.summary import study_tables
-from myomorph.study.summary.condition_tables import described
-from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans
-from myomorph.study.summary.sign_notes import SignSearch
-from myomorph.study.summary.study_tables import FILES, PAGE, gather_study
+from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans, described
+from myomorph.study.summary.study_tables import FILES, PAGE, SignSearch, gather_study
 from myomorph.study.trial.tidy import OF_STRIDE, OF_TRIAL, Value
 
 SUBJECT = """[[subject]]
