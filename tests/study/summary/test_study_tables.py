@@ -166,7 +166,7 @@ def test_links_of_the_page_lead_somewhere(study):
         assert (study.out / one).is_file(), one
 
 
-def test_the_order_in_which_trials_ended_does_not_matter(tmp_path, monkeypatch):
+def test_the_order_in_which_trials_ended_does_not_matter(study, tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     found = []
     for k, outcomes in enumerate((study.outcomes, study.outcomes[::-1])):
