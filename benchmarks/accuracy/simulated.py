@@ -39,7 +39,7 @@ from myomorph.motion.calibration import CalibrationOptions
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.regressor import base_wrench
 from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 CUTOFF = 4.0
 """Of markers' coordinates and plate forces alike [Hz]; the motion lies below about 2 Hz."""

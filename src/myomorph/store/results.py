@@ -21,8 +21,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
-from myomorph.store.netcdf import NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
-from myomorph.store.netcdf_memory import HeldFile
+from myomorph.store.netcdf import HeldFile, NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
 
 STORED = ".nc"
 PROVENANCE = "provenance_"

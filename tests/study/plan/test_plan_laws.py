@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from myomorph.store.results import file_name
 from myomorph.study.plan.measures import LARGEST, UNITS, read_measures
 from myomorph.study.plan.plan_checks import check_names, folder_key
-from myomorph.study.plan.step_settings import filtered_steps, merged
+from myomorph.study.plan.subject_tables import filtered_steps, merged
 from myomorph.study.trial.trial_files import TrialFiles
 
 DEVICES = ["CON", "PRN", "AUX", "NUL", "COM1", "COM2", "COM3", "COM9", "COM¹", "LPT1", "LPT2", "LPT9", "LPT³"]
