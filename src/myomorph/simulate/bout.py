@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 import piqp
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.simulate.fighter import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP, Build, sole_points
 from myomorph.simulate.plan import Plan, jacobian
 
@@ -57,6 +57,7 @@ class Drives:
     stiffness: float = 120.0
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Wanted:
     """What the fighters intend at an instant.
@@ -230,6 +231,7 @@ LAG = 0.01
 """Time constant of activations after them [s]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Run:
     """What happened, step by step.
