@@ -1,3 +1,11 @@
-"""Models of one body, and the forces inside it, from what a laboratory can measure."""
+"""Models of one body, and the forces inside it, from what a laboratory can measure.
+
+`import myomorph as mm` is the way in. The names of `__init__.pyi` are found here; the module behind a name is imported
+when the name is first used, so that the import itself takes no time. All else may move from version to version.
+"""
+
+import lazy_loader
 
 __version__ = "0.1.0"
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
