@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
@@ -42,6 +42,7 @@ TIGHT = 1e-5
 """Relative change of the muscles' scale at which its search ends."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class VirtualCondition:
     """What truly is of a specimen with its muscles or without, and what was recorded.
