@@ -13,7 +13,7 @@ surface at little cost, so where they go along it is what bends the displacement
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -140,9 +140,10 @@ def onto(goal: Shape, points: Array, normals: Array) -> Samples:
     facing = np.einsum("ijk,ik->ij", dense.normals[near], normals[wrong]) > FACING
     turned = np.flatnonzero(facing.any(axis=1))
     index = near[turned, np.argmax(facing[turned], axis=1)]
-    for field in ("points", "normals", "rim"):
-        getattr(found, field)[wrong[turned]] = getattr(dense, field)[index]
-    return found
+    values = {field: getattr(found, field).copy() for field in ("points", "normals", "rim")}
+    for field, one in values.items():
+        one[wrong[turned]] = getattr(dense, field)[index]
+    return replace(found, **values)
 
 
 Moves: TypeAlias = Callable[[Array], Array]
