@@ -175,16 +175,6 @@ class Delays:
         return dict(zip(found.tolist(), counts.tolist(), strict=True))
 
 
-WAIT = 0.02
-"""Longest sleep without a look at the source [s]."""
-
-FORCE_WAIT = 0.01
-"""How long a frame waits for the forces of its time [s]."""
-
-PAUSE = 0.0005
-"""Pause while a frame waits for its forces [s]."""
-
-
 @dataclass(frozen=True, eq=False)
 class LiveSession:
     """How a session went.
