@@ -102,7 +102,11 @@ def again(value):
     return pickle.loads(pickle.dumps(value))
 
 
-@pytest.mark.parametrize("way", [lambda one: one, again, copy.copy, copy.deepcopy, replace], ids=str)
+@pytest.mark.parametrize(
+    "way",
+    [lambda one: one, again, copy.copy, copy.deepcopy, replace],
+    ids=["made", "pickled", "copied", "deeply", "replaced"],
+)
 @pytest.mark.parametrize("made", [plain, lambda: Derived(np.zeros(3)), lambda: Slotted(np.zeros(3)),
                                   lambda: Checked([1, 2])])  # fmt: skip
 def test_no_array_can_be_written(made, way):
