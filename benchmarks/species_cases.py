@@ -26,7 +26,7 @@ from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTabl
 from myomorph.morph.species.maps import SpeciesBones, coordinate_table, species_bones
 from myomorph.morph.transfer.model import graft_muscles
 from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.species_table import read_species
+from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import open_model
 
 MAN = "rajagopal-walk-emg/subject_walk_scaled.osim"

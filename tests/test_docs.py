@@ -105,8 +105,9 @@ def test_python_in_the_readme_runs(tmp_path, monkeypatch):
     assert len(names["torques"]) == 61
 
 
-def test_modules_in_the_references_exist():
-    text = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("page", ["references.md", "architecture.md", "adding.md"])
+def test_modules_that_a_page_names_exist(page):
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     named = set(re.findall(r"`((?:\w+/)+[\w*]+\.py)`", text))
     assert named
     missing = [one for one in named if not list((ROOT / "src" / "myomorph").glob(one)) and not (ROOT / one).is_file()]

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from arm_files import write_arm
+from myomorph.demo.arm import example_files
 from myomorph.io.c3d.ezc3d import write_c3d
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import read_trc
@@ -51,7 +51,7 @@ def there(tmp_path: Path) -> SimpleNamespace:
     """Files of the arm in a folder with a blank, a backslash and an umlaut in its name."""
     home = tmp_path / FOLDER
     home.mkdir()
-    return write_arm(home)
+    return example_files(home)
 
 
 @pytest.fixture

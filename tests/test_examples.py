@@ -93,6 +93,7 @@ def test_python_calls_what_exists(text):
     """Also blocks that are parts of a program: what they import is there, what they call takes those arguments."""
     known, tree, wrong = package_names(), ast.parse(text), []
     bound = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+    bound |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
     imported = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("myomorph"):

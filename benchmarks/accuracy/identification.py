@@ -32,8 +32,8 @@ from myomorph.report.trial.identification_tables import segment_sheet
 from myomorph.report.trial.identified import identification_input
 from myomorph.rigid.regressor import base_regressor, base_wrench
 from myomorph.study.subject.body_points import OWN, body_points
-from myomorph.study.subject.body_shape import BodyOptions, BodyShape
 from myomorph.study.subject.identifying import MAPS
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 from myomorph.study.trial.inputs import force_table
 
 CUTOFF = 6.0

@@ -39,7 +39,7 @@ from myomorph.motion.calibration import CalibrationOptions
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.regressor import base_wrench
 from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 CUTOFF = 4.0
 """Of markers' coordinates and plate forces alike [Hz]; the motion lies below about 2 Hz."""
@@ -230,9 +230,14 @@ def standard_of(fit: base.BaseFit) -> Array:
 
 def _base_facts(name: str, fit: base.BaseFit, truth: Array) -> Facts:
     error = np.abs(fit.estimate - fit.base.of(truth)) / fit.sd
-    yield f"{name}: base parameters, and those that the motion shows", f"{len(fit.base)}, {int(fit.shown.sum())}", ""
+    yield (
+        f"{name}: base parameters, and those that the motion shows",
+        f"{len(fit.base)}, {int(fit.identifiable.sum())}",
+        "",
+    )
     yield f"{name}: base parameters within 3 standard deviations [%]", 100.0 * float(np.mean(error < 3.0)), ">= 95"
-    yield f"{name}: the same of those shown [%]", 100.0 * float(np.mean(error[fit.shown] < 3.0)), ">= 95"
+    known = np.abs(error[fit.identifiable])
+    yield f"{name}: the same of the identifiable ones [%]", 100.0 * float(np.mean(known < 3.0)), ">= 95"
     yield f"{name}: error / standard deviation, RMS", _rms(error), ""
 
 

@@ -23,7 +23,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.morph.species.counterparts import Posed
 from myomorph.muscles.path import compile_paths
-from myomorph.study.subject.species_table import read_species
+from myomorph.study.subject.species_morphing import read_species
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "species-leg.svg"
 METHOD = "SSD"

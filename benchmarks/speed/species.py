@@ -12,8 +12,7 @@ from benchmarks.speed.size import MEGABYTE, peak
 from myomorph.morph.registration.nonrigid import MatchOptions
 from myomorph.morph.species.maps import species_bones, species_morph
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
-from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
-from myomorph.study.subject.species_table import read_species
+from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files
 
 ALLOWED = 300.0
 

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.fuzz_readers import SEEDS
 
 from myomorph.model.errors import BadFile
-from myomorph.store.study_file import MOST_PROBLEMS
+from myomorph.store.study_file import MAX_PROBLEMS
 from myomorph.study.plan.plan import read_plan
 
 STUDY = (SEEDS / "study.toml").read_text(encoding="utf-8")
@@ -37,6 +37,6 @@ def test_a_long_value_is_cut_short(tmp_path):
 
 
 def test_of_many_problems_the_first_are_told(tmp_path):
-    told = said(tmp_path, STUDY + "".join(f"[[subject]]\nname = 's{k}'\n" for k in range(2 * MOST_PROBLEMS)))
+    told = said(tmp_path, STUDY + "".join(f"[[subject]]\nname = 's{k}'\n" for k in range(2 * MAX_PROBLEMS)))
     assert "more" in told
-    assert told.count(" | ") == MOST_PROBLEMS
+    assert told.count(" | ") == MAX_PROBLEMS

@@ -26,7 +26,7 @@ from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.series import Wrenches
 from myomorph.rigid.regressor import base_regressor, reference_points
 from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 GAIT = "opensim-gait-subject01/ref_id"
 MASS = 72.6

@@ -93,7 +93,7 @@ def test_a_folder_holds_everything(
     assert len(read_sto(out / "activations.sto").names) == 80
     opened = next(iter(recordings(out).values()))()
     assert opened.tension is not None
-    assert opened.motion is not None
+    assert opened.kinematics is not None
 
 
 def test_what_cannot_be_is_told_before_anything_is_written(data: Callable[[str], Path], tmp_path: Path) -> None:

@@ -39,12 +39,7 @@ EXCEPTIONS: dict[str, str] = {
 }
 """Frozen classes whose arrays may be written, and why."""
 
-LATER = (
-    "myomorph.analysis", "myomorph.cli", "myomorph.contact", "myomorph.demo", "myomorph.identify", "myomorph.io",
-    "myomorph.live", "myomorph.model", "myomorph.morph", "myomorph.opensim_tools", "myomorph.report",
-    "myomorph.simulate", "myomorph.store", "myomorph.study", "myomorph.tension", "myomorph.viewer",
-    "myomorph.viscosity",
-)  # fmt: skip
+LATER = ("myomorph.cli", "myomorph.study")
 """Rooms in which the decorator is not applied everywhere yet."""
 
 

@@ -47,7 +47,7 @@ def of_femurs(make: Maker, count: int) -> Errors:
 def test_twelve_landmarks_halve_the_error_of_scaling():
     scaled, ours = of_femurs(scaled_by_pairs, 12), of_femurs(by_map(MapOptions()), 12)
     assert ours.on.mean() < 0.5 * scaled.on.mean()
-    assert ours.folded == 0.0
+    assert ours.inverted == 0.0
 
 
 def test_more_features_are_better_and_few_no_worse_than_a_similarity():

@@ -16,7 +16,7 @@ from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.reporting import report_input
-from myomorph.study.trial.run_trial import kept_steps
+from myomorph.study.trial.run_trial import reused_steps
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import STEPS
 from myomorph.study.trial.trial_files import open_trial
@@ -64,7 +64,7 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     home = arm.folder / "there"
     home.mkdir()
     shutil.copy(OLD, home / "reach.nc")
-    assert kept_steps(trial, tuple(STEPS), home) == dict.fromkeys(STEPS, ())
+    assert reused_steps(trial, tuple(STEPS), home) == dict.fromkeys(STEPS, ())
     monkeypatch.setattr("myomorph.store.results.__version__", "99.0")
     version = read_result(OLD).provenance["ik"].version
-    assert set(kept_steps(trial, tuple(STEPS), home).values()) == {(f"version {version} -> 99.0",)}
+    assert set(reused_steps(trial, tuple(STEPS), home).values()) == {(f"version {version} -> 99.0",)}

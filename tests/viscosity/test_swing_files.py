@@ -16,10 +16,9 @@ from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Table, Wrenches
 from myomorph.model.spatial import axis_rotation
-from myomorph.study.trial.upright import carrying, turn_to, turned
 from myomorph.viscosity.study.calibration import PlateFiles, calibrate, placed, plate_residuals
 from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
-from myomorph.viscosity.study.swing_files import open_specimen, open_swing, wrench_of_table
+from myomorph.viscosity.study.swing_files import carrying, open_specimen, open_swing, turn_to, turned, wrench_of_table
 from myomorph.viscosity.swings.plate import wrench_about
 
 DOWN = np.array([0.0, -9.80665, 0.0])

@@ -206,8 +206,8 @@ def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
     plate = [remade(one, wrench=one.wrench + 0.03 * random.standard_normal(one.wrench.shape)) for one in exact]
     swings = shaken(plate, random, 0.5)
     errors = []
-    for share in (swing_prediction.STILL, 0.0):
-        monkeypatch.setattr(swing_prediction, "STILL", share)
+    for share in (swing_prediction.SPEED_THRESHOLD, 0.0):
+        monkeypatch.setattr(swing_prediction, "SPEED_THRESHOLD", share)
         errors.append(np.abs(limb_inertia(swing_sums(swings)).parameters[[2, 4]] / limb.parameters[[2, 4]] - 1.0).max())
     assert errors[0] < 0.005
     assert errors[1] > 2.0 * errors[0]

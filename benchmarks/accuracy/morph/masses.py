@@ -17,7 +17,7 @@ from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import Morph
 from myomorph.simulate.jump_model import leg_model
 from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.morph_masses import least_eigenvalues, with_envelope_masses, with_morphed_masses
+from myomorph.study.subject.morph_masses import min_eigenvalues, with_envelope_masses, with_morphed_masses
 
 SIZE = 0.8
 LEAST = 0.02
@@ -67,7 +67,7 @@ def compared(model: Model, found: Model) -> Row:
     apart = [np.linalg.norm(model.bodies[i].mass_center - found.bodies[i].mass_center) for i in heavy]
     moments = [np.trace(found.bodies[i].inertia) / np.trace(model.bodies[i].inertia) for i in heavy]
     worst = model.body_names[heavy[int(np.argmax(off))]]
-    possible = Counter(bool(one > 0.0) for one in least_eigenvalues(found)[new > 0.0])
+    possible = Counter(bool(one > 0.0) for one in min_eigenvalues(found)[new > 0.0])
     return {
         "whole mass off [kg]": abs(float(new.sum() - own.sum())),
         "bodies that can be": f"{possible[True]} of {sum(possible.values())}",

@@ -223,7 +223,7 @@ class Errors:
     ----------
     on, beside : (points,) at the attachments and `HEIGHT` above them [m]
     apart : (points,) from the nearest landmark, in the template [m]
-    folded : share of the points beside the bone at which the map turns space inside out
+    inverted : share of the points beside the bone at which the map turns space inside out
     """
 
     on: Array
@@ -329,8 +329,8 @@ def measure_beside() -> Iterator[Row]:
             "12, picked with errors [mm]": 1e3 * float(noisy.on.mean()),
             "and beside [mm]": 1e3 * float(noisy.beside.mean()),
             "dense, beside [mm]": "" if dense is None else 1e3 * float(dense.beside.mean()),
-            "folded, 12 [%]": 100 * exact.folded,
-            "folded, dense [%]": "" if dense is None else 100 * dense.folded,
+            "folded, 12 [%]": 100 * exact.inverted,
+            "folded, dense [%]": "" if dense is None else 100 * dense.inverted,
         }
 
 

@@ -27,7 +27,7 @@ from myomorph.model.series import Motion
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.counterparts import MuscleHomology, Posed
 from myomorph.muscles.path import compile_paths, muscle_kinematics
-from myomorph.study.subject.species_table import read_species
+from myomorph.study.subject.species_morphing import read_species
 
 ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"
 BENT = 0.5 * np.pi

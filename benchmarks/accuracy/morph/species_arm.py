@@ -22,7 +22,7 @@ from myomorph.morph.species.maps import species_morph
 from myomorph.morph.transfer.model import graft_muscles
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.species_table import read_species
+from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import open_model
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"

@@ -13,9 +13,10 @@ from scipy.stats import t as student
 from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups
 from myomorph.analysis.paired import compare_paired
 from myomorph.analysis.permutations import FEWEST
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MeanCurves:
     """Signals over the cycle, as the mean of several subjects or trials.

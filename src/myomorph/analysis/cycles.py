@@ -11,7 +11,7 @@ from scipy.fft import next_fast_len
 from scipy.special import ndtr
 from scipy.stats import t as student
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 
@@ -205,6 +205,7 @@ class Cycles:
         return np.linspace(0.0, 100.0, self.values.shape[1])
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Band:
     """A mean curve with its interval.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from myomorph.analysis.phases import contacts
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
 
@@ -57,6 +57,7 @@ class StrideOptions:
     shortest: float = 0.04
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class FootTrack:
     """A foot and its events.

@@ -24,7 +24,7 @@ from myomorph.analysis.permutations import (
     p_floor,
     permutation_test,
 )
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 
 
@@ -53,6 +53,7 @@ class GroupOptions:
             raise BadData(f"{self.permutations} permutations: expected 100 or more")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Animal:
     """One animal or subject.
@@ -118,6 +119,7 @@ class ScalarDifference:
     q: float = float("nan")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class CurveDifference:
     """One signal of two groups over the cycle, animals' means.

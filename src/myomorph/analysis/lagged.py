@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 
@@ -33,6 +33,7 @@ class LagOptions:
             raise BadData(f"lag {self.lag:g} s, discoveries {self.discoveries:g}: expected 0 or more, and 0 to 1")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Correlations:
     """Every signal of one set with every signal of another.
@@ -157,6 +158,7 @@ def discovered(chance: Array, share: float) -> np.ndarray:
 FEWEST_CYCLES = 4
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Locking:
     """Signals against the periods of a reference.

@@ -15,7 +15,7 @@ import numpy as np
 
 from myomorph.analysis.cycles import Band, Cycles, band, over_cycles
 from myomorph.analysis.strides import Stride, Strides, chains, walking_limbs
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
@@ -57,6 +57,7 @@ class MuscleRange:
         return (self.longest - self.shortest) / self.fiber if self.fiber > 0.0 else float("nan")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class LengthAnalysis:
     """Lengths of all muscle-tendon units over the strides of their limbs.

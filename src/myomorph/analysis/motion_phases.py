@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import Cut
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Series
 
 MOST_STAGES = 16
@@ -51,6 +51,7 @@ class Cutting:
         return tuple(sorted((one for stage in self.stages for one in stage.phases), key=lambda one: one.start))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Cuttable:
     """What phases are made from.
@@ -183,6 +184,7 @@ def _parts(what: Cuttable) -> tuple[Stage, ...]:
     return _single(borders, [f"Part {i + 1}" for i in range(PARTS)])
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class StageMeasures:
     """What a stage is like.

@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 from scipy.stats import nct
 from scipy.stats import t as student
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 
 FEWEST = 3
@@ -35,6 +35,7 @@ SAME = 1e-9
 """Two |t| are equal within this share."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PermutationTest:
     """What relabelling tells.

@@ -24,7 +24,7 @@ from myomorph.analysis.foot_events import (
     ground_speed_of,
     on_plates,
 )
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model, index_of
 from myomorph.model.segments import feet_of
@@ -75,6 +75,7 @@ class Stride:
         return self.length / self.duration
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Strides:
     """All strides of a recording.

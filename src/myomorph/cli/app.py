@@ -14,7 +14,7 @@ class Command(NamedTuple):
     """Where a command is found, what it does, and an example of its use."""
 
     module: str
-    told: str
+    help: str
     example: str
 
 
@@ -28,7 +28,7 @@ COMMANDS = {
         "study", "Run a study file: subjects, models, trials and steps.", "myomorph run study.toml --out results"
     ),
     "run-tool": Command(
-        "tools",
+        "files",
         "Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool.",
         "myomorph run-tool scale_setup.xml",
     ),
@@ -84,7 +84,7 @@ COMMANDS = {
     ),
     "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
     "view": Command(
-        "view", "Show results in a web page: the body moves, with its muscles and forces.", "myomorph view demo"
+        "files", "Show results in a web page: the body moves, with its muscles and forces.", "myomorph view demo"
     ),
 }
 
@@ -114,7 +114,7 @@ def new_app() -> App:
         app.command(
             f"myomorph.cli.{command.module}:{name.replace('-', '_')}_command",
             name=name,
-            help=command.told,
+            help=command.help,
             help_epilogue=f"Example: `{command.example}`",
         )
     for name in command_names()[len(COMMANDS) :]:

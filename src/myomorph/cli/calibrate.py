@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, Threads, Time, given, options_class, use_threads
+from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.motion.calibration import CalibrationOptions
 
@@ -33,13 +33,13 @@ def calibrate_command(
     """Link lengths and marker positions of the body that the recordings show."""
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import calibrating
-    from myomorph.study.subject.calibrated import CalibrationFiles
-    from myomorph.study.subject.made_model import check_out_model
+    from myomorph.study.subject.calibrating import CalibrationFiles
+    from myomorph.study.subject.subjects import check_out_model
 
     use_threads(threads)
     files = CalibrationFiles(model, markers, static, marker_set, tasks, time)
     check_out_model(out, read=(model,))
-    calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), given(options)))
+    calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), settings_dict(options)))
     lost = calibrating.write_calibrated(calibrated, out)
     warn((*calibrated.warnings, *calibrated.found.notes, *lost))
     for line in calibrating.summary(calibrated.found):

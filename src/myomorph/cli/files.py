@@ -1,13 +1,16 @@
-"""`info` and `report`."""
+"""Commands that take a file or folder and nothing else: `info`, `report`, `run-tool` and `view`."""
 
 from __future__ import annotations
 
+import threading
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.output import said
+from myomorph.cli.options import Threads, use_threads
+from myomorph.cli.output import said, warn
 
 
 def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
@@ -43,4 +46,53 @@ def report_command(
         paths = report_folder(folder, preset=preset, times=times, demo_model=demo_model)
     for path in paths:
         said(f"wrote {path}")
+    return 0
+
+
+def run_tool_command(
+    setup: Annotated[Path, Parameter(help="OpenSim setup file (.xml) of one of the four tools.")],
+    /,
+    *,
+    threads: Threads = None,
+) -> int:
+    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool."""
+    from myomorph.opensim_tools.run import run_tool
+
+    use_threads(threads)
+    result = run_tool(setup)
+    warn(result.warnings)
+    for line in result.lines:
+        said(f"{result.tool}: {line}")
+    for path in result.written:
+        said(f"wrote {path}")
+    return 0
+
+
+def view_command(
+    folders: Annotated[
+        list[Path], Parameter(help="Folder of results; several are shown in one scene, with one clock.")
+    ],
+    /,
+    *,
+    port: Annotated[int | None, Parameter(help="Port of the page; any free one by default.")] = None,
+    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
+) -> int:
+    """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
+    from myomorph.demo.jump import demo_model
+    from myomorph.study.trial.viewing import open_replay
+
+    def served(opened: int) -> None:
+        address = f"http://127.0.0.1:{opened}"
+        said(f"{address} (for this machine only; Ctrl-C ends)")
+        if browser:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    try:
+        replay = open_replay(folders, port, served, demo_model)
+        try:
+            replay.wait()
+        finally:
+            replay.close()
+    except KeyboardInterrupt:
+        pass
     return 0

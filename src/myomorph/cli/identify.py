@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, Threads, Time, given, options_class, use_threads
+from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.identify.recordings import RecordingOptions
 from myomorph.identify.subject import GENERIC, IdentificationOptions
 from myomorph.live.identification import LiveOptions
-from myomorph.study.subject.body_shape import BodyOptions
+from myomorph.study.subject.subject_files import BodyOptions
 
 IdentifySettings = options_class(RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
 
@@ -56,13 +56,13 @@ def identify_command(
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
     from myomorph.live.identification import live_motions
     from myomorph.study.subject import identifying
-    from myomorph.study.subject.body_shape import BodyShape
-    from myomorph.study.subject.made_model import check_out_model
+    from myomorph.study.subject.subject_files import BodyShape
+    from myomorph.study.subject.subjects import check_out_model
     from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
     check_out_model(out, read=(model,))
-    settings = given(options)
+    settings = settings_dict(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
     if live:

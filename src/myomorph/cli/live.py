@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, given, options_class
+from myomorph.cli.options import ModelFile, options_class, settings_dict
 from myomorph.cli.output import said, warn
 from myomorph.live.chain import ChainOptions
 from myomorph.model.errors import BadData
@@ -54,14 +54,14 @@ def live_command(
     if markers is not None and lsl_forces:
         raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
     frames = LiveStreams(lsl_markers, lsl_forces, up) if markers is None else LiveFiles(markers, loads, speed)
-    settings = given(options)
+    settings = settings_dict(options)
     session = run_live_chain(
         model,
         frames,
         LiveOutputs(web, lsl_out, out),
         with_settings(ChainOptions(), settings),
         with_settings(TensionOptions(), settings),
-        _told,
+        _status,
     )
     warn(session.notes)
     for line in session.summary():
@@ -71,5 +71,5 @@ def live_command(
     return 0
 
 
-def _told(line: str) -> None:
+def _status(line: str) -> None:
     sys.stderr.write(f"{line}\n")

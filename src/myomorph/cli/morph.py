@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import Threads, given, options_class, use_threads
+from myomorph.cli.options import Threads, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
 from myomorph.morph.maps.fields import MapOptions
@@ -62,14 +62,14 @@ def morph_command(
 ) -> int:
     """A model's muscles in other bones: those of a subject, from a scan or a shape model."""
     from myomorph.study.subject import morphing
-    from myomorph.study.subject.made_model import check_out_model
     from myomorph.study.subject.morph_files import MorphFiles
+    from myomorph.study.subject.subjects import check_out_model
     from myomorph.study.trial.reporting import REPORT
 
     use_threads(threads)
     tables = morphing.tables_folder(out)
     check_out_model(out, tables, (source, target, bones, geometry, target_geometry))
-    settings = morphing.MorphSettings.of(given(options))
+    settings = morphing.MorphSettings.of(settings_dict(options))
     if species or target is not None:
         if bones is not None or target is None:
             raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")

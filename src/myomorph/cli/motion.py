@@ -14,8 +14,8 @@ from myomorph.cli.options import (
     OutFile,
     Threads,
     Time,
-    given,
     options_class,
+    settings_dict,
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
@@ -41,7 +41,7 @@ def ik_command(
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
     files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time)
-    trial = open_trial(files, {"ik": given(options)})
+    trial = open_trial(files, {"ik": settings_dict(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
     warn(trial.warnings)
@@ -63,7 +63,7 @@ def id_command(
     """Inverse dynamics: the generalized force of every coordinate."""
     use_threads(threads)
     files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
-    trial, poses = open_motion_trial(files, {"id": given(options)})
+    trial, poses = open_motion_trial(files, {"id": settings_dict(options)})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         results = run_step(dynamics.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes))

@@ -15,8 +15,8 @@ from myomorph.cli.options import (
     OutFolder,
     Threads,
     Time,
-    given,
     options_class,
+    settings_dict,
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
@@ -43,7 +43,7 @@ def muscles_command(
     """Muscle lengths, lengthening velocities and moment arms."""
     use_threads(threads)
     files = TrialFiles(model=model, motion=motion, time=time)
-    trial, poses = open_motion_trial(files, {"muscles": given(options)})
+    trial, poses = open_motion_trial(files, {"muscles": settings_dict(options)})
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes))
@@ -100,15 +100,15 @@ def tension_command(
         measured=measured,
         time=time,
     )
-    trial, poses = open_motion_trial(files, {"tension": given(options)})
+    trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes), f"the report tells them ('myomorph report {out}')")
-    said(f"{told_tension(results[tension.Tensions].tension)}; wrote {out}")
+    said(f"{tension_summary(results[tension.Tensions].tension)}; wrote {out}")
     return 0
 
 
-def told_tension(tension: Tension) -> str:
+def tension_summary(tension: Tension) -> str:
     """What was found, in a line."""
     text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {int(tension.optimal.sum())} frames optimal"
     if tension.reserves.size:

@@ -44,7 +44,7 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
     return Annotated[made, Parameter(name="*")]
 
 
-def given(options: Any) -> dict[str, Any]:
+def settings_dict(options: Any) -> dict[str, Any]:
     """The options as a mapping; empty where there are none."""
     return {} if options is None else dataclasses.asdict(options)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from myomorph.model.errors import BadFile, one_line
 from myomorph.store.results import STORED, ResultWriter, new_result, whole_folder
 
-MOST_WARNINGS = 5
+MAX_WARNINGS = 5
 
 
 def said(text: str) -> None:
@@ -23,10 +23,10 @@ def said(text: str) -> None:
 
 def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them") -> None:
     """Print what looked wrong but did not stop the work, and where all of it is told."""
-    for text in warnings[:MOST_WARNINGS]:
+    for text in warnings[:MAX_WARNINGS]:
         sys.stderr.write(f"warning: {one_line(' '.join(text.split()))}\n")
-    if len(warnings) > MOST_WARNINGS:
-        sys.stderr.write(f"warning: and {len(warnings) - MOST_WARNINGS} more: {where}\n")
+    if len(warnings) > MAX_WARNINGS:
+        sys.stderr.write(f"warning: and {len(warnings) - MAX_WARNINGS} more: {where}\n")
 
 
 @contextmanager

@@ -12,8 +12,8 @@ from myomorph.cli.options import (
     OutFolder,
     Threads,
     Time,
-    given,
     options_class,
+    settings_dict,
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
@@ -44,7 +44,7 @@ def step_command(name: str) -> Callable[..., int]:
     ) -> int:
         use_threads(threads)
         files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
-        trial, poses = open_motion_trial(files, {name: given(options)})
+        trial, poses = open_motion_trial(files, {name: settings_dict(options)})
         results = StepResults(poses)
         with folder_with(out, name) as (folder, writer):
             needed = [one for one in steps_before(step) if one.gives in step.needs and results.get(one.gives) is None]

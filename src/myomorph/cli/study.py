@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from myomorph.study.run.jobs import Workers
 
 BAD_INPUT, OUR_FAULT = 2, 1
-MOST_REMARKS = 12
+MAX_REMARKS = 12
 
 
 def demo_command(
@@ -38,10 +38,10 @@ def demo_command(
     """The main job on data that come with the installation, from markers to a report."""
     use_threads(threads)
     if study == "shoulder":
-        from myomorph.cli.viscosity import ended, told
+        from myomorph.cli.viscosity import ended, print_outcome
         from myomorph.demo.shoulder import run_shoulder_demo
 
-        return ended(run_shoulder_demo(out, told), out)
+        return ended(run_shoulder_demo(out, print_outcome), out)
     if study == "morph":
         from myomorph.demo.morph import run_morph_demo, summary
 
@@ -71,16 +71,15 @@ def demo_command(
 
 def _say_remarks(plan: Plan) -> None:
     """Print what is remarkable about the files of a study; of many trials the first, since they are alike."""
-    for remark in plan.remarks[:MOST_REMARKS]:
+    for remark in plan.remarks[:MAX_REMARKS]:
         said(remark)
-    if len(plan.remarks) > MOST_REMARKS:
-        said(f"and {len(plan.remarks) - MOST_REMARKS} more: --dry-run lists the files of every trial")
+    if len(plan.remarks) > MAX_REMARKS:
+        said(f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial")
 
 
 def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     """Print what a run by so many workers would do."""
-    from myomorph.study.run.dry_run import dry_run
-    from myomorph.study.run.dry_run_text import dry_run_lines
+    from myomorph.study.run.dry_run import dry_run, dry_run_lines
 
     _say_remarks(plan)
     found = dry_run(plan, out, fresh, count)
@@ -100,13 +99,13 @@ def _hands(plan: Plan, workers: int | None, memory: float | None, threads: int |
     return local_workers(workers, None if memory is None else int(memory * 1e9), jobs, threads)
 
 
-def _told(outcome: Outcome) -> None:
+def _report(outcome: Outcome) -> None:
     """Print what became of a job."""
     name = _named(outcome)
     if outcome.error:
         said(f"{name}: FAILED: {outcome.error}")
         return
-    kept = f" ({len(outcome.kept)} step{'s' if len(outcome.kept) != 1 else ''} unchanged)" if outcome.kept else ""
+    kept = f" ({len(outcome.reused)} step{'s' if len(outcome.reused) != 1 else ''} unchanged)" if outcome.reused else ""
     again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
     if not outcome.trial:
         said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
@@ -169,13 +168,13 @@ def run_command(
             said(f"{text}; it gets no work")
     else:
         hands = _hands(plan, workers, memory, threads)
-    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=_told)
+    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=_report)
     return _ended(outcomes, out)
 
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say what a run came to, where its results are and what failed where; the exit status."""
-    from myomorph.study.run.schedule import FULL
+    from myomorph.study.run.run import FULL
     from myomorph.study.summary.study_tables import PAGE, PARQUET, has_parquet
 
     trials = [one for one in outcomes if one.trial]
@@ -187,7 +186,7 @@ def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     if full:
         said(f"{full} trials were not run: {FULL}")
     if failed:
-        names = [_named(one) for one in failed[:MOST_REMARKS]]
+        names = [_named(one) for one in failed[:MAX_REMARKS]]
         more = f" and {len(failed) - len(names)} more" if len(failed) > len(names) else ""
         said(f"failed: {', '.join(names)}{more}; why stands in results.csv and study.log")
     if (out / PAGE).is_file() and not any(one.error for one in outcomes if not one.subject):

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import OutFolder, Threads, Time, given, options_class, use_threads
+from myomorph.cli.options import OutFolder, Threads, Time, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions
@@ -19,7 +19,7 @@ from myomorph.viscosity.tracking.track import TrackingOptions
 from myomorph.viscosity.trust.cutoff import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1
-MOST_NOTES = 4
+MAX_NOTES = 4
 """Notes of a specimen that are printed; findings come first, clocks that were set right stay out."""
 
 ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
@@ -72,10 +72,10 @@ def viscosity_command(
         refuse_files(model, intact, without, changed(options))
     else:
         files = {"without": (without, without_loads), "with": (intact, with_loads)}
-        plan = fixed_plan(model, files, base, first, muscle_mass, time, given(options))
+        plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
     for remark in plan.remarks:
         said(remark)
-    return ended(run_viscosity(plan, out, told), out)
+    return ended(run_viscosity(plan, out, print_outcome), out)
 
 
 def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
@@ -106,7 +106,7 @@ def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[P
         raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
 
 
-def told(outcome: SpecimenOutcome) -> None:
+def print_outcome(outcome: SpecimenOutcome) -> None:
     """Print a specimen's row, or why there is none."""
     name, row = outcome.report.name, outcome.report.row
     if outcome.report.failure:
@@ -123,6 +123,6 @@ def told(outcome: SpecimenOutcome) -> None:
             parts.append(f"{label} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {unit}")
     said(f"specimen {name}: {'; '.join(parts)} in {outcome.seconds:.1f} s")
     notes = [one for one in outcome.report.notes if not one.endswith(": corrected")]
-    warn(notes[:MOST_NOTES])
-    if len(notes) > MOST_NOTES:
-        warn([f"and {len(notes) - MOST_NOTES} notes more, in the report and in {NOTES}"])
+    warn(notes[:MAX_NOTES])
+    if len(notes) > MAX_NOTES:
+        warn([f"and {len(notes) - MAX_NOTES} notes more, in the report and in {NOTES}"])

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from myomorph.contact.plate_pose import rotation_vector
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
@@ -35,6 +35,7 @@ BLOCK = 0.2
 """Time over which residuals go together, for the standard deviations [s]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ObjectMotion:
     """Motion of a rigid object.
@@ -57,6 +58,7 @@ class ObjectMotion:
     residual: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class HandleFit:
     """How a handle's sensor sits on the object, and how well that explains its force.

@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.stairs import StairOptions, Step, StepLoads
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -22,6 +22,7 @@ LEAST_NOISE = 1e-4
 """Standard deviation of a measured component that has no noise at all, over body weight."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class FeetOnSteps:
     """Loads of the steps at the times of a motion, and the sites that stand on each.

@@ -13,7 +13,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import butter, resample_poly, sosfilt
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Sound
 
@@ -93,6 +93,7 @@ class Onset:
     background: float
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Heard:
     """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that holds drums.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters
@@ -23,6 +23,7 @@ PULL = 1e-3
 """Weight of the first guess of a grip's place, against one frame in which the bodies hold together."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Grip:
     """Where one body holds another.
@@ -98,6 +99,7 @@ def grip_between(
     return Grip(site, frozen_array(y), frozen_array(np.linalg.norm(apart, axis=1)))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ActionReaction:
     """What each of several parts needs beyond what was measured on it, and what is left when all are added.

@@ -34,7 +34,7 @@ from myomorph.contact.plate_pose import (
     unknown_notes,
 )
 from myomorph.contact.plates import plate_axes
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.series import PlateRecording
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
 ]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PlateCalibration:
     """A plate's pose in the laboratory and how well the placements agree on it.
@@ -105,6 +106,7 @@ class PlateCalibration:
         return _deviations(self.covariance, self.unknown)[:3]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PlateCheck:
     """An existing calibration against placements.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.contact.plate_placements import Placement
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import axis_rotation
 
@@ -60,6 +60,7 @@ class PlateFitOptions:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PlatePose:
     """A pose and what is known of it.
@@ -87,6 +88,7 @@ def across(directions: Array) -> Array:
     return np.stack([first, np.cross(directions, first)], axis=1)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Lines:
     """Placements as arrays: lines in the plate's axes, points and directions in the laboratory, and what they weigh."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import STANDARD_GRAVITY, Model
@@ -30,6 +30,7 @@ CLUSTER = 0.25
 """Share of samples that the narrowest interval about the floor holds."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SiteMotion:
     """Sites over a motion, in ground.
@@ -59,6 +60,7 @@ class SiteMotion:
         return float(np.sqrt(STANDARD_GRAVITY * self.height))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Floor:
     """What the sites walk on.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Model
@@ -56,6 +56,7 @@ class FootOptions:
     cone: Cone = field(default_factory=Cone)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Foot:
     """One foot of a model in its default posture.

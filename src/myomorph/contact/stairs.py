@@ -18,7 +18,7 @@ import numpy as np
 
 from myomorph.contact.plates import episodes
 from myomorph.contact.states import hysteresis, steady
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.model.spatial import Transform
@@ -109,6 +109,7 @@ class StairOptions:
             )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class StepLoads:
     """What the cells tell, in ground.

@@ -143,11 +143,11 @@ def example_files(folder: str | Path) -> ExampleFiles:
         emg=folder / "reach_emg.sto",
         out=folder / "out",
     )
-    files.model.write_text(osim_text())
+    files.model.write_text(osim_text(), encoding="utf-8")
     time = np.arange(61) / 100.0
     angles = np.column_stack([0.3 * np.sin(6 * time), 0.8 + 0.5 * np.sin(8 * time)])
     names = ("shoulder_flexion", "elbow_flexion")
-    files.motion.write_text(table_text({"time": time, **dict(zip(names, angles.T, strict=True))}))
+    files.motion.write_text(table_text({"time": time, **dict(zip(names, angles.T, strict=True))}), encoding="utf-8")
     model = read_osim(files.model)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(Motion(time, names, angles)))
@@ -156,7 +156,7 @@ def example_files(folder: str | Path) -> ExampleFiles:
     write_trc(Markers(time, model.marker_names, places), files.markers)
     force = {f"hand_v{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, -10, 0), strict=True)}
     point = {f"hand_p{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, 0.8, 0), strict=True)}
-    files.forces.write_text(table_text({"time": time, **force, **point}))
-    files.loads.write_text(LOADS.format(body="fore", table=files.forces.name))
-    files.emg.write_text(table_text({"time": time, "flexor": 0.5 + 0.4 * np.sin(8 * time)}))
+    files.forces.write_text(table_text({"time": time, **force, **point}), encoding="utf-8")
+    files.loads.write_text(LOADS.format(body="fore", table=files.forces.name), encoding="utf-8")
+    files.emg.write_text(table_text({"time": time, "flexor": 0.5 + 0.4 * np.sin(8 * time)}), encoding="utf-8")
     return files

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
 from myomorph.morph.checks.checks import PARTS, check_morph
@@ -42,6 +42,7 @@ DENSE: Mapping[MapKind, str] = {"rbf": "RBF, dense", "ssd": "SSD, dense"}
 STYLES = ("middle", "second", "third", "fourth", "left", "first")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MorphErrors:
     """Errors against the truth.

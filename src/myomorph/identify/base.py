@@ -28,7 +28,7 @@ from myomorph.identify.least_squares import (
     solve,
 )
 from myomorph.identify.null_space import tree_null_space
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -86,8 +86,9 @@ class BaseOptions:
                 raise BadData(f"{name} is {value:g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Tare(FrozenArrays):
+class Tare:
     """A constant wrench that fits the data beside the parameters: a plate's offset or tare.
 
     Attributes
@@ -108,8 +109,9 @@ class Tare(FrozenArrays):
         return sure and bool((self.rms_with < 0.9 * self.rms_without).any())
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class BaseFit(FrozenArrays):
+class BaseFit:
     """Base parameters of a body with what the data say of each.
 
     Attributes
@@ -157,7 +159,6 @@ class BaseFit(FrozenArrays):
     options: BaseOptions = field(default_factory=BaseOptions)
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         for name in ("left_out", "link_levels"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 

@@ -18,7 +18,7 @@ from myomorph.identify.null_space import (
     random_states,
     tree_null_space,
 )
-from myomorph.model.arrays import Array, FrozenArrays, checked_array
+from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import PARAMETERS, inertial_parameters
 from myomorph.model.model import GROUND, Model
@@ -26,8 +26,9 @@ from myomorph.model.series import Motion
 from myomorph.rigid.regressor import base_regressor
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class BaseParameters(FrozenArrays):
+class BaseParameters:
     """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
 
     Y phi = Y[:, columns] Z phi for every motion of the model.
@@ -60,7 +61,6 @@ class BaseParameters(FrozenArrays):
         checked_array(self.combination, (len(self.columns), 10 * len(self.bodies)), "combination of base parameters")
         checked_array(self.tared, (len(self.columns), "constants"), "tared base parameters")
         object.__setattr__(self, "held", MappingProxyType(dict(self.held)))
-        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.columns)

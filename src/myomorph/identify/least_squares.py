@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from myomorph.identify.base_parameters import BaseParameters
-from myomorph.model.arrays import Array, FrozenArrays, checked_array
+from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -137,8 +137,9 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
     return rank, float("inf") if singular else float(values[0] / values[-1])
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Solution(FrozenArrays):
+class Solution:
     """A least-squares problem in triangular form, and its solution with a prior.
 
     Attributes
@@ -194,8 +195,9 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
     return share
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Recording(FrozenArrays):
+class Recording:
     """One motion and the forces measured with it, on the same clock.
 
     Attributes
@@ -212,11 +214,11 @@ class Recording(FrozenArrays):
     def __post_init__(self) -> None:
         if self.use is not None:
             checked_array(self.use, (len(self.motion),), "`use`, one value a frame of the motion,")
-        super().__post_init__()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Rows(FrozenArrays):
+class Rows:
     """What all frames say, condensed.
 
     Attributes

@@ -24,7 +24,7 @@ from scipy import linalg, sparse
 from myomorph.identify.body.point_sums import PointSums
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.body.weights import checked_weights
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 
 SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
@@ -95,8 +95,9 @@ class Optimality:
         return max(self.balance, self.stationarity, self.complementarity, self.positivity, self.total)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MassPointFit(FrozenArrays):
+class MassPointFit:
     """Masses of points, the inertial parameters they make, and the proof that they are the optimum.
 
     Attributes

@@ -12,7 +12,7 @@ import numpy as np
 from myomorph.identify.base_parameters import BaseParameters, base_parameters
 from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UNLOADED, UNMEASURED, WINDOW
 from myomorph.identify.sequential import NOISE, Proposal, SequentialFit, SequentialState
-from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -42,8 +42,9 @@ class OnlineOptions:
     missing: float = MISSING_WEIGHT
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class OnlineState(FrozenArrays):
+class OnlineState:
     """What is known by now, for a display.
 
     Attributes

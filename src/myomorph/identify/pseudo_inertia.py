@@ -19,7 +19,7 @@ import clarabel
 import numpy as np
 from scipy import linalg, sparse
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import parameters_of, pseudo_inertias
 
@@ -54,8 +54,9 @@ class PseudoInertiaOptions:
             raise BadData(f"the margin of the pseudo-inertia is {self.margin:g}: expected from 0 to below 1")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class PseudoInertiaFit(FrozenArrays):
+class PseudoInertiaFit:
     """Parameters of the links, and how far to trust the solution.
 
     Attributes
@@ -224,8 +225,9 @@ class _Changes:
         )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class _Limits(FrozenArrays):
+class _Limits:
     """right - rows x in the cones, x the changes."""
 
     rows: sparse.csr_array

@@ -20,7 +20,7 @@ from myomorph.identify.base_parameters import (
     root_coordinates,
 )
 from myomorph.identify.least_squares import fold, levels, rank_and_condition, with_prior
-from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
@@ -55,8 +55,9 @@ class Proposal:
     gain: float
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class SequentialState(FrozenArrays):
+class SequentialState:
     """What is known after some frames.
 
     Attributes

@@ -22,7 +22,7 @@ from myomorph.identify.pseudo_inertia import (
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
 from myomorph.identify.validation import Consistency, Inside, Parts, consistency, held_out, parts_of
-from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
@@ -69,8 +69,9 @@ class IdentificationOptions:
             raise BadData(f"mass_sd is {self.mass_sd:g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Identification(FrozenArrays):
+class Identification:
     """A model of one body, and how far to trust it.
 
     Attributes

@@ -32,7 +32,7 @@ from myomorph.identify.body.regions import (
     spread,
     spread_mass,
 )
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
 from myomorph.model.model import Marker, Model
@@ -86,8 +86,9 @@ class MassMatch:
     note: str = ""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Transfer(FrozenArrays):
+class Transfer:
     """A higher model with a lower model's lengths, markers and masses, and how well it took them.
 
     Attributes

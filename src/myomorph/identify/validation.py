@@ -14,7 +14,7 @@ from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.body.points import Links, MassPoints
 from myomorph.identify.least_squares import absorb
-from myomorph.model.arrays import Array, FrozenArrays, checked_array, frozen_array
+from myomorph.model.arrays import Array, checked_array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
@@ -32,8 +32,9 @@ ROUNDING = 1e-9
 """How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Parts(FrozenArrays):
+class Parts:
     """What parts of recordings say of the base parameters, moments and forces apart.
 
     Attributes
@@ -50,7 +51,6 @@ class Parts(FrozenArrays):
 
     def __post_init__(self) -> None:
         checked_array(self.factors, (len(self.frames), 2, len(self.base) + 1, len(self.base) + 1), "factors of parts")
-        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -124,8 +124,9 @@ def held_out(parts: Parts, fit: Callable[[Sequence[int]], Array]) -> Array:
     return squares
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class CrossValidation(FrozenArrays):
+class CrossValidation:
     """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3.
 
     Attributes
@@ -212,8 +213,9 @@ def cross_validate(
     )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class LinkConsistency(FrozenArrays):
+class LinkConsistency:
     """One link's parameters, as a body.
 
     Attributes

@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.contact.assign import OnlineFeet
 from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.motion.causal import CausalFilter, CausalStream
@@ -48,6 +48,7 @@ class ChainOptions:
                 raise BadData(f"{name} {getattr(self, name):g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ChainFrame:
     """What one frame gives; everything filtered is of `time` less the filter's delay.

@@ -14,7 +14,7 @@ import numpy as np
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.identify.online import total_wrench
 from myomorph.io.sto import read_sto
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
@@ -25,6 +25,7 @@ CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Arrived:
     """What came since the last look.

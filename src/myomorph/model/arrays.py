@@ -17,22 +17,6 @@ Array = NDArray[np.float64]
 _Class = TypeVar("_Class", bound=type)
 
 
-class FrozenArrays:
-    """Base of frozen dataclasses: the arrays among their fields are read-only, also of copies and after pickling.
-
-    Nothing is copied, so an array that is handed over is read-only from then on.
-    """
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-
-    def __setstate__(self, state: dict[str, object]) -> None:
-        vars(self).update(state)
-        FrozenArrays.__post_init__(self)
-
-
 def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *, finite: bool = False) -> Array:
     """`values` as a contiguous float64 array, copied only where it has to be.
 

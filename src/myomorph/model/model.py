@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import Function
 from myomorph.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
@@ -22,6 +22,7 @@ STANDARD_GRAVITY = 9.80665
 """[m/s^2]"""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """A surface that draws a body (or, in MJCF, a geom).

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.functions import Function
 from myomorph.model.spatial import Transform
 
@@ -88,6 +88,7 @@ class PathWrap:
     last: int = -1
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TendonWrap:
     """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`.

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
@@ -73,6 +73,7 @@ class Series(Labelled):
         return float(1.0 / (median if steps.max() > 1.6 * median else steps.mean()))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Table(Series):
     """Columns as a file holds them: values (rows, columns) in the file's own units.
@@ -91,6 +92,7 @@ class Table(Series):
     source: str = ""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Markers(Series):
     """Marker positions: values (frames, markers, 3) in ground [m], NaN where unseen."""
@@ -165,6 +167,7 @@ class Wrenches(Labelled):
         return {"time": self.time, "name": self.names, "axis": AXES}
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Analog(Series):
     """Analog channels: values (frames, channels) in `units` (one per channel)."""
@@ -172,6 +175,7 @@ class Analog(Series):
     units: tuple[str, ...] = ()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Emg(Series):
     """Muscle excitations: values (frames, channels), envelopes normalised to about 0..1."""
@@ -259,6 +263,7 @@ class PlateRecording:
                 object.__setattr__(self, name, frozen_array(given, shape))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Trial:
     """Everything one recording holds.
@@ -306,6 +311,7 @@ class Trial:
         )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Sound:
     """Channels of one recording, all on one clock.
@@ -330,7 +336,6 @@ class Sound:
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
         samples = np.array(self.samples, dtype=np.float32)
-        samples.setflags(write=False)
         object.__setattr__(self, "samples", samples)
         if samples.ndim != 2 or samples.shape[1] != len(self.names):
             raise BadData(f"expected samples of shape (..., {len(self.names)}), but got {samples.shape}")

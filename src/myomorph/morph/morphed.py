@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.morph.maps.fields import BoneMap
@@ -44,6 +44,7 @@ class MorphOptions:
             raise BadData(f"surface_within is {self.surface_within:g}: expected a share of bone length from 0 to 0.2")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TransferredPoint:
     """One path point on its way.
@@ -69,6 +70,7 @@ class TransferredPoint:
     depth_target: float = float("nan")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class RebuiltJoint:
     """A joint in the new bones.

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 import piqp
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.simulate.fighter import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP, Build, sole_points
 from myomorph.simulate.plan import Plan, jacobian
 
@@ -57,6 +57,7 @@ class Drives:
     stiffness: float = 120.0
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Wanted:
     """What the fighters intend at an instant.
@@ -230,6 +231,7 @@ LAG = 0.01
 """Time constant of activations after them [s]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Run:
     """What happened, step by step.
@@ -281,27 +283,32 @@ def simulate_bout(
             standing = _standing(m, data, builds, plan, k * STEP, anchors)
             q, rates, accelerations = plan.at(m, k * STEP)
             mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
-            found.strayed[k : k + CONTROL] = np.abs(error).max()
+            found["strayed"][k : k + CONTROL] = np.abs(error).max()
             stiff = controller.drives.stiffness
             aim = accelerations + stiff * error + 2.0 * np.sqrt(stiff) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(k * STEP)
             chosen = controller.activations(data, Wanted(aim, standing, np.array([lapel, 0.0, 0.0]), sleeve))
         activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
         data.ctrl[:] = activation
-        found.time[k], found.qpos[k], found.activations[k] = k * STEP, data.qpos, activation
+        found["time"][k], found["qpos"][k], found["activations"][k] = k * STEP, data.qpos, activation
         mujoco.mj_step2(m, data)
-        found.tensions[k] = -data.actuator_force
+        found["tensions"][k] = -data.actuator_force
         _record_forces(m, data, found, k)
-    return found
+    return Run(**found)
 
 
-def _room(m: Any, steps: int) -> Run:
+def _room(m: Any, steps: int) -> dict[str, Array]:
     contacts = len(FEET) + len(GRIPS)
-    return Run(
-        np.empty(steps), np.empty((steps, m.nq)), np.empty((steps, m.nu)), np.empty((steps, m.nu)),
-        np.zeros((steps, contacts, 3)), np.zeros((steps, contacts, 3)), np.zeros((steps, len(GRIPS), 3)),
-        np.zeros(steps),
-    )  # fmt: skip
+    return {
+        "time": np.empty(steps),
+        "qpos": np.empty((steps, m.nq)),
+        "activations": np.empty((steps, m.nu)),
+        "tensions": np.empty((steps, m.nu)),
+        "forces": np.zeros((steps, contacts, 3)),
+        "moments": np.zeros((steps, contacts, 3)),
+        "places": np.zeros((steps, len(GRIPS), 3)),
+        "strayed": np.zeros(steps),
+    }
 
 
 def _standing(
@@ -327,7 +334,7 @@ def _standing(
     return [one for corners in anchors.values() for one in corners]
 
 
-def _record_forces(m: Any, data: Any, found: Run, k: int) -> None:
+def _record_forces(m: Any, data: Any, found: Mapping[str, Array], k: int) -> None:
     mat, lapel, sleeve = m.geom("mat").id, len(FEET), len(FEET) + 1
     feet = {m.body(name).id: c for c, name in enumerate(FEET)}
     count = int(data.ncon)
@@ -338,15 +345,15 @@ def _record_forces(m: Any, data: Any, found: Run, k: int) -> None:
         below = contact.geom1 == mat
         forces[i] = contact.frame.reshape(3, 3).T @ wrench[:3] * (1.0 if below else -1.0)
         owners[i] = feet[int(m.geom_bodyid[contact.geom2 if below else contact.geom1])]
-    np.add.at(found.forces[k], owners, forces)
-    np.add.at(found.moments[k], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
+    np.add.at(found["forces"][k], owners, forces)
+    np.add.at(found["moments"][k], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
     rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (data.efc_id == m.equality("lapel").id)
-    found.places[k, 0] = data.site_xpos[m.site("tori_grip_r").id]
-    found.forces[k, lapel] = data.efc_force[rows]
+    found["places"][k, 0] = data.site_xpos[m.site("tori_grip_r").id]
+    found["forces"][k, lapel] = data.efc_force[rows]
     fist, cuff = (data.site_xpos[m.site(name).id] for name in ("tori_grip_l", "cuff"))
     t = m.tendon("sleeve").id
     stretch = float(data.ten_length[t]) - SLEEVE_LENGTH
     tension = (SLEEVE_STIFFNESS * stretch if stretch > 0.0 else 0.0) + SLEEVE_DAMPING * float(data.ten_velocity[t])
-    found.places[k, 1] = fist
-    found.forces[k, sleeve] = tension * (cuff - fist) / np.linalg.norm(cuff - fist)
-    found.moments[k, lapel:] = np.cross(found.places[k], found.forces[k, lapel:])
+    found["places"][k, 1] = fist
+    found["forces"][k, sleeve] = tension * (cuff - fist) / np.linalg.norm(cuff - fist)
+    found["moments"][k, lapel:] = np.cross(found["places"][k], found["forces"][k, lapel:])

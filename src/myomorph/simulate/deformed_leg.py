@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
@@ -41,6 +41,7 @@ MIRROR = np.array([1.0, 1.0, -1.0])
 """The left side's frames are the right side's mirrored in z."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Deformation:
     """A smooth field over the ground: y = diag(stretch) x + the sum of waves amplitude direction sin(k x + phase)."""
@@ -66,6 +67,7 @@ class Deformation:
         return slopes
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class BodyTruth:
     """The deformation as one body sees it: from its frame in the source to its frame in the target.

@@ -16,7 +16,7 @@ import numpy as np
 
 from myomorph.contact.plates import force_plates
 from myomorph.io.c3d.read import read_c3d
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Analog, Event, Markers, Trial, Wrenches
@@ -48,6 +48,7 @@ SHOULDER_WEIGHT = 0.2
 """Of the shoulder: it moves on the trunk, which is rigid here."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class JumpStudy:
     """All that inverse kinematics, inverse dynamics and tensions of the jump need.

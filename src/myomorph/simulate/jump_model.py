@@ -21,7 +21,7 @@ from myomorph.motion.measurements import place_markers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.store.silence import silent_mujoco
+from myomorph.store.progress import silent_mujoco
 
 RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
 QUIET = (1.5, 3.0)

@@ -19,7 +19,7 @@ from myomorph.io.c3d.ezc3d import write_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.series import Markers, PlateRecording, Table, Wrenches
@@ -64,6 +64,7 @@ class Noise:
         return replace(wrenches, time=(wrenches.time - self.offset) / (1.0 + self.drift))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Sampled:
     """A simulated swing, exact but for the integrator.

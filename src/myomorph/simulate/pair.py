@@ -38,7 +38,7 @@ from myomorph.simulate.fighter import (
     with_fibers,
 )
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
-from myomorph.store.silence import silent_mujoco
+from myomorph.store.progress import silent_mujoco
 
 SETTLING = 0.3
 """Time at the start that is not recorded, while the fighters settle [s]."""

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import mujoco
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import UnknownName
 from myomorph.model.spatial import axis_rotation
 from myomorph.simulate.fighter import APART, CUFF, GRIP, LAPEL, LEG, PARTS, Build, sole_points
@@ -17,6 +17,7 @@ from myomorph.simulate.fighter import APART, CUFF, GRIP, LAPEL, LEG, PARTS, Buil
 ROUNDS = 60
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Aim:
     """What a pose should reach.
@@ -140,6 +141,7 @@ class Stance:
     foot: tuple[float, float] = (0.0, 0.0)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Plan:
     """Stances as poses, and what lies between them.

@@ -17,14 +17,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
 from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_scaled_muscles
 from myomorph.simulate.marker_clusters import with_clusters
-from myomorph.store.silence import silent_mujoco
+from myomorph.store.progress import silent_mujoco
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
@@ -42,6 +42,7 @@ TIGHT = 1e-5
 """Relative change of the muscles' scale at which its search ends."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class VirtualCondition:
     """What truly is of a specimen with its muscles or without, and what was recorded.

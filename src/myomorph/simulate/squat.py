@@ -25,9 +25,9 @@ from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.store.progress import silent_mujoco
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
-from myomorph.store.silence import silent_mujoco
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 FEET = ("calcn_r", "calcn_l")

@@ -1,12 +1,23 @@
-"""What became of a job of a study."""
+"""What became of a job of a study, and what is said of one that failed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import errno
+import shutil
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+from myomorph.model.errors import MyomorphError
 
 Key = tuple[str, str]
 """Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for the study."""
+GATHERED = ("", "")
+"""Key of the job that makes the tables of a study."""
+FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
+WINDOWS_FULL = (39, 112)
+"""ERROR_HANDLE_DISK_FULL and ERROR_DISK_FULL."""
+LITTLE = 1 << 20
+"""Less free space than this is none: no result fits in it [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -16,7 +27,7 @@ class Outcome:
     Attributes
     ----------
     done : steps that ended well, those taken over from an earlier run included
-    kept : steps taken over from an earlier run
+    reused : steps taken over from an earlier run
     changed : what made other steps be computed again that an earlier run had done, one line each
     frames : of the motion
     rms, largest : mean over frames of the markers' root mean square error, and the largest error [m]
@@ -32,7 +43,7 @@ class Outcome:
     trial: str
     folder: Path
     done: tuple[str, ...] = ()
-    kept: tuple[str, ...] = ()
+    reused: tuple[str, ...] = ()
     frames: int = 0
     rms: float = float("nan")
     largest: float = float("nan")
@@ -78,5 +89,42 @@ class Conditions:
     trials: dict[Key, str] = field(default_factory=dict)
 
 
-GATHERED = ("", "")
-"""Key of the job that makes the tables of a study."""
+def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
+    """The outcome of a trial that an error ended; of several errors, the first is told.
+
+    Parameters
+    ----------
+    step : in which it happened, "" where it belongs to none
+    """
+    text = " ".join(str(error).split())
+    full = disk_full(error, outcome.folder)
+    fault = not full and not isinstance(error, MyomorphError | OSError | MemoryError)
+    if full:
+        text = f"no space is left where {outcome.folder} lies"
+    elif isinstance(error, MemoryError):
+        text = "not enough memory: use fewer workers, or cut the recording with 'time'"
+    elif fault:
+        text = f"{type(error).__name__}: {text}"
+    told = f"{step}: {text}" if step else text
+    return replace(outcome, error=outcome.error or told, fault=outcome.fault or fault, full=outcome.full or full)
+
+
+def disk_full(error: BaseException, folder: Path) -> bool:
+    """Whether an error came of a file system without space; libraries hide the number of the system's error."""
+    if isinstance(error, OSError) and (error.errno in FULL or getattr(error, "winerror", None) in WINDOWS_FULL):
+        return True
+    if isinstance(error, MyomorphError) or not isinstance(error, OSError | RuntimeError):
+        return False
+    if any(f"errno = {number}," in str(error) for number in FULL):
+        return True
+    return no_space(folder)
+
+
+def no_space(folder: Path) -> bool:
+    """Whether there is as good as no space left where a folder lies, or will lie."""
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        return shutil.disk_usage(folder).free < LITTLE
+    except OSError:
+        return False

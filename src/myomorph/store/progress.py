@@ -1,9 +1,11 @@
-"""How far work has come: a bar with the time left, on work that takes longer than two seconds."""
+"""How far work has come: a bar with the time left, on work longer than two seconds; and MuJoCo kept from printing."""
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -85,3 +87,20 @@ def _bar(title: str, total: int, done: float) -> Progress:
     bar.update(bar.add_task(title, total=total), completed=done)
     bar.start()
     return bar
+
+
+@contextmanager
+def silent_mujoco() -> Iterator[None]:
+    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the user's folder."""
+    import mujoco
+
+    mujoco.set_mju_user_warning(lambda text: None)
+    level = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(level)
+        mujoco.set_mju_user_warning(None)

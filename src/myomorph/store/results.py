@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from myomorph import __version__
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
-from myomorph.store.netcdf import NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
-from myomorph.store.netcdf_memory import HeldFile
+from myomorph.store.netcdf import HeldFile, NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
 
 STORED = ".nc"
 PROVENANCE = "provenance_"
@@ -222,6 +221,7 @@ def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultW
         raise
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Stored:
     """A result as read back: values by name, the names along each dimension, and its provenance.

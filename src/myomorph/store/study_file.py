@@ -36,7 +36,7 @@ def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
     return create_model("StepOptions", __base__=Strict, **tables)
 
 
-MOST_PROBLEMS, MOST_SIGNS = 200, 200
+MAX_PROBLEMS, MAX_CHARACTERS = 200, 200
 """Problems of a file that are told, and signs of a value."""
 
 
@@ -74,9 +74,9 @@ def refuse(path: Path, problems: Sequence[str]) -> None:
     """Raise `BadFile` with all problems in one line, where there are any."""
     if problems:
         count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
-        told = list(problems[:MOST_PROBLEMS])
-        if len(problems) > MOST_PROBLEMS:
-            told.append(f"and {len(problems) - MOST_PROBLEMS} more")
+        told = list(problems[:MAX_PROBLEMS])
+        if len(problems) > MAX_PROBLEMS:
+            told.append(f"and {len(problems) - MAX_PROBLEMS} more")
         raise BadFile(path, f"{count}: " + " | ".join(told))
 
 
@@ -166,7 +166,7 @@ def _shown(given: Any) -> str:
     except ValueError:
         # Hexadecimal numbers may have more digits than Python writes as decimals.
         return "a number of thousands of digits"
-    return text if len(text) <= MOST_SIGNS else f"{text[:MOST_SIGNS]} ..."
+    return text if len(text) <= MAX_CHARACTERS else f"{text[:MAX_CHARACTERS]} ..."
 
 
 def _is_kind(part: str) -> bool:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.model.arrays import read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Model
 from myomorph.rigid.coordinates import evaluate
@@ -52,6 +53,7 @@ class Links(NamedTuple):
     driven: NDArray[np.int64]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Assembly:
     """The pattern of A, and what fills it frame by frame.

@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.rigid.frames import over_frames
@@ -100,6 +100,7 @@ class CertificateOptions:
             raise BadData(f"unknown intervals by '{self.by}': there are 'group', 'site'")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Optimality:
     """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and not by the solver.
@@ -121,6 +122,7 @@ class Optimality:
     complementarity: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ContactIntervals:
     """What the data leave open of contact forces, frame by frame.

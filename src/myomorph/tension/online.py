@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
@@ -16,6 +16,7 @@ from myomorph.tension.problem import tension_problem
 from myomorph.tension.tension import TensionOptions
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TensionFrame:
     """What one frame gives.

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.tension.dual import MISSING
 from myomorph.tension.problem import TensionProblem
@@ -48,6 +48,7 @@ class RelaxationOptions:
                 raise BadData(f"{name} of relaxations is {getattr(self, name):g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Relaxation:
     """A frame whose contacts cannot carry the motion.

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.model import GROUND
 from myomorph.rigid.kinematics import Poses, center_of_mass, forward_kinematics
@@ -207,6 +207,7 @@ def _levels(heights: Array, contacts: ContactTerm) -> Array:
     return levels
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Column:
     """A variable of the program.

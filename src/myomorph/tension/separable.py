@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.kernels import inner
 
 
@@ -67,6 +67,7 @@ def no_penalties(variables: int) -> Array:
     return np.zeros((1, 3, variables))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope.

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import Tree
 from myomorph.tension.dual import OPTIMAL, solve_separable
@@ -26,6 +26,7 @@ from myomorph.tension.tension import Tension
 from myomorph.tension.terms.cones import GRAVITY
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SolvedFrames:
     """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.

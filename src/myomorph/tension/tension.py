@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import own_name
@@ -68,6 +68,7 @@ class TensionOptions:
         return "opensim" if self.curves == "opensim" else "rigid-tendon"
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Tension(Labelled):
     """Muscle tensions over time, what they could not do, and whether each frame is an optimum.
@@ -113,10 +114,6 @@ class Tension(Labelled):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
-        for name in ("time", "activations", "forces", "reserves", "torques", "equilibrium_residual", "lower", "upper"):
-            getattr(self, name).setflags(write=False)
-        for name in ("status", "iterations"):
-            getattr(self, name).setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.time)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
@@ -30,6 +30,7 @@ THIN = 0.4
 """Thickness of limbs without meshes, so that muscles are seen beside them."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Shown:
     """What the page is sent of one frame.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.analysis.selection import Subject, centroids, subjects
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Wrenches
@@ -64,6 +64,7 @@ class Tubes:
     colors: Bytes
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Instant:
     """A body at one time, in ground.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.analysis.selection import coordinate_pairs, pairs
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
 from myomorph.report.trial.given import ReportInput
@@ -31,6 +31,7 @@ NOW: Mapping[str, Any] = MappingProxyType(
 )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Curve:
     """One line of a plot: values at the motion's times."""

@@ -6,8 +6,8 @@ import pytest
 
 from myomorph.model.errors import BadFile
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.plan.step_settings import step_settings
-from myomorph.study.trial.companions import companion, plain_stem
+from myomorph.study.plan.subject_tables import step_settings
+from myomorph.study.plan.subject_trials import companion, plain_stem
 
 SMALLEST = """
 [study]

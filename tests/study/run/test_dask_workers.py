@@ -21,8 +21,7 @@ from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
 from myomorph.study.run import dask_workers
-from myomorph.study.run.dask_cluster import connected, scheduler_address, unfit
-from myomorph.study.run.dask_job import do_job, fitness
+from myomorph.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.jobs import Ended, Job
 
@@ -282,7 +281,7 @@ def test_processes_that_are_not_fit_are_named_with_what_to_do(tmp_path: Path) ->
 
 
 def test_workers_of_another_version_get_no_job(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("myomorph.study.run.dask_job.__version__", "99.0")
+    monkeypatch.setattr("myomorph.study.run.dask_cluster.__version__", "99.0")
     with pytest.raises(BadData, match=r"no worker can be used: worker tcp://\S+ has Myomorph .* this program is 99.0"):
         DaskWorkers(cluster.address, patience=10.0)
 

@@ -8,8 +8,7 @@ import pytest
 
 from identified_arm import put_on_plate
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run
-from myomorph.study.run.dry_run_text import dry_run_lines
+from myomorph.study.run.dry_run import dry_run, dry_run_lines
 from myomorph.study.run.expected_time import ModelSize, StepTimes, in_words
 from myomorph.study.run.run import run_study
 
@@ -80,7 +79,7 @@ def test_it_says_what_a_run_then_does(arm, study):
     # The filter is told to identification too, so the model is made anew, and with it all that uses it.
     assert rows["s01", ""].computed == ("identify",)
     assert rows["s02", "again"].reasons["ik"] == ("its model is made anew",)
-    assert all((found[key].kept, found[key].error) == (row.kept, "") for key, row in rows.items())
+    assert all((found[key].reused, found[key].error) == (row.reused, "") for key, row in rows.items())
     assert all(row.expected.measured for row in rows.values())
 
     study.write_text(STUDY + "[options.id]\ncutoff = 30\nnet = true\n", encoding="utf-8")

@@ -56,10 +56,10 @@ def test_a_subject_uses_the_model_that_another_makes(arm, study):
     assert [one.name for one in used if one.role == "model"] == [str(made)]
     assert ("s02", "") not in outcomes
     again = {one.key: one for one in run_study(plan, arm.out)}
-    assert again["s02", "again"].kept == ("ik", "id")
+    assert again["s02", "again"].reused == ("ik", "id")
     study.write_text(STUDY.replace("0.02", "0.03"), encoding="utf-8")
     changed = {one.key: one for one in run_study(read_plan(study), arm.out)}
-    assert changed["s02", "again"].kept == ()
+    assert changed["s02", "again"].reused == ()
     assert any("identified.osim has changed" in text for text in changed["s02", "again"].changed)
 
 

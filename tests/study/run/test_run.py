@@ -35,7 +35,7 @@ def run(arm, trials='"reach.trc"', steps='"ik", "id", "muscles", "tension"', cut
 
 def test_all_steps_in_one_file(arm):
     (outcome,) = run(arm)
-    assert (outcome.error, outcome.done, outcome.kept) == ("", ("ik", "id", "muscles", "tension"), ())
+    assert (outcome.error, outcome.done, outcome.reused) == ("", ("ik", "id", "muscles", "tension"), ())
     assert outcome.frames == 61
     assert outcome.rms < 1e-6
     home = arm.out / "s01" / "reach"
@@ -92,15 +92,15 @@ def test_steps_before_a_failure_are_kept(arm):
 
 def test_resume_takes_over_what_has_not_changed(arm):
     first = run(arm, steps='"ik", "id"')[0]
-    assert first.kept == ()
+    assert first.reused == ()
     (again,) = run(arm, resume=True)
-    assert again.kept == ("ik", "id")
+    assert again.reused == ("ik", "id")
     assert again.done == ("ik", "id", "muscles", "tension")
     whole = read_result(arm.out / "s01" / "reach" / "reach.nc")
     assert set(whole.provenance) == {"ik", "id", "muscles", "tension"}
-    assert run(arm, resume=True)[0].kept == ("ik", "id", "muscles", "tension")
+    assert run(arm, resume=True)[0].reused == ("ik", "id", "muscles", "tension")
     (fresh,) = run(arm)
-    assert fresh.kept == ()
+    assert fresh.reused == ()
     np.testing.assert_array_equal(
         read_result(arm.out / "s01" / "reach" / "reach.nc").values["activation"], whole.values["activation"]
     )
@@ -108,11 +108,11 @@ def test_resume_takes_over_what_has_not_changed(arm):
 
 def test_resume_sees_changed_options_and_inputs(arm):
     run(arm)
-    assert run(arm, cutoff="5", resume=True)[0].kept == ("ik",)
+    assert run(arm, cutoff="5", resume=True)[0].reused == ("ik",)
     arm.forces.write_text(arm.forces.read_text().replace("-10", "-11"))
-    assert run(arm, cutoff="5", resume=True)[0].kept == ("ik", "muscles")
+    assert run(arm, cutoff="5", resume=True)[0].reused == ("ik", "muscles")
     arm.model.write_text(arm.model.read_text().replace("800", "900"))
-    assert run(arm, cutoff="5", resume=True)[0].kept == ()
+    assert run(arm, cutoff="5", resume=True)[0].reused == ()
 
 
 def test_an_interrupted_trial_goes_on_where_it_was(arm, monkeypatch):
@@ -125,7 +125,7 @@ def test_an_interrupted_trial_goes_on_where_it_was(arm, monkeypatch):
             run(arm)
     assert not list(arm.out.rglob("*.html"))
     (outcome,) = run(arm, resume=True)
-    assert outcome.kept == ("ik", "id")
+    assert outcome.reused == ("ik", "id")
     assert outcome.error == ""
     assert not list(arm.out.rglob(".*"))
 

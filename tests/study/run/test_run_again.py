@@ -108,7 +108,7 @@ def test_nothing_is_written_where_nothing_has_changed(arm):
     run(arm, 2, steps=ALL)
     before = {path: path.stat().st_mtime_ns for path in arm.out.rglob("*") if path.is_file() and "reach" in str(path)}
     outcomes = run(arm, 2, steps=ALL)
-    assert [one.kept for one in outcomes] == [("ik", "id", "report")] * 2
+    assert [one.reused for one in outcomes] == [("ik", "id", "report")] * 2
     assert [one.timed for one in outcomes] == [()] * 2
     assert outcomes[0].frames == 61
     assert outcomes[0].rms < 1e-6
@@ -118,13 +118,13 @@ def test_nothing_is_written_where_nothing_has_changed(arm):
 def test_what_changed_is_named_and_only_that_computed(arm):
     run(arm, 2)
     outcomes = run(arm, 2, cutoff=5)
-    assert [one.kept for one in outcomes] == [("ik",)] * 2
+    assert [one.reused for one in outcomes] == [("ik",)] * 2
     assert [one.changed for one in outcomes] == [("id.cutoff 6.0 -> 5.0",)] * 2
     text = (arm.folder / "reach1.trc").read_text()
     (arm.folder / "reach1.trc").write_text(text + "\n")
     first, second = run(arm, 2, cutoff=5)
-    assert first.kept == ("ik", "id")
-    assert second.kept == ()
+    assert first.reused == ("ik", "id")
+    assert second.reused == ()
     assert second.changed == ("markers reach1.trc has changed",)
     arm.model.write_text(arm.model.read_text().replace("800", "900"))
     outcomes = run(arm, 2, cutoff=5)
@@ -137,10 +137,10 @@ def test_another_look_makes_only_the_report_again(arm):
     page = arm.out / "s01" / "reach0" / "report.html"
     before = page.read_text(encoding="utf-8")
     (outcome,) = run(arm, preset="gait", steps=ALL)
-    assert outcome.kept == ("ik", "id")
+    assert outcome.reused == ("ik", "id")
     assert [step for step, _ in outcome.timed] == ["report"]
     assert page.read_text(encoding="utf-8") != before
-    assert run(arm, preset="gait", steps=ALL)[0].kept == ("ik", "id", "report")
+    assert run(arm, preset="gait", steps=ALL)[0].reused == ("ik", "id", "report")
 
 
 def test_results_do_not_outlive_the_steps_that_now_fail(arm):
@@ -149,7 +149,7 @@ def test_results_do_not_outlive_the_steps_that_now_fail(arm):
     arm.loads.write_text(arm.loads.read_text().replace(">fore<", ">leg<"))
     (arm.folder / "reach0_external_loads.xml").write_text(arm.loads.read_text())
     (outcome,) = run(arm)
-    assert outcome.kept == ("ik",)
+    assert outcome.reused == ("ik",)
     assert outcome.error.startswith("id: ")
     stored = module.stored_provenance(arm.out / "s01" / "reach0" / "reach0.nc")
     assert set(stored) == {"ik"}
@@ -158,7 +158,7 @@ def test_results_do_not_outlive_the_steps_that_now_fail(arm):
 def test_fresh_computes_all(arm):
     run(arm)
     (outcome,) = run(arm, fresh=True)
-    assert outcome.kept == outcome.changed == ()
+    assert outcome.reused == outcome.changed == ()
 
 
 def test_a_model_that_changes_while_the_study_runs(arm):
@@ -256,7 +256,7 @@ def test_no_worker_begins_where_nothing_has_changed(arm):
     first = run(arm, trials=3, steps=ALL)
     before = contents(arm.out)
     again = run(arm, trials=3, steps=ALL, workers=Idle())
-    assert [one.kept for one in again] == [("ik", "id", "report")] * 3
+    assert [one.reused for one in again] == [("ik", "id", "report")] * 3
     assert [(one.done, one.frames, one.rms, one.largest) for one in again] == [
         (one.done, one.frames, one.rms, one.largest) for one in first
     ]

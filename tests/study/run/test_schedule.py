@@ -11,7 +11,7 @@ from myomorph.model.errors import BadFile
 from myomorph.store.outcome import Outcome
 from myomorph.study.run.jobs import Ended
 from myomorph.study.run.local_workers import InProcess
-from myomorph.study.run.schedule import run_jobs
+from myomorph.study.run.run import run_jobs
 
 
 class Told:

@@ -56,7 +56,7 @@ def speak(model, name):
 
 def no_space(model, name):
     error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    from myomorph.store.failures import failed
+    from myomorph.store.outcome import failed
 
     return failed(outcome(name), error, "ik")
 

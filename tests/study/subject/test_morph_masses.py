@@ -12,7 +12,7 @@ from boxed_leg import HALF, grown, leg, morph_of
 from myomorph.model.errors import BadData
 from myomorph.model.model import Body
 from myomorph.model.surface import Surface
-from myomorph.study.subject.morph_masses import DENSITY, least_eigenvalues, with_morphed_masses
+from myomorph.study.subject.morph_masses import DENSITY, min_eigenvalues, with_morphed_masses
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_an_envelope_keeps_the_whole_mass_and_makes_bodies_that_can_be(size):
     whole = 12.0 * size**3
     found, notes = with_morphed_masses(morph, whole, by="envelope")
     assert found.mass == pytest.approx(whole, rel=1e-10)
-    assert (least_eigenvalues(found) > 0.0).all()
+    assert (min_eigenvalues(found) > 0.0).all()
     # Flesh as the source's masses ask for: the same proportions at any size.
     assert found.body("thigh").mass == pytest.approx(8.0 * size**3, rel=0.05)
     assert found.body("shank").mass == pytest.approx(4.0 * size**3, rel=0.05)
@@ -84,7 +84,7 @@ def test_a_skin_is_filled_with_mass_points(size):
     tube.apply_translation([0.0, -0.41 * size, 0.0])
     found, notes = with_morphed_masses(morph, 12.0 * size**3, Surface(np.array(tube.vertices), np.array(tube.faces)))
     assert found.mass == pytest.approx(12.0 * size**3, rel=1e-10)
-    assert (least_eigenvalues(found) > 0.0).all()
+    assert (min_eigenvalues(found) > 0.0).all()
     middle = sum(
         body.mass * (body.mass_center + np.array([0.0, down * size, 0.0]))
         for body, down in zip(found.bodies, (0.0, -0.4), strict=True)

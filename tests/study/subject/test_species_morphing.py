@@ -12,8 +12,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.morph.registration.nonrigid import MatchOptions
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
-from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
-from myomorph.study.subject.species_table import read_species, species_tables
+from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files, species_tables
 from myomorph.study.trial.inputs import open_model
 from opensim_oracle import ask
 

@@ -44,9 +44,9 @@ def test_inverse_dynamics_uses_the_identified_model(arm):
     assert [one.name for one in made.sources if one.role == "model"] == [str(home / "identified.osim")]
 
     again = run(arm, resume=True)
-    assert [one.kept for one in again] == [("identify",), ("ik", "id")]
+    assert [one.reused for one in again] == [("identify",), ("ik", "id")]
     changed = run(arm, mass_sd=0.01, resume=True)
-    assert [one.kept for one in changed] == [(), ()]
+    assert [one.reused for one in changed] == [(), ()]
 
 
 def test_a_subject_that_cannot_be_identified_stops_its_own_trials(arm):

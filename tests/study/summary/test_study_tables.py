@@ -20,10 +20,8 @@ from myomorph.model.series import Series
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.summary import study_tables
-from myomorph.study.summary.condition_tables import described
-from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans
-from myomorph.study.summary.sign_notes import SignSearch
-from myomorph.study.summary.study_tables import FILES, PAGE, gather_study
+from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans, described
+from myomorph.study.summary.study_tables import FILES, PAGE, SignSearch, gather_study
 from myomorph.study.trial.tidy import OF_STRIDE, OF_TRIAL, Value
 
 SUBJECT = """[[subject]]
@@ -168,7 +166,7 @@ def test_links_of_the_page_lead_somewhere(study):
         assert (study.out / one).is_file(), one
 
 
-def test_the_order_in_which_trials_ended_does_not_matter(tmp_path, monkeypatch):
+def test_the_order_in_which_trials_ended_does_not_matter(study, tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     found = []
     for k, outcomes in enumerate((study.outcomes, study.outcomes[::-1])):

@@ -14,8 +14,7 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.results import Stored
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
-from myomorph.study.trial.trial_signals import Signals, all_drawn
+from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, all_drawn
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def test_it_is_run_stored_reused_and_reported(arm, power):
     assert "joint power" in page
 
     (again,) = run_study(plan(arm), arm.out)
-    assert again.kept == ("ik", "id", "power", "report")
+    assert again.reused == ("ik", "id", "power", "report")
 
 
 def test_its_options_are_settings(arm, power, capsys):
@@ -68,7 +68,7 @@ def test_its_options_are_settings(arm, power, capsys):
     assert reasons["id"] == ()
     assert reasons["power"] == ("power.generated False -> True",)
     (outcome,) = run_study(changed, arm.out)
-    assert outcome.kept == ("ik", "id")
+    assert outcome.reused == ("ik", "id")
     assert read_result(arm.out / "s01" / "reach" / "reach.nc").values["joint_power"].min() >= 0.0
     with pytest.raises(BadFile, match=r"unknown key .options\.power\.generate.: there are .*generated"):
         plan(arm, "generate = true")

@@ -10,7 +10,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadFile
 from myomorph.study.trial.contact_file import contact_files, read_contacts
-from myomorph.study.trial.contact_step import untold
+from myomorph.study.trial.contact_step import unreported_feet
 
 SITE = """
 [[site]]
@@ -121,8 +121,8 @@ def test_touches_of_another_clock_are_named(arm, command, tmp_path):
 def test_soles_that_a_table_leaves_out_are_named():
     told = Contacts(("heel_r",), ())
     soles = [Site(name, "foot", np.zeros((1, 3))) for name in ("heel_r", "toe_r")]
-    assert untold(told, soles) == ("no touch is told of toe_r: the motion tells when they do",)
-    assert untold(Contacts(("hand",), ()), soles) == ()
+    assert unreported_feet(told, soles) == ("no touch is told of toe_r: the motion tells when they do",)
+    assert unreported_feet(Contacts(("hand",), ()), soles) == ()
 
 
 @pytest.mark.parametrize("told", [("--measured", "hidden"), ("--measured", "shared", "--contacts", "auto")])

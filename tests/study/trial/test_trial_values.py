@@ -104,7 +104,7 @@ def test_what_was_taken_over_stays(walk):
 
     before = (walk / VALUES).read_bytes()
     (walk / VALUES).write_text("kept")
-    write_trial_values(Made(), Outcome("s", "walk", walk, done=("ik", "id"), kept=("ik", "id")))  # type: ignore[arg-type]
+    write_trial_values(Made(), Outcome("s", "walk", walk, done=("ik", "id"), reused=("ik", "id")))  # type: ignore[arg-type]
     assert (walk / VALUES).read_text() == "kept"
     (walk / VALUES).write_bytes(before)
     assert not list(walk.glob(".*"))
@@ -157,5 +157,5 @@ def test_values_are_made_again_when_the_subject_weighs_more(arm):
         (outcome,) = run_study(read_plan(path), arm.out)
         assert outcome.error == ""
         peaks.append(np.abs(read_curves(outcome.folder / CURVES)[1][TORQUE].values).max())
-    assert outcome.kept == ("ik", "id")
+    assert outcome.reused == ("ik", "id")
     assert peaks[1:] == pytest.approx([0.5 * peaks[0]] * 2, rel=1e-5)

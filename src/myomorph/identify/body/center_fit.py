@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from myomorph.identify.body.points import frames_in_ground
 from myomorph.identify.body.regions import HINGES, Center, Region, center_positions, centers_of, hinge_axis
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
@@ -100,8 +100,9 @@ def _upright(gravity: Array) -> Array:
     return np.column_stack([forward, up, np.cross(forward, up)])
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Cue(FrozenArrays):
+class Cue:
     """A point on a hinge's axis beside its center: on the higher model's inner body, and where it should be."""
 
     name: str

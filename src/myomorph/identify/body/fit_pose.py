@@ -12,7 +12,7 @@ from myomorph.identify.body.points import links_of
 from myomorph.identify.body.regions import Center, centers_of, regions_of
 from myomorph.identify.body.shape import Shape
 from myomorph.identify.body.skin import Skin, inside
-from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion
@@ -57,8 +57,9 @@ _MIDDLE = (
 )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class PoseFit(FrozenArrays):
+class PoseFit:
     """A model's pose in a skin, both in the model's ground.
 
     Attributes

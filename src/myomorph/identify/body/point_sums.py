@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.identify.body.points import MassPoints
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.frames import over_frames, thread_count
 from myomorph.rigid.kernels import inner, kernel
 
@@ -165,6 +165,7 @@ def respond(reference, freedom, floor, s, ds, t, start, stop, out):
     out[1] += curvature
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PointSums:
     """Products with G (10 links, points): column j holds w_ij m(x_j) for every link i, m the ten monomials.

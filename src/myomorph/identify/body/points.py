@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from myomorph.identify.body.skin import Skin, inside
-from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -32,8 +32,9 @@ DENSITIES: Mapping[str, float] = {
 """Dempster 1955 as tabulated by Winter 2009, table 4.1 [kg/m^3]; the lungs are part of the upper trunk."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Links(FrozenArrays):
+class Links:
     """The bodies of a model in one pose, in ground.
 
     Attributes
@@ -54,8 +55,9 @@ class Links(FrozenArrays):
     bone_links: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MassPoints(FrozenArrays):
+class MassPoints:
     """Points that a body's mass is thought to sit in, [D] eq. 3.5-3.9.
 
     Attributes

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.identify.body.points import frames_in_ground
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import GROUND, Joint, Model
@@ -52,8 +52,9 @@ class Region(NamedTuple):
         return f"{self.side} {self.name.replace('_', ' ')}".strip()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Center(FrozenArrays):
+class Center:
     """A joint center: a point of the first body of a region, and the joint that makes it.
 
     Attributes

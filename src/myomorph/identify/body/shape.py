@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.identify.body.skin import Skin, check_height, check_skin
 from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
 from myomorph.model.surface import Surface, signed_volume
@@ -46,6 +46,7 @@ _ARMS = ("upperarm", "lowerarm", "wrist", "finger", "metacarpal")
 _LEGS = ("upperleg", "lowerleg", "foot", "toe")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Shape:
     """A person's skin, and where the skeleton is in it.

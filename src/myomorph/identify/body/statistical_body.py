@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.segments import Segment
 
@@ -42,8 +42,9 @@ _TO_GROUND = 0.1 * np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
 """From the file's decimeters with x left, y up, z forward to meters with x forward, y up, z right."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class StatisticalBody(FrozenArrays):
+class StatisticalBody:
     """Vertices as a sum of shapes whose shares are products of the traits' shares.
 
     Attributes

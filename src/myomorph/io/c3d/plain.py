@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadFile
 
 Value = tuple[str, ...] | Array
@@ -29,6 +29,7 @@ EVENT_KEY = 12345
 MOST_DIMENSIONS = 7
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class RawC3d:
     """Parameters and samples of a C3D file, scaled, in the file's units.

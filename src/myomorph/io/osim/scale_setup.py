@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.io.osim.document import Node
 from myomorph.io.osim.setup_parts import IkTasks, output_of, path_of, tasks_of, unknown_parts
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.landmarks import Measurement
 
 SCALE_TOOL = "ScaleTool"
@@ -27,6 +27,7 @@ PLACER = (
 )  # fmt: skip
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ScalerSetup:
     """How bodies are stretched.

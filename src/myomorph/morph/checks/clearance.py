@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform
@@ -24,6 +24,7 @@ SAME = 1e-7
 """Points nearer than this are one [m]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PathEnd:
     """Where a straight part of a path, or an arc, ends.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import Coordinate, Model, index_of
 from myomorph.muscles.path import compile_paths
@@ -28,6 +28,7 @@ CoordinateTable = Mapping[str, tuple[str, float, float]]
 """By coordinate of the source: the target's coordinate, factor and offset, target = factor source + offset."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Postures:
     """Coordinates of both models, the default postures first.
@@ -154,6 +155,7 @@ class CoordinatePair:
         return np.linspace(low, high, count), np.linspace(start, end, count)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MomentArms:
     """Moment arms of the muscles that one coordinate moves, the others at their defaults.

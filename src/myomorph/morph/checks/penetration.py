@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
@@ -131,6 +131,7 @@ def _crossed(vertices: Array, faces: np.ndarray) -> Array:
     return np.cross(b - a, c - a)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Poses:
     """Poses at which paths are looked at.
@@ -181,6 +182,7 @@ class Penetration:
     length: float
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Depth:
     """How deep a muscle runs in a bone.

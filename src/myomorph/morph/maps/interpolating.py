@@ -16,7 +16,7 @@ from scipy.linalg import lu_factor, lu_solve
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.morph.maps.linear import AffineMap, unknown_directions
 
 Kernel = Literal["r", "r3"]
@@ -103,6 +103,7 @@ def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, s
     return RadialMap(affine, source, coefficients / size ** (1 if kernel == "r" else 3), kernel)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _System:
     """The saddle point problem of values (n, n) and polynomials (n, k)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform
 
@@ -56,6 +56,7 @@ class Similarity:
         return Transform(self.rotation, self.translation / self.scale)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PointFit:
     """Picked points laid on others.

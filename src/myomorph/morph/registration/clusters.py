@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
 
@@ -44,6 +44,7 @@ OTHER = 2e-3
 """Misfit above which the scan's cluster is not the recording's [m]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Ball:
     """A sphere fitted to part of a surface.
@@ -214,6 +215,7 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
     return found
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class NamedCluster:
     """The balls of a cluster with the names of its markers.

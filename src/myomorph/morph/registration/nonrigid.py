@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity
@@ -159,6 +159,7 @@ class PlacedBone:
     notes: tuple[str, ...] = ()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SurfaceMatch:
     """Points of a surface and where they are on another.

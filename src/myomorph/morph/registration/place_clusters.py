@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Marker, Model
 from myomorph.model.scale import scale
@@ -23,6 +23,7 @@ FAR = 0.25
 """A marker further from its bone than that is named [m]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Picks:
     """Points picked on a CT and the same points on the model's bone.
@@ -38,6 +39,7 @@ class Picks:
     modelled: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ScannedBone:
     """A CT bone laid on a model's bone, and where its markers come to lie.

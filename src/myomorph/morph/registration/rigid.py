@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
@@ -75,6 +75,7 @@ class SurfaceOptions:
             raise BadData("expected at least 50 points, 1 iteration and 1 start")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """A surface laid on another.
@@ -150,6 +151,7 @@ def register_surface(
     )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Found:
     similarity: Similarity
@@ -158,6 +160,7 @@ class _Found:
     slopes: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Pairs:
     """Points (n, 3) of the source, carried over, with normals there and how far they are from the target's points."""

@@ -21,7 +21,7 @@ import rustcpd
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity
@@ -174,6 +174,7 @@ LANDMARK = 0.01
 """Weight of a landmark against the whole surface, where it is known to a hundredth of the bone's length."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SmoothFit:
     """A displacement after a first map.
@@ -242,6 +243,7 @@ def _kernel(points: Array, centers: Array, width: float) -> Array:
     return values
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Pairs:
     """Which point of the source is drawn to which plane, and the root mean square distance of the source's points."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
 from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
@@ -26,6 +26,7 @@ FACING = 0.82
 """Cosine of the angle to the radius (35 degrees) up to which a vertex may belong to a round region."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Corners:
     """Vertices of a surface, equal ones as one.

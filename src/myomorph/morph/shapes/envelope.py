@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -37,6 +37,7 @@ CELLS, COARSE = 128, 48
 ROUNDS = 60
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Envelope:
     """The space in and around a skeleton, as points on a regular grid.
@@ -70,6 +71,7 @@ class Envelope:
         return dict(zip(self.bodies, map(float, counts), strict=True))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Points origin + spacing (i, j, k)."""

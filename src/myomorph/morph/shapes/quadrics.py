@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 
 TUKEY = 4.685
@@ -33,6 +33,7 @@ CELLS = 8
 """Points in each cell of directions, were they spread over all of them, by which what they cover is counted."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SphereFit:
     """A sphere through points of a surface.
@@ -65,6 +66,7 @@ class SphereFit:
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class CylinderFit:
     """A cylinder through points of a surface.
@@ -206,6 +208,7 @@ def _sphere_start(x: Array, normals: ArrayLike | None, share: Array) -> tuple[Ar
     return center, float(share @ np.linalg.norm(x - center, axis=1))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Cylinder:
     """A cylinder on its way: sized to about 1, with the state of the last step."""

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
 
@@ -22,6 +22,7 @@ ON_EDGE = 1e-9
 """A corner that has no larger share in a place on a triangle has none: the place is on the edge opposite to it."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Points (n, 3) spread evenly over a surface, with outward normals (n, 3) and whether each is on its open rim."""

@@ -2,7 +2,7 @@
 
 Bones of two animals are compared in the directions of the anatomy, not in those of their files: proximal (for the
 trunk cranial, for the foot dorsal), anterior (for the trunk ventral, for the foot towards the toes) and right.
-A table is written once per pair of species; `study.subject.species_table` reads it from a
+A table is written once per pair of species; `study.subject.species_morphing` reads it from a
 file. A bone of one may be several in the other: their bodies are looked at in postures in which the bones lie alike.
 """
 

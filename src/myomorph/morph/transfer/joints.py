@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import Axis, Coordinate, Coupler, Joint, Model
@@ -36,6 +36,7 @@ TILTED = np.cos(np.radians(15.0))
 Round = Literal["sphere", "cylinder"]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Center:
     """A joint's center in the target's bones; see `RebuiltJoint`."""
@@ -47,6 +48,7 @@ class Center:
     gap: float = float("nan")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Fitted:
     """A center in one of the target's bones, by a round surface or by the map, and whether it lies inside the bone."""

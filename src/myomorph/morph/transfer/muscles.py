@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.scale import FIBER_LENGTHS
@@ -35,6 +35,7 @@ OWN_LENGTHS = (*FIBER_LENGTHS, "default_fiber_length")
 """Parameters of muscle classes that are lengths."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PathLengths:
     """Lengths of all muscle paths in paired postures, the default posture first.

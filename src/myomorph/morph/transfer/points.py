@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, constant
 from myomorph.model.model import Coordinate
 from myomorph.model.paths import MovingPathPoint, Path, PathPoint, TendonWrap, WrapObject
@@ -28,6 +28,7 @@ FACES = 32
 """Triangles, the nearest by their middles, among which the nearest of one side is looked for."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Points and how they lie to the bones.

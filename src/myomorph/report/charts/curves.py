@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event
 from myomorph.report.charts.axis import Axis, limits, number
 from myomorph.report.charts.marks import (
@@ -29,6 +29,7 @@ from myomorph.report.charts.marks import (
 )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Line:
     """Values over time and how they are drawn.
@@ -165,6 +166,7 @@ def _events(area: Frame, panel: Panel) -> str:
     return "".join(parts)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class CycleCurve:
     """A mean over the cycle, from 0 to 100 % in even steps.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.report.charts.axis import limits, number
 from myomorph.report.charts.marks import (
     Frame,
@@ -29,6 +29,7 @@ MAX_DOTS = 700
 """Points drawn; more of them would only darken the cloud."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Cloud:
     """Points (n,) to the right and up; `joined` draws them as a line, `dotted` as a line with its points."""

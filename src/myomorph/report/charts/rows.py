@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.provenance import Estimate
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.marks import (
@@ -29,6 +29,7 @@ from myomorph.report.charts.marks import (
 )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Beside:
     """Values (names,) drawn as marks beside others, NaN where there is none."""

@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.analysis.contact_states import Row, is_stroke, limb_of
 from myomorph.analysis.phases import Phase
 from myomorph.analysis.selection import Subject
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Touch
 from myomorph.model.model import GROUND
 from myomorph.model.series import Event
@@ -47,6 +47,7 @@ ARMS = {
 """Half lines of the symbols."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Band:
     """What lies between two lines over time: `low` and `high` (samples,), NaN where unknown."""

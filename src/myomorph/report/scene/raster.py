@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.report.scene.image import Bytes
 from myomorph.rigid.kernels import inner, kernel
 
 FAR = -1e30
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class View:
     """An orthographic camera.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.selection import subjects
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
@@ -28,6 +28,7 @@ class Solid:
     surface: Surface
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MusclePath:
     """A muscle as a line.
@@ -45,6 +46,7 @@ class MusclePath:
     activation: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What is to be seen at some instants.

@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.analysis.contact_states import limb_of, row_label
 from myomorph.analysis.selection import Subject
 from myomorph.contact.shared import group_bodies
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
@@ -99,6 +99,7 @@ def _at(time: Array, clock: Array, values: Array) -> Array:
     return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Group:
     """Contact forces of one group of sites.

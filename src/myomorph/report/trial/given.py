@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from myomorph.analysis.phases import Phase
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces, Contacts
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
@@ -95,6 +95,7 @@ class TensionResult(Protocol):
         """Muscles whose passive force passes their maximum isometric force somewhere."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ShownTension:
     """A solved tension as reports read it; see `TensionResult`."""

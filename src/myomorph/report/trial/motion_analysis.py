@@ -12,7 +12,7 @@ from myomorph.analysis.lagged import Correlations, Locking, correlate, lock
 from myomorph.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
 from myomorph.analysis.presets import Preset, fitting_preset, named_muscles, preset_of
 from myomorph.analysis.selection import Pair, Subject, centroids, lowest_joint, standing_height, subjects
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Contacts
 from myomorph.model.series import Motion, Series
 from myomorph.report.trial.figures import axis_names, weighted
@@ -49,6 +49,7 @@ class Person:
     lacking: tuple[str, ...]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MotionAnalysis:
     """What the panels show.

@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.phases import Movement, find_movement
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Motion, Series
 from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.estimated_forces import contact_verdicts
@@ -30,6 +30,7 @@ LONGEST_PLAY = 7.5
 LONGEST_WHOLE = 20.0
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """The given parts with what follows from them.

@@ -122,7 +122,7 @@ def inspect_model(model: Model) -> Inspection:
     kept = [one.kind for one in model.kept if one.name not in modelled]
     if kept:
         facts.append(("kept, not modelled", _counted(kept)))
-    return Inspection("model", tuple(facts), (*model.warnings, *_model_doubts(model)))
+    return Inspection("model", tuple(facts), (*model.warnings, *_model_warnings(model)))
 
 
 def _coordinates(model: Model) -> str:
@@ -135,7 +135,7 @@ def _coordinates(model: Model) -> str:
     return ", ".join(parts)
 
 
-def _model_doubts(model: Model) -> list[str]:
+def _model_warnings(model: Model) -> list[str]:
     """What looks wrong with a model's numbers."""
     found = []
     light = [body.name for body in model.bodies if body.mass <= 0.0]

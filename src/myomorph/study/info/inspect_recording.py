@@ -210,11 +210,11 @@ def inspect_table(table: Table) -> Inspection:
             f"{missing.sum()} values are NaN ({100 * missing.sum() / table.values.size:.1f} %), "
             f"in {np.count_nonzero(missing)} columns: {_names(worst)}"
         )
-    found += _unit_doubts(table)
+    found += _unit_warnings(table)
     return Inspection("table", tuple(facts), tuple(found))
 
 
-def _unit_doubts(table: Table) -> list[str]:
+def _unit_warnings(table: Table) -> list[str]:
     """Angles whose size does not fit the header, and points of pressure of an unlikely size."""
     found = []
     sizes = np.array([np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in table.values.T])

@@ -13,14 +13,26 @@ from myomorph.model.errors import BadFile, listing
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.study_file import checked, existing, read_toml, refuse
 from myomorph.study.plan.conditions import Exclusions, with_conditions
-from myomorph.study.plan.group_plan import GroupPlan, groups_of
+from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
 from myomorph.study.plan.measures import Measures, read_measures
-from myomorph.study.plan.model_names import check_model_names
-from myomorph.study.plan.plan_checks import check_makers, check_masses, check_names, maker_of, makes_model
-from myomorph.study.plan.step_settings import check_settings, merged, study_steps
-from myomorph.study.plan.study_groups import group_members, measured_groups
-from myomorph.study.plan.subject_names import Named, named_subjects
-from myomorph.study.plan.subject_tables import given_options, lacking, study_tables
+from myomorph.study.plan.plan_checks import (
+    check_makers,
+    check_masses,
+    check_model_names,
+    check_names,
+    maker_of,
+    makes_model,
+)
+from myomorph.study.plan.subject_tables import (
+    Named,
+    check_settings,
+    given_options,
+    lacking,
+    merged,
+    named_subjects,
+    study_steps,
+    study_tables,
+)
 from myomorph.study.plan.subject_trials import Notes, contacts_file, measured, subject_files, subject_trials
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
 from myomorph.study.trial.together import Together, together_of
@@ -123,7 +135,7 @@ def read_plan(path: str | Path) -> Plan:
 
 
 @dataclass
-class _Found:
+class _Subjects:
     """Subjects and trials while a study file is being read.
 
     Attributes
@@ -155,7 +167,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     names = list(dict.fromkeys(one.name for one in named))
     gone = [name for name in names if exclusions.subject(name)]
     measures = _measures(file.study.measures, home, names, gone, notes)
-    found = _Found()
+    found = _Subjects()
     for one in named:
         if one.name not in gone:
             _add(one, found, measures, file.study.measures, settings, exclusions, notes)
@@ -219,7 +231,7 @@ def _measures(
 
 def _add(
     one: Named,
-    found: _Found,
+    found: _Subjects,
     measures: Mapping[str, Measures],
     source: str | None,
     settings: Settings,
@@ -253,7 +265,7 @@ def _add(
     found.steps += [steps] * len(trials)
 
 
-def _with_makers(found: _Found, steps: Mapping[str, Sequence[str]]) -> None:
+def _with_makers(found: _Subjects, steps: Mapping[str, Sequence[str]]) -> None:
     """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
     makers = {name: maker_of(name, found.subjects, steps) for name in found.subjects}
     for name, maker in makers.items():
@@ -278,7 +290,7 @@ def _together(file: Any, trials: Sequence[TrialFiles], home: Path, problems: lis
 
 
 def _groups(
-    file: Any, found: _Found, measures: Mapping[str, Measures], gone: Sequence[str], notes: Notes
+    file: Any, found: _Subjects, measures: Mapping[str, Measures], gone: Sequence[str], notes: Notes
 ) -> GroupPlan | None:
     """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
     subjects = tuple(found.subjects)

@@ -1,23 +1,80 @@
-"""The tables of a study file that subjects and their trials are told in."""
+"""The tables of a study file: subjects, trials, their names and patterns, and the options of steps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field, create_model
 
-from myomorph.store.settings import Measured, Side
-from myomorph.store.study_file import Strict, StudyTable, options_table
-from myomorph.study.plan.group_plan import StridesTable
-from myomorph.study.plan.step_settings import step_settings, study_steps
+from myomorph.model.errors import MyomorphError
+from myomorph.store.settings import Differentiation, Measured, Setting, Side, with_settings
+from myomorph.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
+from myomorph.study.plan.groups import StridesTable
 from myomorph.study.subject.morph_files import BonesTable
-from myomorph.study.subject.subject_files import SUBJECT_STEPS
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
+from myomorph.study.trial.step import StepHead, step_head
+from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
+FIRST = ("morph", "calibrate", "ik", "identify")
+"""Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
+PLACE = "{subject}"
+"""What stands for the subject's name in the texts of its table."""
+
+
+def study_steps() -> tuple[str, ...]:
+    """Names of all steps in the order in which they run."""
+    return (*FIRST, *(step for step in STEPS if step not in FIRST), REPORT)
+
+
+def declared(name: str) -> StepHead:
+    """A step of a study."""
+    return subject_step(name) if name in SUBJECT_STEPS else step_head(name)
+
+
+def filtered_steps() -> tuple[str, ...]:
+    """Steps that share one low-pass filter, as they share the derivatives."""
+    return tuple(step for step in STEPS if Differentiation in step_head(step).options)
+
+
+def step_settings() -> dict[str, tuple[Setting, ...]]:
+    """Settings of every step, by its name."""
+    return {step: declared(step).settings for step in study_steps()}
+
+
+def check_settings(settings: Mapping[str, Mapping[str, Any]], where: str, problems: list[str]) -> None:
+    """Add to the problems what the option dataclasses refuse, as a filter below zero."""
+    for step in study_steps():
+        for options in declared(step).options:
+            try:
+                with_settings(options(), settings.get(step, {}))
+            except MyomorphError as error:
+                told = f"{where}options.{step}: {' '.join(str(error).split())}"
+                if told not in problems:
+                    problems.append(told)
+
+
+def merged(
+    settings: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """Settings with those of a subject or a trial over them.
+
+    A filter that these name for one of the steps that share it takes the place of all that were named before.
+    """
+    found = {step: dict(given) for step, given in settings.items()}
+    filtered = filtered_steps()
+    if any("cutoff" in own.get(step, {}) for step in filtered):
+        for step in filtered:
+            found.get(step, {}).pop("cutoff", None)
+    for step, given in own.items():
+        found[step] = found.get(step, {}) | dict(given)
+    return {step: given for step, given in found.items() if given}
 
 
 class StudyHead(StudyTable):
@@ -132,3 +189,90 @@ def lacking(raw: Mapping[str, Any]) -> list[str]:
         elif not elsewhere and not {"model", "model_of"} & set(table):
             problems.append(f"'subject.{number}.model' is missing (or 'model_of')")
     return problems
+
+
+@dataclass(frozen=True)
+class Named:
+    """One subject, with its table.
+
+    Attributes
+    ----------
+    folder : that paths in its table are relative to
+    matched : it was found by a pattern, so a table that names it goes before
+    """
+
+    name: str
+    folder: Path
+    table: SubjectTable
+    matched: bool = False
+
+
+def as_list(patterns: Patterns) -> list[str]:
+    """One pattern or several as several."""
+    return [patterns] if isinstance(patterns, str) else list(patterns)
+
+
+def named_subjects(tables: Sequence[SubjectTable], home: Path, problems: list[str], remarks: list[str]) -> list[Named]:
+    """Every subject of a study file, its name put into the texts of its table.
+
+    A subject that one table names is taken by no pattern of another.
+
+    Parameters
+    ----------
+    home : folder of the study file
+    problems, remarks : take up what is wrong, and who has a table of their own
+    """
+    found = [one for table in tables for one in _of(table, home, problems)]
+    own = {one.name for one in found if not one.matched}
+    kept: list[Named] = []
+    for one in found:
+        if one.matched and one.name in own:
+            remarks.append(
+                f"subject '{one.name}' has a table of its own: the one for '{one.table.folders}' is not used"
+            )
+        elif one.matched and any(other.name == one.name for other in kept):
+            twice = next(other.folder for other in kept if other.name == one.name)
+            problems.append(f"subject '{one.name}' is there twice: folders {twice} and {one.folder}")
+        else:
+            kept.append(one)
+    return [Named(one.name, one.folder, _filled(one.table, one.name), one.matched) for one in kept]
+
+
+def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]:
+    if table.name is not None:
+        yield Named(table.name, home, table)
+    for name in dict.fromkeys(table.names):
+        if table.names.count(name) > 1:
+            problems.append(f"subject: names: '{name}' is there twice")
+        yield Named(name, home, table)
+    if table.name is None and not table.names and not as_list(table.folders):
+        problems.append("subject: 'names' or 'folders' is empty: expected one or more")
+    for pattern in as_list(table.folders):
+        matched = is_pattern(pattern)
+        folders = [one for one in globbed(home, pattern) if one.is_dir() and not _is_result(one)]
+        if not folders:
+            kind = "no folder matches" if matched else "there is no folder"
+            problems.append(f"subject: {kind} '{pattern}' in {home}")
+        for folder in folders:
+            # A link is called as it is; "." and ".." have no name of their own.
+            name = folder.name if folder.name not in ("", "..") else folder.resolve().name
+            yield Named(name, folder, table, matched)
+
+
+def _is_result(folder: Path) -> bool:
+    """Whether a folder is hidden, or one that a study wrote."""
+    return folder.name.startswith(".") or (folder / "results.csv").is_file()
+
+
+def _filled(table: SubjectTable, name: str) -> SubjectTable:
+    return type(table).model_validate(_put(table.model_dump(exclude_unset=True), name))
+
+
+def _put(value: Any, name: str) -> Any:
+    if isinstance(value, str):
+        return value.replace(PLACE, name)
+    if isinstance(value, dict):
+        return {key: _put(one, name) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_put(one, name) for one in value]
+    return value

@@ -1,4 +1,4 @@
-"""One subject of a study file: its files and its trials, what is wrong added to one list."""
+"""One subject of a study file: its files and its trials, with forces and EMG found by name; mistakes go to one list."""
 
 from __future__ import annotations
 
@@ -11,18 +11,49 @@ from typing import Any
 from myomorph.model.errors import listing
 from myomorph.store.study_file import check_time, existing, matching
 from myomorph.study.plan.measures import Measures
-from myomorph.study.plan.step_settings import study_steps
-from myomorph.study.plan.subject_names import Named
-from myomorph.study.plan.subject_tables import SubjectTable, TrialTable, given_options
-from myomorph.study.subject.body_shape import BodyShape
+from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
 from myomorph.study.subject.morph_files import bones_of
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
-from myomorph.study.trial.companions import companion, plain_stem
+from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
 from myomorph.study.trial.contact_file import AUTO
 from myomorph.study.trial.trial_files import TrialFiles
 
+MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
+LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
+EMG = ("emg", "EMG", "electromyography", "envelopes")
 NEEDS_MASS = ("identify",)
 """Steps that hold what they find against the mass of the subject."""
+
+
+def plain_stem(markers: Path) -> str:
+    """A recording's name without its ending, and without "markers" before or after it."""
+    stem = markers.stem
+    for part in MARKERS:
+        if part.endswith("_") and stem.lower().startswith(part):
+            stem = stem[len(part) :]
+        elif part.startswith("_") and stem.lower().endswith(part):
+            stem = stem[: -len(part)]
+    return stem or markers.stem
+
+
+def companion(markers: Path, kind: str) -> Path | None:
+    """The file of forces ("loads") or EMG ("emg") that belongs to a recording, by its stem, or None.
+
+    With STEM the recording's name (and the same without "markers"), and WORD one of `LOADS` or `EMG`, the
+    first of these that exists beside it: STEM_WORD, WORD_STEM, STEM; forces first as an external loads file
+    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot), and never STEM alone.
+    """
+    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot"))
+    stems = dict.fromkeys((markers.stem, plain_stem(markers)))
+    for ending in endings:
+        for stem in stems:
+            names = [name for word in words for name in (f"{stem}_{word}", f"{word}_{stem}")]
+            if kind == "loads":
+                names.append(stem)
+            for name in names:
+                path = markers.with_name(name + ending)
+                if path.is_file():
+                    return path
+    return None
 
 
 @dataclass

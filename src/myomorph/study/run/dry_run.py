@@ -1,8 +1,8 @@
-"""What a run of a study would do, and about how long it would take; nothing is computed or written."""
+"""What a run of a study would do, and about how long it would take, as text too; nothing is computed or written."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,22 +14,24 @@ from myomorph.store.outcome import Excluded, Key
 from myomorph.store.progress import progress
 from myomorph.store.results import STORED, file_name
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, together
+from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, in_words, together
 from myomorph.study.run.job_plan import jobs_of
-from myomorph.study.run.study_log import TIMINGS
+from myomorph.study.run.watching import TIMINGS
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
-from myomorph.study.subject.subjects import kept_subject_steps
-from myomorph.study.trial.changes import NEVER
+from myomorph.study.subject.subjects import reused_subject_steps
 from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.run_trial import PARTS, kept_steps
+from myomorph.study.trial.reuse import NEVER
+from myomorph.study.trial.run_trial import PARTS, reused_steps
 from myomorph.study.trial.together import TOGETHER_STEPS
 from myomorph.study.trial.trial_files import TrialFiles, open_trial
 
 FRESH = "everything is asked for anew"
 NEW_MODEL = "its model is made anew"
 NEW_PARTS = "its trials are computed anew"
-MOST_MODELS = 8
+MAX_MODELS = 8
 """Models that are read for their sizes; what they have in common is taken for the rest."""
+HEADING = ("subject", "trial", "condition", "frames", "kept", "computed", "time", "files")
+MAX_NAMES = 4
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Row:
     problem: str = ""
 
     @property
-    def kept(self) -> tuple[str, ...]:
+    def reused(self) -> tuple[str, ...]:
         """Steps that would be taken over."""
         return tuple(step for step, why in self.reasons.items() if not why)
 
@@ -176,7 +178,7 @@ class _Looked:
             begin = self._made(begins)
             files = files if begin is None else replace(files, model=begin.path, drawn=begin.drawn)
             try:
-                reasons = kept_subject_steps(files, steps, self.plan.settings_of(name), self.out / file_name(name))
+                reasons = reused_subject_steps(files, steps, self.plan.settings_of(name), self.out / file_name(name))
             except MyomorphError as error:
                 reasons, problem = dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
         counts = [self._frames(one) for one in files.trials]
@@ -200,7 +202,7 @@ class _Looked:
         elif maker and (maker, "") in self.computed:
             reasons = dict.fromkeys(steps, (NEW_MODEL,))
         else:
-            reasons, problem = self._kept(files, steps, folder)
+            reasons, problem = self._reused(files, steps, folder)
         if any(reasons.values()):
             self.computed.add(key)
         frames = self._frames(files)
@@ -230,7 +232,7 @@ class _Looked:
         expected = self._expected((name, name), reasons, frames, own[0].model if own else None)
         return Row(name, name, "", frames, tuple(f"{one.subject}/{one.name}" for one in own), reasons, expected)
 
-    def _kept(self, files: TrialFiles, steps: Sequence[str], folder: Path) -> tuple[dict[str, tuple[str, ...]], str]:
+    def _reused(self, files: TrialFiles, steps: Sequence[str], folder: Path) -> tuple[dict[str, tuple[str, ...]], str]:
         """Why steps of a trial with earlier results would be computed, and what kept it from being looked at."""
         made = self._made(self.plan.maker(files.subject))
         try:
@@ -238,7 +240,7 @@ class _Looked:
                 files = replace(files, model=made.path)
             model = self._model(files.model, made)
             trial = open_trial(files, self.plan.settings_of(files.subject, files.name), model)
-            return kept_steps(trial, steps, folder), ""
+            return reused_steps(trial, steps, folder), ""
         except MyomorphError as error:
             return dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
 
@@ -277,7 +279,7 @@ class _Looked:
     def _size(self, path: Path) -> ModelSize | None:
         if path in self._sizes:
             return self._sizes[path]
-        if len(self._sizes) >= MOST_MODELS:
+        if len(self._sizes) >= MAX_MODELS:
             return next(iter(self._sizes.values()))
         try:
             model = self._model(path)
@@ -285,3 +287,97 @@ class _Looked:
             return None
         self._sizes[path] = ModelSize(len(model.coordinate_names), len(model.muscles))
         return self._sizes[path]
+
+
+def dry_run_lines(found: DryRun) -> Iterator[str]:
+    """The lines that `myomorph run --dry-run` prints."""
+    trials = [row for row in found.rows if row.trial]
+    subjects = dict.fromkeys(row.subject for row in found.rows)
+    conditions = found.plan.conditions.names
+    told = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
+    told += [f"conditions {', '.join(conditions)}"] if conditions else []
+    yield f"{found.plan.name}: {', '.join(told)}; results go to {found.out}"
+    yield ""
+    yield from _table(found.rows, bool(conditions))
+    yield from _reasons(found.rows)
+    if found.excluded:
+        yield ""
+        yield "left out:"
+        yield from (f"  {_name(one.subject, one.trial)}: {one.reason}" for one in found.excluded)
+    if found.problems:
+        yield ""
+        yield "cannot be looked at:"
+        yield from (f"  {problem}" for problem in found.problems)
+    yield ""
+    yield from _time(found)
+
+
+def _table(rows: tuple[Row, ...], conditions: bool) -> Iterator[str]:
+    shown = [name for name in HEADING if conditions or name != "condition"]
+    cells = [HEADING, *map(_cells, rows)]
+    columns = [[row[HEADING.index(name)] for row in cells] for name in shown]
+    widths = [max(map(len, column)) for column in columns]
+    for line in zip(*columns, strict=True):
+        yield "  ".join(
+            cell.rjust(width) if name in ("frames", "time") else cell.ljust(width)
+            for name, cell, width in zip(shown, line, widths, strict=True)
+        ).rstrip()
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    time = row.expected.seconds
+    return (
+        row.subject,
+        row.trial,
+        row.condition,
+        "?" if row.frames is None else str(row.frames),
+        " ".join(row.reused) or "-",
+        " ".join(row.computed) or "-",
+        ("-" if not row.computed else "?") if time is None or not row.computed else in_words(time),
+        ", ".join(row.files),
+    )
+
+
+def _reasons(rows: tuple[Row, ...]) -> Iterator[str]:
+    """Why results that are there would be computed again, each reason once."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for row in rows:
+        for step, why in row.reasons.items():
+            for text in why:
+                if text != NEVER:
+                    found.setdefault(text, {}).setdefault(_name(row.subject, row.trial), []).append(step)
+    if found:
+        yield ""
+        yield "computed again, because"
+    for text, names in found.items():
+        shown = [f"{name} ({' '.join(steps)})" for name, steps in list(names.items())[:MAX_NAMES]]
+        rest = f" and {_many(len(names) - MAX_NAMES, 'other')}" if len(names) > MAX_NAMES else ""
+        yield f"  {text}: {', '.join(shown)}{rest}"
+
+
+def _time(found: DryRun) -> Iterator[str]:
+    expected = found.expected
+    if not any(row.computed for row in found.rows):
+        yield "nothing to compute: all results are there and would come out the same"
+        return
+    seconds = expected.seconds or 0.0
+    side = min(found.workers, sum(1 for row in found.rows if row.computed))
+    longest = max((row.expected.seconds or 0.0) for row in found.rows)
+    lasts = in_words(max(seconds / side, longest))
+    yield f"expected: {lasts} with {_many(side, 'worker')}" + (f", {in_words(seconds)} of work" if side > 1 else "")
+    if expected.measured:
+        yield "  by what steps took before, in timings.csv"
+    else:
+        yield "  a guess, for steps that did not run here before by the times of another machine"
+    if found.unknown:
+        count = len(found.unknown)
+        names = ", ".join(found.unknown[:MAX_NAMES]) + (", ..." if count > MAX_NAMES else "")
+        yield f"  without {_many(count, 'row')} for which nothing tells: {names}"
+
+
+def _name(subject: str, trial: str) -> str:
+    return f"{subject}/{trial}".rstrip("/") if subject != trial else subject
+
+
+def _many(count: int, noun: str) -> str:
+    return f"{count} {noun}" + ("" if count == 1 else "s")

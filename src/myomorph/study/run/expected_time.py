@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.study.plan.step_settings import declared, study_steps
+from myomorph.study.plan.subject_tables import declared, study_steps
 
 RATES = Path(__file__).with_name("step_rates.csv")
 """What steps took on the machine of the benchmark, `python -m benchmarks rates`."""

@@ -10,9 +10,8 @@ from pathlib import Path
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.motion.sync import cut
-from myomorph.store.failures import failed
 from myomorph.store.locks import RunMark, folder_lock
-from myomorph.store.outcome import GATHERED, Key, Outcome
+from myomorph.store.outcome import GATHERED, Key, Outcome, failed
 from myomorph.store.results import STORED, file_name, file_source, read_result
 from myomorph.study.plan.plan import Plan
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles
@@ -76,7 +75,7 @@ def do_subject(
 
     def work(outcome: Outcome) -> Outcome:
         made = prepare_subject(files, steps, settings, folder, fresh)
-        return replace(outcome, done=made.done, kept=made.kept, changed=made.changed, timed=made.timed)
+        return replace(outcome, done=made.done, reused=made.reused, changed=made.changed, timed=made.timed)
 
     return _alone(Outcome(files.name, "", folder), mark, work)
 

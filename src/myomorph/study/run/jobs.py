@@ -1,24 +1,22 @@
-"""What a study is made of: jobs that a process does alone, and the processes that do them."""
+"""A job that a process does alone, the processes that do jobs, and the messages between them."""
 
 from __future__ import annotations
 
-import copyreg
+import os
+import pickle
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Protocol
 
 from myomorph.model.model import Model
 from myomorph.store.outcome import Key, Outcome
 
-
-def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(values)
-
-
-# Jobs go to other processes, and the values in them hold mappings that nobody may change, which pickle does not know.
-copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
+LENGTH = struct.Struct("<Q")
+BLOCK = 1 << 20
+PROTOCOL = 5
+"""Of pickle: from this one on, arrays that are read-only stay so, and kernels are not compiled for both kinds."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,7 @@ class Job:
         another process or machine; its own errors are in the outcome
     needs : jobs that end well before this one may begin
     after : jobs that end before it begins, well or not
-    kept : the outcome where its results are there already, else None; asked before `work`, where the jobs are given out
+    reused : the outcome where its results are there already, else None; asked before `work`, where jobs are given out
     model : file of the model that `work` is given, None where it needs none
     """
 
@@ -41,7 +39,7 @@ class Job:
     needs: tuple[Key, ...] = ()
     model: Path | None = None
     after: tuple[Key, ...] = ()
-    kept: Callable[[Model | None], Outcome | None] | None = None
+    reused: Callable[[Model | None], Outcome | None] | None = None
 
 
 @dataclass(frozen=True)
@@ -78,3 +76,74 @@ class Workers(Protocol):
 
     def close(self) -> None:
         """End all processes at once, whatever they do."""
+
+
+@dataclass(frozen=True)
+class Begin:
+    """The first message: where modules are found."""
+
+    path: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Do:
+    """A job.
+
+    Attributes
+    ----------
+    work : `Job.work`, packed
+    model : number of the model it is given, 0 for none
+    packed : that model, packed, where the process does not hold it yet
+    forget : models that it needs no longer
+    """
+
+    work: bytes
+    model: int = 0
+    packed: bytes | None = None
+    forget: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The last message: leave what you do, tidy up, end."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """The answer to a job: its outcome, or why there is none."""
+
+    outcome: Outcome | None
+    broken: str = ""
+
+
+def pack(value: object) -> bytes:
+    """A value as bytes that another process of the same version reads."""
+    return pickle.dumps(value, PROTOCOL)
+
+
+def send(descriptor: int, message: object) -> None:
+    """Write a message into a pipe; raises `OSError` where nobody reads it any more."""
+    content = pack(message)
+    view = memoryview(LENGTH.pack(len(content)) + content)
+    while view:
+        view = view[os.write(descriptor, view[:BLOCK]) :]
+
+
+def receive(descriptor: int) -> Any:
+    """The next message of a pipe, None at its end."""
+    head = _exactly(descriptor, LENGTH.size)
+    if head is None:
+        return None
+    content = _exactly(descriptor, LENGTH.unpack(head)[0])
+    return None if content is None else pickle.loads(content)
+
+
+def _exactly(descriptor: int, size: int) -> bytes | None:
+    parts, lacking = [], size
+    while lacking:
+        part = os.read(descriptor, min(BLOCK, lacking))
+        if not part:
+            return None
+        parts.append(part)
+        lacking -= len(part)
+    return b"".join(parts)

@@ -1,4 +1,4 @@
-"""Workers of this machine: this process itself, or others beside it."""
+"""Workers of this machine: this process itself, or others beside it, within its cores and memory."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ import threading
 import time
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import IO, Any
 
 import psutil
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.study.run.jobs import Ended, Job, Workers
-from myomorph.study.run.memory import free_memory, usable_cores
-from myomorph.study.run.worker_messages import Begin, Do, Done, Stop, pack, receive, send
+from myomorph.study.run.jobs import Begin, Do, Done, Ended, Job, Stop, Workers, pack, receive, send
 from myomorph.study.trial.ahead import motion_cached
 
+GROUP = Path("/sys/fs/cgroup")
+"""Where Linux tells what a group of processes may take; absent elsewhere."""
 LOOK = 0.25
 """How often the memory of the processes is looked at [s]."""
 GRACE = 5.0
@@ -39,6 +40,34 @@ GIB = 2.0**30
 FIRST = 90.0
 """How long the others wait, on a new machine, for the first process to compile what all use [s]."""
 ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def free_memory() -> int:
+    """Memory that is free for this process and those it starts [bytes]."""
+    free = int(psutil.virtual_memory().available)
+    for limit, used in (
+        ("memory.max", "memory.current"),
+        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+    ):
+        granted, taken = _number(GROUP / limit), _number(GROUP / used)
+        if granted is not None:
+            free = min(free, max(0, granted - (taken or 0)))
+    return free
+
+
+def _number(path: Path) -> int | None:
+    try:
+        text = path.read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return None
+    return int(text) if text.isdigit() else None
 
 
 class InProcess:
@@ -72,14 +101,14 @@ class _Process:
 
     Attributes
     ----------
-    told : what it writes on its standard error, for the reason where it is lost
+    errors : what it writes on its standard error, for the reason where it is lost
     models : numbers of those that it holds, the one used last at the end
     over : why it was ended from here
     """
 
     child: subprocess.Popen[bytes]
     seen: psutil.Process
-    told: IO[bytes]
+    errors: IO[bytes]
     job: Job | None = None
     models: OrderedDict[int, None] = field(default_factory=OrderedDict)
     over: str = ""
@@ -167,16 +196,16 @@ class LocalWorkers:
     def _begin(self) -> _Process:
         environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in ONE_THREAD}
         environment["MYOMORPH_THREADS"] = str(self.threads)
-        told = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
+        errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
         child = subprocess.Popen(
             [sys.executable, "-m", "myomorph.study.run.worker_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=told,
+            stderr=errors,
             env=environment,
             bufsize=0,
         )
-        process = _Process(child, psutil.Process(child.pid), told)
+        process = _Process(child, psutil.Process(child.pid), errors)
         self._all.append(process)
         threading.Thread(target=self._read, args=(process,), daemon=True).start()
         with contextlib.suppress(OSError):
@@ -287,7 +316,7 @@ def _bury(process: _Process) -> None:
     if process.child.poll() is None:
         process.child.kill()
         process.child.wait()
-    for stream in (process.child.stdin, process.told):
+    for stream in (process.child.stdin, process.errors):
         if stream is not None:
             with contextlib.suppress(OSError):
                 stream.close()
@@ -306,8 +335,8 @@ def _why(process: _Process) -> str:
             name = f"signal {-status}"
         doubt = ", perhaps because memory ran out" if name == "SIGKILL" else ""
         return f"its process was ended by {name}{doubt}"
-    process.told.seek(0)
-    lines = process.told.read().decode("utf-8", "replace").strip().splitlines()
+    process.errors.seek(0)
+    lines = process.errors.read().decode("utf-8", "replace").strip().splitlines()
     return f"its process ended with status {status}" + (f": {lines[-1].strip()}" if lines else "")
 
 

@@ -1,26 +1,183 @@
-"""Run a study: every trial through its steps, what failed by name, the rest whole."""
+"""Run a study: every trial through its steps; jobs in order on workers, what failed by name, the rest whole."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, cast
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.store.locks import study_lock
-from myomorph.store.outcome import GATHERED, Outcome
+from myomorph.store.outcome import GATHERED, Key, Outcome, failed, no_space
 from myomorph.store.results import file_source
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.job_plan import StudyJobs, jobs_of
-from myomorph.study.run.job_work import do_groups, do_tables
-from myomorph.study.run.jobs import Job, Workers
-from myomorph.study.run.kept_work import kept_groups, kept_tables
+from myomorph.study.run.job_plan import StudyJobs, jobs_of, reused_groups, reused_tables
+from myomorph.study.run.job_work import do_groups, do_tables, not_run
+from myomorph.study.run.jobs import Ended, Job, Workers
 from myomorph.study.run.local_workers import InProcess
-from myomorph.study.run.schedule import run_jobs
 from myomorph.study.run.watching import StudyWatcher
 from myomorph.study.trial.inputs import open_model
+
+PATIENCE = 0.5
+"""How often the loop looks round although nothing has ended [s]."""
+AT_ONCE = 0.001
+"""How long it waits where there is more to begin [s]."""
+FULL = "no space is left where the results go: make room, then run again"
+
+
+class Watcher(Protocol):
+    """Whoever is told what happens to jobs."""
+
+    def started(self, job: Job) -> None:
+        """A worker has taken a job."""
+
+    def lost(self, job: Job, why: str, again: bool) -> None:
+        """Its worker is lost; the job is done again, or given up."""
+
+    def ended(self, outcome: Outcome) -> None:
+        """A job has ended, or could not begin."""
+
+    def idle(self) -> None:
+        """Nothing has happened for a while."""
+
+
+class _Models:
+    """Models that jobs need, opened once and let go after the last of their jobs."""
+
+    def __init__(self, jobs: Iterable[Job], read: Callable[[Path], tuple[Model, str]]):
+        self.read, self.open = read, dict[Path, tuple[Model, str]]()
+        self.wanted: dict[Path, int] = {}
+        for job in jobs:
+            if job.model is not None:
+                self.wanted[job.model] = self.wanted.get(job.model, 0) + 1
+
+    def of(self, job: Job) -> tuple[Model | None, str]:
+        """The model of a job, and the hash of its file."""
+        if job.model is None:
+            return None, ""
+        if job.model not in self.open:
+            self.open[job.model] = self.read(job.model)
+        return self.open[job.model]
+
+    def done(self, job: Job) -> None:
+        """A job has ended for good."""
+        if job.model is not None:
+            self.wanted[job.model] -= 1
+            if not self.wanted[job.model]:
+                self.open.pop(job.model, None)
+
+
+def run_jobs(
+    jobs: Iterable[Job],
+    homes: Mapping[Key, Path],
+    workers: Workers,
+    read: Callable[[Path], tuple[Model, str]],
+    watcher: Watcher,
+) -> dict[Key, Outcome]:
+    """Do all jobs, each once what it needs has ended well.
+
+    Parameters
+    ----------
+    homes : where the results of each job go
+    read : model of a file, and the hash of that file
+    """
+    return _Loop(tuple(jobs), homes, workers, read, watcher).run()
+
+
+class _Loop:
+    def __init__(
+        self,
+        jobs: tuple[Job, ...],
+        homes: Mapping[Key, Path],
+        workers: Workers,
+        read: Callable[[Path], tuple[Model, str]],
+        watcher: Watcher,
+    ):
+        self.homes, self.workers, self.watcher = homes, workers, watcher
+        self.jobs = {job.key: job for job in jobs}
+        self.models = _Models(jobs, read)
+        self.outcomes: dict[Key, Outcome] = {}
+        self.losses: dict[Key, int] = {}
+        self.running = 0
+        self.full = False
+        self.missing = {job.key: len({*job.needs, *job.after} & self.jobs.keys()) for job in jobs}
+        self.later: dict[Key, list[Key]] = {}
+        for job in jobs:
+            for key in {*job.needs, *job.after} & self.jobs.keys():
+                self.later.setdefault(key, []).append(job.key)
+        self.ready = deque(job.key for job in jobs if not self.missing[job.key])
+
+    def run(self) -> dict[Key, Outcome]:
+        while self.ready or self.running:
+            until, free = time.monotonic() + PATIENCE, max(1, self.workers.count)
+            while self.ready and self.running < free and time.monotonic() < until:
+                self._start(self.jobs[self.ready.popleft()])
+            if not self.running:
+                continue
+            # Where many results are there already, those that compute are seen to meanwhile.
+            ended = self.workers.ended(AT_ONCE if self.ready and self.running < free else PATIENCE)
+            for one in ended:
+                self.running -= 1
+                self._take(one)
+            if not ended:
+                self.watcher.idle()
+        return self.outcomes
+
+    def _start(self, job: Job) -> None:
+        if self.full:
+            self._end(job, not_run(job.key, self.homes[job.key], FULL))
+            return
+        failure = next((self.outcomes[key] for key in job.needs if self.outcomes[key].error), None)
+        if failure is not None:
+            why = failure.error.removeprefix("not run: ")
+            self._end(job, not_run(job.key, self.homes[job.key], why, failure))
+            return
+        try:
+            model, read = self.models.of(job)
+        except Exception as error:
+            self._end(job, failed(Outcome(*job.key, self.homes[job.key]), error))
+            return
+        # Jobs with a model also take the hash of its file, so that they see where it has changed since.
+        told = {"read": read} if read else {}
+        reused = None if job.reused is None else partial(cast(Any, job.reused), **told)(model)
+        if reused is not None:
+            self._end(job, reused)
+            return
+        self.running += 1
+        self.watcher.started(job)
+        self.workers.start(replace(job, work=partial(cast(Any, job.work), **told) if told else job.work), model)
+
+    def _take(self, ended: Ended) -> None:
+        job = self.jobs[ended.job.key]
+        if ended.outcome is not None:
+            self._end(job, ended.outcome)
+            return
+        if no_space(self.homes[job.key]):
+            # A process that cannot write may end of it: nothing is gained by beginning another.
+            self.full = True
+        self.losses[job.key] = self.losses.get(job.key, 0) + 1
+        again = self.losses[job.key] < 2 and not self.full
+        self.watcher.lost(job, ended.lost, again)
+        if again:
+            self.ready.appendleft(job.key)
+            return
+        text = f"its worker was lost twice: {ended.lost}" if self.losses[job.key] > 1 else f"not run: {FULL}"
+        self._end(job, Outcome(*job.key, self.homes[job.key], error=text))
+
+    def _end(self, job: Job, outcome: Outcome) -> None:
+        self.full = self.full or outcome.full
+        self.outcomes[job.key] = outcome
+        self.models.done(job)
+        self.watcher.ended(outcome)
+        for key in self.later.get(job.key, ()):
+            self.missing[key] -= 1
+            if not self.missing[key]:
+                self.ready.append(key)
 
 
 def run_study(
@@ -96,10 +253,10 @@ def _run(plan: Plan, out: Path, fresh: bool, jobs: StudyJobs, workers: Workers, 
     found = run_jobs(jobs.jobs, jobs.homes, workers, read, watcher)
     outcomes = tuple(found[job.key] for job in jobs.jobs)
     made: dict[str, Any] = {"plan": plan, "outcomes": outcomes, "out": out}
-    kept = None if fresh else partial(kept_tables, **made)
-    last = [Job(GATHERED, partial(do_tables, **made), kept=kept)]
+    reused = None if fresh else partial(reused_tables, **made)
+    last = [Job(GATHERED, partial(do_tables, **made), reused=reused)]
     if plan.groups is not None:
         key = (f"{plan.groups.first[0]} and {plan.groups.second[0]}", "")
-        compared = None if fresh else partial(kept_groups, plan=plan, out=out)
-        last.insert(0, Job(key, partial(do_groups, plan=plan, out=out), kept=compared))
+        compared = None if fresh else partial(reused_groups, plan=plan, out=out)
+        last.insert(0, Job(key, partial(do_groups, plan=plan, out=out), reused=compared))
     run_jobs(last, {job.key: out for job in last}, workers, read, watcher)

@@ -1,27 +1,178 @@
-"""Who keeps what became of the jobs of a study, and tells of it: the table, the log, a bar, and whoever called."""
+"""A run as it is watched: its table of outcomes, `study.log` and `timings.csv`, the bar, and whoever called."""
 
 from __future__ import annotations
 
 import csv
 import io
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 from myomorph import __version__
 from myomorph.model.errors import BadFile
 from myomorph.store.outcome import GATHERED, Key, Outcome
+from myomorph.store.progress import PATIENCE, silence
 from myomorph.store.results import fixed_date
+from myomorph.study.run.expected_time import in_words
 from myomorph.study.run.job_plan import StudyJobs
 from myomorph.study.run.jobs import Job, Workers
-from myomorph.study.run.study_log import StudyLog
-from myomorph.study.run.study_progress import StudyProgress
 
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+LOG, TIMINGS = "study.log", "timings.csv"
+HEADING = "subject,trial,step,frames,seconds"
 TABLE = "results.csv"
 RARELY = 1.0
 """The table is not written more often than this, so that many short trials do not wait for it [s]."""
+
+
+class StudyProgress:
+    """Counts the jobs of a study as they end.
+
+    On a terminal a bar on standard error shows it, in the place of those of single steps; else nothing is printed.
+
+    Parameters
+    ----------
+    title : of the study
+    total : how many jobs there are
+    count : how many of them run side by side
+    """
+
+    def __init__(self, title: str, total: int, count: int) -> None:
+        self.title, self.total, self.count = title, total, max(1, count)
+        self.done = self.failed = 0
+        self._computed, self._reused = [0, 0.0], [0, 0.0]
+        self._started = time.monotonic()
+        # A single recording is told of step by step.
+        self._shown = total > 1 and sys.stderr.isatty()
+        self._bar: Progress | None = None
+        if self._shown:
+            silence()
+
+    def ended(self, outcome: Outcome) -> None:
+        """Count a job."""
+        self.done += 1
+        self.failed += bool(outcome.error)
+        kind = self._computed if outcome.timed else self._reused
+        kind[0] += 1
+        kind[1] += outcome.seconds
+        self.look()
+
+    def left(self) -> float | None:
+        """Time left [s], as if what remains took as long as what was computed; None where nothing has ended."""
+        number, seconds = self._computed if self._computed[0] else self._reused
+        if not number or not self.done:
+            return None
+        return seconds / number * (self.total - self.done) / min(self.count, max(1, self.total - self.done))
+
+    def __str__(self) -> str:
+        left = self.left()
+        left_text = "" if left is None or self.done >= self.total else f", {in_words(left)} left"
+        return f"{self.done} of {self.total}{left_text}"
+
+    def look(self) -> None:
+        """Show how far it is now."""
+        if self._bar is None:
+            if not self._shown or time.monotonic() - self._started < PATIENCE:
+                return
+            self._bar = self._begin()
+        failed = f", {self.failed} failed" if self.failed else ""
+        left = self.left()
+        left_text = "" if left is None else f"{in_words(left)} left"
+        self._bar.update(
+            self._bar.task_ids[0], completed=self.done, left=left_text, description=f"{self.title}{failed}"
+        )
+
+    def _begin(self) -> Progress:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        bar = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[left]}"),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+            refresh_per_second=2,
+            # Lines of results go above the bar, but stay where they are told to go where that is a file.
+            redirect_stdout=sys.stdout.isatty(),
+        )
+        bar.add_task(self.title, total=self.total, left="")
+        bar.start()
+        return bar
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        if self._bar is not None:
+            self._bar.stop()
+        if self._shown:
+            silence(False)
+
+
+class StudyLog:
+    """The log of a study, to which every run adds; that it cannot be written stops nothing."""
+
+    def __init__(self, folder: Path):
+        self._log = _appended(folder / LOG)
+        self._timings = _appended(folder / TIMINGS)
+        if self._timings is not None and not self._timings.tell():
+            self._put(self._timings, HEADING)
+
+    def say(self, text: str) -> None:
+        """Add a line."""
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        self._put(self._log, f"{now} {' '.join(text.split())}")
+
+    def time(self, outcome: Outcome) -> None:
+        """Add how long the steps of a trial took that were computed now."""
+        names = ",".join(_quoted(name) for name in (outcome.subject, outcome.trial))
+        lines = [f"{names},{step},{outcome.frames},{seconds:.3f}" for step, seconds in outcome.timed]
+        if lines:
+            self._put(self._timings, "\n".join(lines))
+
+    def close(self) -> None:
+        """Close the files."""
+        for file in (self._log, self._timings):
+            if file is not None:
+                with suppress(OSError):
+                    file.close()
+
+    @staticmethod
+    def _put(file: TextIO | None, text: str) -> None:
+        if file is not None:
+            with suppress(OSError):
+                file.write(text + "\n")
+                file.flush()
+
+
+def _appended(path: Path) -> TextIO | None:
+    """A file open at its end, on a line of its own although an earlier run may have been cut off in one."""
+    try:
+        cut = path.is_file() and path.stat().st_size > 0 and not _ends_with_line(path)
+        file = path.open("a", encoding="utf-8", newline="\n")
+        if cut:
+            file.write("\n")
+        return file
+    except OSError:
+        return None
+
+
+def _ends_with_line(path: Path) -> bool:
+    with path.open("rb") as stream:
+        stream.seek(-1, os.SEEK_END)
+        return stream.read(1) == b"\n"
+
+
+def _quoted(name: str) -> str:
+    """A name as a field of a table."""
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
 class StudyWatcher:
@@ -58,7 +209,7 @@ class StudyWatcher:
         self._found[outcome.key] = outcome
         if outcome.key in self._order:
             self._progress.ended(outcome)
-        self._log.say(f"{told(outcome)} ({self._progress})")
+        self._log.say(f"{outcome_line(outcome)} ({self._progress})")
         self._log.time(outcome)
         if outcome.key != GATHERED or outcome.error:
             self._said(outcome)
@@ -100,13 +251,13 @@ class StudyWatcher:
             self._log.close()
 
 
-def told(outcome: Outcome) -> str:
+def outcome_line(outcome: Outcome) -> str:
     """An outcome as a line of the log: what was computed, what was taken over, and why."""
     name = named(outcome.key)
-    computed = " ".join(step for step in outcome.done if step not in outcome.kept)
+    computed = " ".join(step for step in outcome.done if step not in outcome.reused)
     parts = [f"computed {computed}"] if computed else []
-    if outcome.kept:
-        parts.append(f"kept {' '.join(outcome.kept)}")
+    if outcome.reused:
+        parts.append(f"kept {' '.join(outcome.reused)}")
     if outcome.changed:
         parts.append(f"because {', '.join(outcome.changed)}")
     if outcome.error:

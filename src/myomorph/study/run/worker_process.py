@@ -21,7 +21,7 @@ from typing import Any
 
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
-from myomorph.study.run.worker_messages import Begin, Do, Done, Stop, receive, send
+from myomorph.study.run.jobs import Begin, Do, Done, Stop, receive, send
 
 
 class _Stopping:

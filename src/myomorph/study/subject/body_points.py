@@ -21,7 +21,7 @@ from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
-from myomorph.study.subject.body_shape import WEIGHTS, BodyOptions, BodyShape
+from myomorph.study.subject.subject_files import WEIGHTS, BodyOptions, BodyShape
 from myomorph.study.trial.inputs import about
 
 if TYPE_CHECKING:

@@ -1,32 +1,76 @@
-"""Kinematic identification from files: a model, recordings of markers, and the model of that body."""
+"""Kinematic calibration from files: a model and recordings of markers give the model of that body, and its page."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from myomorph import __version__
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.provenance import Provenance
+from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.progress import progress
-from myomorph.store.results import provenance_of
+from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
-from myomorph.study.subject.calibrated import Calibrated, CalibrationFiles
-from myomorph.study.subject.made_model import write_made_model
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.steps.ik import used_markers
 from myomorph.study.trial.trial_files import Settings
+
+
+@dataclass(frozen=True)
+class CalibrationFiles:
+    """The files of a calibration.
+
+    Attributes
+    ----------
+    markers : TRC or C3D files
+    static : recording of standing still, where there is one
+    marker_set : OpenSim marker set that replaces the model's markers of the same names
+    tasks : OpenSim task set or setup file whose weights of markers count
+    time : start and end of every recording but the static one [s]
+    """
+
+    model: Path
+    markers: tuple[Path, ...]
+    static: Path | None = None
+    marker_set: Path | None = None
+    tasks: Path | None = None
+    time: tuple[float, float] | None = None
+
+    def sources(self) -> tuple[Source, ...]:
+        """The files by their hashes."""
+        named = (("static", self.static), ("marker set", self.marker_set), ("tasks", self.tasks))
+        given = [("model", self.model), *(("markers", path) for path in self.markers)]
+        given += [(role, path) for role, path in named if path is not None]
+        return tuple(file_source(role, path) for role, path in given)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A calibration and what it was made from.
+
+    Attributes
+    ----------
+    recordings : names of the recordings, in the calibration's order
+    warnings : of the files, one line each
+    """
+
+    found: Calibration
+    recordings: tuple[str, ...]
+    provenance: Provenance
+    warnings: tuple[str, ...]
 
 
 def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
@@ -122,8 +166,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
     found = calibrated.found
 
     def fill(folder: Path) -> None:
-        from myomorph.study.subject.calibration_report import calibration_page
-        from myomorph.study.trial.reporting import REPORT
+        from myomorph.study.trial.reporting import REPORT  # only now, as all of the report
 
         _write_rows(length_rows(found), folder / "lengths.csv")
         _write_rows(marker_rows(found), folder / "markers.csv")
@@ -203,3 +246,33 @@ STEP = SubjectStep(
     run=calibrate_subject,
     provenance=lambda files, prepared, settings: recordings_provenance("calibrate", files, prepared, settings, {}),
 )
+
+
+def calibration_page(calibrated: Calibrated) -> str:
+    """Lengths and markers before and after as HTML text, see `report_page`."""
+    # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
+    from myomorph.report.page.parts import Note, PageHead, SourceFile
+    from myomorph.report.trial.given import ReportInput
+    from myomorph.report.trial.identified import IdentificationInput, calibrated_body
+    from myomorph.report.trial.trial_page import report_page
+    from myomorph.study.trial.reporting import surfaces_of
+
+    found, made = calibrated.found, calibrated.provenance
+    surfaces = surfaces_of(found.model)
+    return report_page(
+        ReportInput(
+            PageHead(
+                title=f"{found.model.name}: calibrated body",
+                date=made.date,
+                version=__version__,
+                notes=(Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
+                sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
+                warnings=calibrated.warnings,
+            ),
+            model=found.model,
+            surfaces=surfaces,
+            identification=IdentificationInput(
+                found.model, calibration=calibrated_body(found, calibrated.recordings), surfaces=surfaces
+            ),
+        )
+    )

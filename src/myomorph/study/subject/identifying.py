@@ -25,9 +25,15 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.body_points import OWN, body_points
-from myomorph.study.subject.body_shape import BodyOptions, BodyShape
-from myomorph.study.subject.made_model import write_made_model
-from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subject_files import (
+    BodyOptions,
+    BodyShape,
+    Prepared,
+    SubjectFiles,
+    SubjectStep,
+    recordings_provenance,
+)
+from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, load_tables
@@ -169,7 +175,7 @@ def identify_subject(
             recording=options.recording,
             advance=advance,
         )
-    found = replace(found, notes=(*told, *_doubts(options), *found.notes))
+    found = replace(found, notes=(*told, *_option_warnings(options), *found.notes))
     models = {name: with_inertial_parameters(model, found.parameters[name]) for name in (found.chosen, SHAPE, GENERIC)}
     validation = {
         one.name: cross_validate(models, one.recording.motion, one.recording.wrenches, one.use)
@@ -180,7 +186,7 @@ def identify_subject(
     return Identified(found, MappingProxyType(validation), made)
 
 
-def _doubts(options: IdentifyOptions) -> tuple[str, ...]:
+def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
     if options.recording.cutoff is not None:
         return ()
     return (

@@ -57,7 +57,7 @@ class MorphFiles:
         given += [(role, path) for role, path in (("landmarks", self.landmarks), ("skin", self.skin)) if path]
         return tuple(file_source(role, path) for role, path in given)
 
-    def told(self) -> dict[str, object]:
+    def options(self) -> dict[str, object]:
         """What is said of the files, for provenance."""
         return {name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")}
 

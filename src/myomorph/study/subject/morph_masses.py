@@ -218,6 +218,6 @@ def _scaled(model: Model, which: np.ndarray, total: float) -> Model:
     return with_inertial_parameters(model, table)
 
 
-def least_eigenvalues(model: Model) -> Array:
+def min_eigenvalues(model: Model) -> Array:
     """(bodies,) least eigenvalue of each body's pseudo-inertia: above 0 for a body of mass that can be."""
     return np.asarray(np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0], dtype=np.float64)

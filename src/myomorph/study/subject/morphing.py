@@ -31,9 +31,9 @@ from myomorph.morph.transfer.model import morph_model
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import plain_settings, with_settings
-from myomorph.study.subject.made_model import write_made_model
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.trial_files import Settings
 
@@ -106,7 +106,7 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
 
         weighed, notes = with_morphed_masses(morph, files.mass, skin)
         morph = replace(morph, model=weighed, notes=(*morph.notes, *notes))
-    made = provenance_of("morph", files.sources(), settings.plain() | files.told())
+    made = provenance_of("morph", files.sources(), settings.plain() | files.options())
     return Morphed(morph, check_morph(morph), made, tuple(dict.fromkeys(warnings)))
 
 
@@ -263,7 +263,7 @@ def bone_notes(morphed: Morphed) -> tuple[str, ...]:
 def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
     if files.bones is None:
         return recordings_provenance("morph", files, prepared, settings, {})
-    return provenance_of("morph", files.bones.sources(), files.bones.told() | dict(settings.get("morph", {})))
+    return provenance_of("morph", files.bones.sources(), files.bones.options() | dict(settings.get("morph", {})))
 
 
 STEP = SubjectStep(

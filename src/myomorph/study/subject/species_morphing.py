@@ -2,21 +2,135 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from myomorph.model.errors import BadFile
+import numpy as np
+
+from myomorph.model.errors import BadData, BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.species.counterparts import (
+    DIRECTIONS,
+    AnatomicalFrame,
+    BoneHomology,
+    CoordinateHomology,
+    LandmarkRule,
+    MuscleHomology,
+    SpeciesTable,
+)
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import Morphed, MorphSettings
-from myomorph.study.subject.species_table import read_species
 from myomorph.study.trial import inputs
+
+Table = Mapping[str, Any]
+KEYS = frozenset(
+    ("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle"),
+)
+BONE_KEYS = frozenset(
+    ("sources", "targets", "source_frame", "target_frame", "carried", "spread", "half", "match", "landmarks")
+)
+
+
+def species_tables() -> tuple[str, ...]:
+    """Names of the tables that come with Myomorph."""
+    folder = files("myomorph.morph") / "data"
+    return tuple(sorted(one.name[:-5].replace("_", "-") for one in folder.iterdir() if one.name.endswith(".toml")))
+
+
+def read_species(table: str | Path) -> SpeciesTable:
+    """The species table of a name, as `human-mouse`, or of a TOML file.
+
+    Raises
+    ------
+    BadFile : there is no such table or file, or it is not TOML
+    BadData : what it says cannot be
+    """
+    known = species_tables()
+    own = str(table) in known
+    path = files("myomorph.morph") / "data" / f"{str(table).replace('-', '_')}.toml" if own else Path(table)
+    if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not path.is_file()):
+        raise BadFile(table, "no such species table", f"there are {', '.join(known)}, or give a .toml file of your own")
+    try:
+        return _table(tomllib.loads(path.read_text("utf-8")), "" if own else Path(table).stem)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BadFile(table, f"not TOML: {error}") from None
+    except BadData as error:
+        raise BadData(f"{table}: {error}") from None
+    except KeyError as error:
+        raise BadData(f"{table}: {error} is missing") from None
+    except (AttributeError, TypeError, ValueError) as error:
+        raise BadData(f"{table}: {error}") from None
+
+
+def _table(given: Table, name: str) -> SpeciesTable:
+    _known(given, KEYS, "the table")
+    frames = given["frames"]
+    posture = given.get("posture", {})
+    return SpeciesTable(
+        given.get("name", name),
+        _frame(frames["source"]),
+        _frame(frames["target"]),
+        tuple(_bone(one) for one in given["bone"]),
+        tuple(CoordinateHomology(**one) for one in given.get("coordinate", ())),
+        tuple(
+            MuscleHomology(tuple(one["sources"]), tuple(one["targets"]), one.get("why", ""))
+            for one in given.get("muscle", ())
+        ),
+        posture.get("source", {}),
+        posture.get("target", {}),
+        given.get("missing", {}),
+        given.get("extra", {}),
+    )
+
+
+def _known(given: Table, keys: frozenset[str], what: str) -> None:
+    for key in given:
+        if key not in keys:
+            raise BadData(f"{what} has '{key}': known are {', '.join(sorted(keys))}")
+
+
+def _bone(given: Table) -> BoneHomology:
+    _known(given, BONE_KEYS, "a bone")
+    kept = dict(given)
+    for side in ("source_frame", "target_frame"):
+        if side in kept:
+            kept[side] = _frame(kept[side])
+    for several in ("sources", "targets", "carried"):
+        if several in kept:
+            kept[several] = tuple(kept[several])
+    kept["landmarks"] = tuple(_rule(one) for one in given["landmarks"])
+    return BoneHomology(**kept)
+
+
+def _rule(given: Table) -> LandmarkRule:
+    kept = dict(given)
+    for box in ("within", "source_within", "target_within"):
+        if box in kept:
+            kept[box] = {name: (float(low), float(high)) for name, (low, high) in kept[box].items()}
+    if "at" in kept:
+        kept["at"] = tuple(float(one) for one in kept["at"])
+    return LandmarkRule(**kept)
+
+
+def _frame(given: Table) -> AnatomicalFrame:
+    """Directions such as "+y"; a table writes where the axes of the bodies' frames point."""
+    axes = np.zeros((3, 3))
+    for k, name in enumerate(DIRECTIONS):
+        text = str(given[name]).strip()
+        letter = text.lstrip("+-")
+        if letter not in ("x", "y", "z"):
+            raise BadData(f"{name} is '{given[name]}': expected an axis, as +x or -z")
+        axes[k, "xyz".index(letter)] = -1.0 if text.startswith("-") else 1.0
+    return AnatomicalFrame(axes)
 
 
 @dataclass(frozen=True)

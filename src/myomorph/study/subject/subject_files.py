@@ -1,4 +1,4 @@
-"""One subject of a study: its files, the steps on it, and the model that they make for its trials."""
+"""One subject of a study: its files, the shape of its body, the steps on it, and the model that they make."""
 
 from __future__ import annotations
 
@@ -6,16 +6,59 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_source, provenance_of
-from myomorph.study.subject.body_shape import BodyShape
 from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.step import StepHead
 from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
+
+WEIGHTS = ("bone", "cog", "nearest")
+
+
+@dataclass(frozen=True)
+class BodyOptions:
+    """How the mass of a body is laid out before it is identified.
+
+    Attributes
+    ----------
+    spacing : of the grid of mass points [m]
+    weights : which links a mass point belongs to: by its distance to the bones, to the links' mass centers ([D] eq.
+        3.14), or to the nearest mass center only (3.15); by default to the bones in a skin, and each link's own
+        points where only its envelope is known
+    density : inside a skin, the same everywhere ([D]), or that of each segment, the trunk light with its lungs
+        (Dempster 1955)
+    """
+
+    spacing: float = 0.005
+    weights: Literal["bone", "cog", "nearest"] | None = None
+    density: Literal["even", "segments"] = "even"
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """What is known of the subject's shape; nothing means envelopes of the model's own bodies.
+
+    Attributes
+    ----------
+    skin : mesh file
+    landmarks : table of markers on the skin (CSV: name, x, y, z), to pose the model in it
+    height, chest : of the subject [m]
+    sex : "female" or "male"
+    age : [years]
+    """
+
+    skin: Path | None = None
+    landmarks: Path | None = None
+    height: float | None = None
+    chest: float | None = None
+    sex: Literal["female", "male"] | None = None
+    age: float | None = None
+
 
 SUBJECT_STEPS: dict[str, str] = {
     "morph": "myomorph.study.subject.morphing",
@@ -80,7 +123,7 @@ class Prepared:
     ----------
     path : of its file
     model : itself; its source is the file beside which its meshes lie
-    done, kept : steps that made it, and those reused from an earlier run
+    done, reused : steps that made it, and those reused from an earlier run
     changed : what made steps be computed again that an earlier run had done
     timed : each step that was computed, and how long it took [s]
     """
@@ -88,7 +131,7 @@ class Prepared:
     path: Path
     model: Model
     done: tuple[str, ...] = ()
-    kept: tuple[str, ...] = ()
+    reused: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
     timed: tuple[tuple[str, float], ...] = ()
 

@@ -1,16 +1,70 @@
-"""Steps that are about a subject rather than a trial: they make the model that the trials then use."""
+"""Steps on a subject rather than a trial: the model that they make for its trials, written whole or not at all."""
 
 from __future__ import annotations
 
+import os
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from myomorph.io.osim.write import write_osim
+from myomorph.model.errors import BadFile
+from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.study.subject.made_model import PROVENANCE
+from myomorph.store.results import whole_folder
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, Prepared, SubjectFiles, made_model, subject_step
-from myomorph.study.trial.changes import NEVER, changes
+from myomorph.study.trial.reuse import NEVER, changes
 from myomorph.study.trial.trial_files import Settings
+
+PROVENANCE = "provenance.json"
+
+
+def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
+    """Raise `BadFile` where a model cannot be written under this name.
+
+    Parameters
+    ----------
+    tables : the folder beside it
+    read : what the model is made from, which neither may replace
+    """
+    if out.suffix.lower() != ".osim":
+        raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
+    if out.is_dir():
+        raise BadFile(out, "is a folder, but the result is a file", "give a name that ends in .osim")
+    if not out.parent.is_dir():
+        raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
+    for one in read:
+        if one is not None and one.resolve() in (out.resolve(), (tables or out).resolve()):
+            raise BadFile(out, f"would be written over '{one}', which it is made from", "give --out another name")
+
+
+def write_made_model(
+    model: Model, made: Provenance, out: Path, tables: Path, fill: Callable[[Path], None]
+) -> tuple[str, ...]:
+    """Write a model, and a folder with what it was made from and what `fill` puts there.
+
+    Parameters
+    ----------
+    fill : writes tables and a report into the folder it is given
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+
+    Raises
+    ------
+    BadFile : the model cannot be written under this name
+    """
+    check_out_model(out)
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
+        path = Path(temporary) / out.name
+        lost = write_osim(model, path)
+        with whole_folder(tables) as folder:
+            fill(folder)
+            (folder / PROVENANCE).write_text(made.to_json() + "\n", encoding="utf-8")
+        os.replace(path, out)
+    return lost
 
 
 def prepare_subject(
@@ -50,14 +104,14 @@ def prepare_subject(
             out,
             made_model(files, (*prepared.done, step), folder).open(),
             (*prepared.done, step),
-            (*prepared.kept, step) if known else prepared.kept,
+            (*prepared.reused, step) if known else prepared.reused,
             tuple(dict.fromkeys((*prepared.changed, *changed))),
             prepared.timed if known else (*prepared.timed, (step, seconds)),
         )
     return prepared
 
 
-def kept_subject_steps(
+def reused_subject_steps(
     files: SubjectFiles, steps: Sequence[str], settings: Settings, folder: Path
 ) -> dict[str, tuple[str, ...]]:
     """Which steps on a subject a run would take over from results in a folder, and why it would compute the others.

@@ -1,18 +1,22 @@
-"""What the trials of each condition have in common, gathered trial by trial in memory that does not grow with them."""
+"""What the trials of each condition have in common, as tables, and which trials lie far from the others.
+
+Gathered trial by trial, in memory that does not grow with them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
 
-from myomorph.analysis.conditions import Condition, MeanCurves, mean_curves
+from myomorph.analysis.conditions import FAR, Condition, MeanCurves, mean_curves, modified_z
 from myomorph.analysis.cycles import SAMPLES, Cycles
-from myomorph.analysis.groups import Animal
+from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
 from myomorph.model.series import Series
+from myomorph.report.study.study_given import Described, Outlier
 from myomorph.study.trial.tidy import IN_STRIDE, OF_STRIDE, Value
 from myomorph.study.trial.trial_strides import PARAMETERS
 
@@ -20,6 +24,12 @@ Curve = tuple[str, str]
 """Family and name."""
 Name = TypeVar("Name", bound=Hashable)
 PER_STRIDE = tuple(label.partition(" [")[0] for label, _ in PARAMETERS)
+COMPARED = ("joint angle", "joint torque")
+"""Curves whose distance to the mean of the condition is looked at."""
+DISTANCE = "distance of its curve from the mean, RMS"
+_Key = tuple[str, str, str]
+"""Condition, quantity and unit."""
+Row = tuple[str, ...]
 
 
 class RunningMeans(Generic[Name]):
@@ -203,3 +213,152 @@ def shown_quantities(quantities: Sequence[str]) -> set[str]:
     """Those that tables for people show: of a stride where there are strides, else of the trial."""
     every = set(quantities)
     return {one for one in quantities if f"{one} {IN_STRIDE}" not in every}
+
+
+class OutlierSearch:
+    """Values of all trials, by condition and quantity; of each trial a few dozen numbers are kept."""
+
+    def __init__(self) -> None:
+        self._values: dict[_Key, list[tuple[str, str, float]]] = {}
+
+    def add(self, whose: tuple[str, str, str], values: Sequence[Value]) -> None:
+        """Values of one more trial: subject, condition and trial."""
+        subject, condition, trial = whose
+        shown = shown_quantities([one.quantity for one in values])
+        for one in values:
+            if one.quantity in shown and _is_telling(one):
+                self._values.setdefault((condition, one.quantity, one.unit), []).append((subject, trial, one.value))
+
+    def add_curves(
+        self, whose: tuple[str, str, str], condition: GrowingCondition, cycle: str, curves: Mapping[str, Series]
+    ) -> None:
+        """How far curves of a trial are from the mean of its condition, root mean square over the cycle."""
+        if cycle != condition.cycle:
+            return
+        names, values = joined_curves(curves)
+        if not names:
+            return
+        away = values - condition.each.means()[:, condition.each.places(names)]
+        known = np.isfinite(away)
+        counts = known.sum(axis=0)
+        squares = np.where(known, away, 0.0) ** 2
+        distances = np.sqrt(squares.sum(axis=0) / np.maximum(counts, 1))
+        for (family, name), distance, count in zip(names, distances.tolist(), counts.tolist(), strict=True):
+            if count:
+                unit = family.partition(" [")[2].removesuffix("]")
+                key = (whose[1], f"{name}, {DISTANCE}", unit)
+                self._values.setdefault(key, []).append((whose[0], whose[2], distance))
+
+    def found(self) -> list[Outlier]:
+        """All values whose modified z-score is beyond the limit; of distances only those that are large."""
+        outliers = []
+        for (condition, quantity, unit), rows in self._values.items():
+            values = np.array([value for *_, value in rows])
+            scores = modified_z(values)
+            middle = float(np.median(values))
+            for (subject, trial, value), score in zip(rows, scores.tolist(), strict=True):
+                if score > FAR or (score < -FAR and not quantity.endswith(DISTANCE)):
+                    outliers.append(Outlier(subject, trial, condition, quantity, value, unit, middle, score))
+        return outliers
+
+
+def outlier_rows(outliers: Sequence[Outlier]) -> Iterator[tuple[str, ...]]:
+    """One row an outlier; the heading first."""
+    yield ("subject", "condition", "trial", "quantity", "value", "unit", "median", "score")
+    for one in outliers:
+        numbers = f"{one.value:.9g}", one.unit, f"{one.middle:.9g}", f"{one.score:.4g}"
+        yield (one.subject, one.condition, one.trial, one.quantity, *numbers)
+
+
+def _is_telling(one: Value) -> bool:
+    """Whether a value says something of a trial as a whole: of strides, ranges of angles, peaks of torques, errors."""
+    what = one.quantity.removesuffix(f" {IN_STRIDE}")
+    if one.unit == "deg":
+        return what.endswith(", range")
+    if one.unit == "N m" and what.endswith((", maximum", ", minimum")):
+        return True
+    return what in ("marker error, RMS", "residual force, RMS") or what.rpartition(", ")[0] in PER_STRIDE
+
+
+def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
+    """Every quantity in every condition: of subjects, each the mean of its trials; of one subject, of its trials."""
+    found: dict[str, list[tuple[float, float, int]]] = {}
+    units: dict[str, str] = {}
+    subjects = of_subjects(growing)
+    for k, one in enumerate(growing):
+        for quantity, (mean, deviation, count) in one.described(subjects).items():
+            units.setdefault(quantity, one.units[quantity])
+            rows = found.setdefault(quantity, [(np.nan, np.nan, 0)] * len(growing))
+            rows[k] = mean, deviation, count
+    return tuple(Described(quantity, units[quantity], tuple(rows)) for quantity, rows in found.items())
+
+
+def described_rows(quantities: Sequence[Described], conditions: Sequence[Condition]) -> Iterator[Row]:
+    """One row a quantity and condition; the heading first."""
+    yield ("condition", "quantity", "unit", "mean", "sd", "n", "of")
+    for k, one in enumerate(conditions):
+        for each in quantities:
+            mean, deviation, count = each.conditions[k]
+            if count:
+                yield (
+                    one.name,
+                    each.quantity,
+                    each.unit,
+                    _number_text(mean),
+                    _number_text(deviation),
+                    str(count),
+                    one.unit,
+                )
+
+
+def curve_rows(conditions: Sequence[Condition]) -> Iterator[Row]:
+    """One row a condition, curve and percent; the heading first."""
+    yield ("condition", "kind", "curve", "cycle", "percent", "mean", "sd", "low", "high", "n", "of")
+    for one in conditions:
+        for family, curves in one.curves.items():
+            for k, name in enumerate(curves.names):
+                for i, percent in enumerate(np.linspace(0.0, 100.0, len(curves.mean))):
+                    values = (part[i, k] for part in (curves.mean, curves.deviation, curves.low, curves.high))
+                    yield (
+                        *(one.name, family, name, one.cycle, f"{percent:g}"),
+                        *(_number_text(value) for value in values),
+                        *(f"{curves.count[i, k]:.0f}", one.unit),
+                    )
+
+
+def pair_rows(comparisons: Sequence[Comparison]) -> Iterator[Row]:
+    """One row a parameter, and one a curve where its effect is largest; the heading first."""
+    yield (
+        *("first", "second", "paired", "kind", "name", "percent", "first_mean", "second_mean", "difference", "low"),
+        *("high", "effect_size", "effect_low", "effect_high", "p", "p_corrected", "below", "differs_percent"),
+    )
+    for found in comparisons:
+        whose = (*found.names, "yes" if found.paired else "no")
+        level = _number_text(found.options.alpha)
+        for one in found.scalars:
+            numbers = (one.first[0], one.second[0], one.difference, one.low, one.high, one.g, one.g_low, one.g_high)
+            yield (
+                *whose,
+                "parameter",
+                one.name,
+                "",
+                *map(_number_text, numbers),
+                _number_text(one.p),
+                _number_text(one.holm),
+                level,
+                "",
+            )
+        for each in found.curves:
+            if not np.isfinite(each.g).any():
+                continue
+            at = int(np.argmax(np.where(np.isfinite(each.g), np.abs(each.g), -1.0)))
+            parts = (each.first.mean, each.second.mean, each.difference, each.low, each.high, each.g, each.g_low)
+            peaks = [float(part[at]) for part in (*parts, each.g_high)]
+            where = " ".join(f"{start:.0f}-{stop:.0f}" for start, stop in each.regions)
+            percent = f"{100.0 * at / max(len(each.g) - 1, 1):g}"
+            p = _number_text(each.least_p)
+            yield (*whose, each.family, each.name, percent, *map(_number_text, peaks), "", p, level, where)
+
+
+def _number_text(value: float) -> str:
+    return f"{value:.9g}" if np.isfinite(value) else ""

@@ -18,7 +18,7 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.study.group_page import group_page
 from myomorph.store.results import STORED, file_name, read_result
-from myomorph.study.plan.group_plan import GroupPlan
+from myomorph.study.plan.groups import GroupPlan
 from myomorph.study.summary.page_key import groups_key, with_key
 from myomorph.study.trial.reporting import model_of
 from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_turn, trial_strides

@@ -11,9 +11,9 @@ from myomorph import __version__
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, value_source
-from myomorph.study.plan.group_plan import GroupPlan
+from myomorph.study.plan.groups import GroupPlan
 from myomorph.study.plan.plan import Plan
-from myomorph.study.trial.kept_report import KEY
+from myomorph.study.trial.reuse import KEY
 
 END = "</body>"
 _KEY = re.compile(rb"<!-- made of ([0-9a-f]{64}) -->\s*</body>\s*</html>\s*\Z")

@@ -1,4 +1,4 @@
-"""The tables of a study: the values of all trials in one, their quality, and what conditions have in common."""
+"""The tables of a study: values of all trials, their quality, conditions, and angles that models count differently."""
 
 from __future__ import annotations
 
@@ -20,12 +20,20 @@ from myomorph.report.study.study_page import study_page
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import made_at
 from myomorph.study.plan.plan import Plan
-from myomorph.study.summary.condition_tables import curve_rows, described, described_rows, pair_rows
-from myomorph.study.summary.condition_values import GrowingCondition, of_subjects, shown_quantities
+from myomorph.study.summary.condition_values import (
+    COMPARED,
+    GrowingCondition,
+    OutlierSearch,
+    curve_rows,
+    described,
+    described_rows,
+    of_subjects,
+    outlier_rows,
+    pair_rows,
+    shown_quantities,
+)
 from myomorph.study.summary.grouping import PAGE as GROUPS_PAGE
-from myomorph.study.summary.outlier_values import COMPARED, OutlierSearch, outlier_rows
 from myomorph.study.summary.page_key import tables_key, with_key
-from myomorph.study.summary.sign_notes import SignSearch
 from myomorph.study.trial.reporting import REPORT
 from myomorph.study.trial.tidy import (
     CURVES,
@@ -39,6 +47,10 @@ from myomorph.study.trial.tidy import (
     read_values,
 )
 
+SMALL, LARGE = 10.0, 25.0
+"""An angle that stays within the first on one side of zero and passes the second on the other bends one way [deg]."""
+
+MAX_NAMED = 4
 PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
 TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
 CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
@@ -58,6 +70,44 @@ FILES = (
     (DIFFERENCES, "every pair of conditions: differences, effect sizes, corrected p"),
     (OUTLIERS, "values far from those of the other trials"),
 )
+
+
+class SignSearch:
+    """Which angles bend to which side, by subject; of each trial nothing else is kept."""
+
+    def __init__(self) -> None:
+        self._above: dict[str, dict[str, None]] = {}
+        self._below: dict[str, dict[str, None]] = {}
+
+    def add(self, subject: str, values: Sequence[Value]) -> None:
+        """Values of one more trial."""
+        told = {one.quantity: one.value for one in values if one.unit == "deg"}
+        for quantity, most in told.items():
+            name, ending, _ = quantity.partition(", maximum")
+            least = told.get(f"{name}, minimum")
+            if not ending or quantity != f"{name}, maximum" or least is None:
+                continue
+            if least > -SMALL and most > LARGE:
+                self._above.setdefault(name, {})[subject] = None
+            elif most < SMALL and least < -LARGE:
+                self._below.setdefault(name, {})[subject] = None
+
+    def notes(self) -> list[str]:
+        """One line for all angles that bend one way in some subjects and the other way in others."""
+        sides: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
+        for name, above in self._above.items():
+            if name in self._below:
+                sides.setdefault((tuple(above), tuple(self._below[name])), []).append(name)
+        return [
+            f"{_few(names)}: above zero in {_few(above)}, below it in {_few(below)}: where their models count it "
+            "the other way round, means over these subjects mean nothing"
+            for (above, below), names in sides.items()
+        ]
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return ", ".join(names[:MAX_NAMED]) + more
 
 
 @dataclass(frozen=True)

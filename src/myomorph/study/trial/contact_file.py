@@ -137,7 +137,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         problems.append(f"sites: {error}")
     refuse(path, problems)
     assert found is not None
-    told = _all_told(found.site, None if table is None else _touches(table, found.camera))
+    told = _all_reported(found.site, None if table is None else _touches(table, found.camera))
     return ContactPlan(
         found.feet,
         tuple(sites),
@@ -221,7 +221,7 @@ def _touches(path: Path, camera: _Camera) -> Contacts:
     return read_events(path, rate=camera.rate, start=camera.start)
 
 
-def _all_told(sites: Sequence[_Site], read: Contacts | None) -> Contacts | None:
+def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | None:
     """The touches of a table, and those written beside the sites; None where neither tells anything."""
     touches: list[Touch] = [] if read is None else list(read.touches)
     names = dict.fromkeys(() if read is None else read.sites)

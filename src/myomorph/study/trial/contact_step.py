@@ -93,7 +93,9 @@ def set_contacts(
     raised = _raised(plan, told, model, motion, feet)
     told += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
-    elsewhere = () if plan.told is None else (*never_during(plan.told, known.recorded.time), *untold(plan.told, feet))
+    elsewhere = (
+        () if plan.told is None else (*never_during(plan.told, known.recorded.time), *unreported_feet(plan.told, feet))
+    )
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
     if plan.measured == "exact" and measured is not None:
@@ -144,7 +146,7 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
     return replace(contacts, touches=tuple(touches))
 
 
-def untold(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
+def unreported_feet(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
     """Soles that a file leaves out while it tells of others: who took their lines away meant that they never touch."""
     names = [one.name for one in feet]
     lacking = [name for name in names if name not in told.sites]

@@ -21,7 +21,7 @@ SWINGS = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class EmgGiven:
+class OpenedEmg:
     """EMG of a recording.
 
     Attributes
@@ -43,7 +43,7 @@ def open_emg(
     options: EnvelopeOptions | None = None,
     reference: Sequence[Path] = (),
     side: str = "",
-) -> EmgGiven:
+) -> OpenedEmg:
     """EMG of a table or of the analog channels of a C3D file, as envelopes.
 
     Channels that swing about zero are raw: they are filtered (see `envelopes`) and scaled to their largest value in
@@ -81,7 +81,7 @@ def open_emg(
         whole = without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
-    return EmgGiven(whole, told, (*mended, *notes))
+    return OpenedEmg(whole, told, (*mended, *notes))
 
 
 def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
@@ -124,7 +124,7 @@ def _is_raw(series: Series) -> bool:
     return bool(np.median(negative) > SWINGS) if negative.size else False
 
 
-def _as_envelopes(found: Series, told: Mapping[str, tuple[str, ...]], name: str) -> EmgGiven:
+def _as_envelopes(found: Series, told: Mapping[str, tuple[str, ...]], name: str) -> OpenedEmg:
     values, notes = found.values, []
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
     if peak > BEYOND_ONE:
@@ -133,7 +133,7 @@ def _as_envelopes(found: Series, told: Mapping[str, tuple[str, ...]], name: str)
     emg = Emg(found.time, found.names, values)
     faults = envelope_faults(emg)
     used = [one.text for one in faults if not told or one.channel in told]
-    return EmgGiven(without_faults(emg, faults), told, (*notes, *used))
+    return OpenedEmg(without_faults(emg, faults), told, (*notes, *used))
 
 
 def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -> dict[str, tuple[str, ...]]:

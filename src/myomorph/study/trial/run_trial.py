@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from myomorph.model.provenance import Provenance
-from myomorph.store.failures import failed
-from myomorph.store.netcdf_memory import HeldFile
-from myomorph.store.outcome import Outcome
+from myomorph.store.netcdf import HeldFile
+from myomorph.store.outcome import Outcome, failed
 from myomorph.store.results import (
     STORED,
     WHOSE,
@@ -29,8 +28,7 @@ from myomorph.store.results import (
     whole_folder,
 )
 from myomorph.study.trial.ahead import compile_ahead, wraps_of
-from myomorph.study.trial.changes import NEVER, changes
-from myomorph.study.trial.kept_report import PAGE, keep_facts, report_is_made, told_the_same
+from myomorph.study.trial.reuse import NEVER, PAGE, changes, keep_facts, report_is_made, same_report
 from myomorph.study.trial.step import StepOutput, StepResults, large_variables, run_step, step_of, step_provenance
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.tidy import write_trial_values
@@ -67,7 +65,7 @@ def _earlier(trial: TrialInputs, folder: Path) -> _Earlier:
     return _Earlier(files, made)
 
 
-def kept_steps(trial: TrialInputs, steps: Sequence[str], folder: Path) -> dict[str, tuple[str, ...]]:
+def reused_steps(trial: TrialInputs, steps: Sequence[str], folder: Path) -> dict[str, tuple[str, ...]]:
     """Which steps a run would take over from results in a folder, and why it would compute the others.
 
     Parameters
@@ -132,7 +130,7 @@ def run_trial(
             check()
             if step not in computed:
                 chain.reuse(step)
-                outcome = replace(outcome, done=(*outcome.done, step), kept=(*outcome.kept, step))
+                outcome = replace(outcome, done=(*outcome.done, step), reused=(*outcome.reused, step))
                 continue
             shutil.rmtree(parts / step, ignore_errors=True)
             if ahead is not None:
@@ -282,7 +280,7 @@ def _gather(
     fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
     others = [step for step in earlier.files if step not in wanted and not _reasons(step, trial, earlier)]
     lost = [step for step in earlier.files if step not in outcome.done and step not in others]
-    if not fresh and not lost and told_the_same(folder, trial, outcome.done):
+    if not fresh and not lost and same_report(folder, trial, outcome.done):
         return None
     whole = HeldFile() if held.allowed else None
     with new_result(stored) as writer:
@@ -335,7 +333,7 @@ def _report(trial: TrialInputs, outcome: Outcome) -> Outcome:
     from myomorph.study.trial.reporting import report_folder
 
     if not outcome.timed and report_is_made(outcome.folder, trial, outcome.done):
-        return replace(outcome, done=(*outcome.done, REPORT), kept=(*outcome.kept, REPORT))
+        return replace(outcome, done=(*outcome.done, REPORT), reused=(*outcome.reused, REPORT))
     started = time.monotonic()
     try:
         report_folder(outcome.folder, trial)

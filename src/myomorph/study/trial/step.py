@@ -24,7 +24,7 @@ from myomorph.study.trial.trial_inputs import ByType, OptionSet, TrialInputs
 
 if TYPE_CHECKING:
     from myomorph.report.trial.given import ReportInput
-    from myomorph.study.trial.trial_signals import Signals
+    from myomorph.study.trial.trial_inputs import Signals
 
 Result = TypeVar("Result")
 
@@ -98,7 +98,7 @@ class Step(StepHead, Generic[Result]):
     outcome: Callable[[Outcome, Result], Outcome] | None = None
     outcome_variables: tuple[str, ...] = ()
 
-    def told(self, trial: TrialInputs) -> dict[str, object]:
+    def hashed_options(self, trial: TrialInputs) -> dict[str, object]:
         """Options that the result depends on, by name."""
         values = [trial.options[kind] for kind in self.options] if self.hashed is None else self.hashed(trial)
         return {f"{self.name}.{name}": value for one in values for name, value in plain_settings(one).items()}
@@ -149,7 +149,7 @@ def step_provenance(step: Step[Any], trial: TrialInputs) -> Provenance:
     """What a step's result is made from: its inputs, and the options of this step and those before it."""
     options: dict[str, object] = {"time": None if trial.time is None else list(trial.time)}
     for one in (*steps_before(step), step):
-        options |= one.told(trial)
+        options |= one.hashed_options(trial)
     sources = [one for one in trial.sources if step.roles is None or one.role in step.roles]
     return provenance_of(step.name, sources, options)
 

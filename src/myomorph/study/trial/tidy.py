@@ -25,8 +25,7 @@ from myomorph.store.results import STORED, Stored, file_name, read_result
 from myomorph.study.trial.reporting import report_input
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_inputs import TrialInputs
-from myomorph.study.trial.trial_signals import LOADED, Signals, statistics_of
+from myomorph.study.trial.trial_inputs import LOADED, Signals, TrialInputs, statistics_of
 from myomorph.study.trial.trial_strides import PARAMETERS, TrialStrides, by_side
 
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
@@ -62,7 +61,7 @@ def write_trial_values(trial: TrialInputs, outcome: Outcome, found: Stored | Non
     """
     names = (VALUES, CURVES, QUALITY)
     steps = [step for step in outcome.done if step != REPORT]
-    if set(steps) <= set(outcome.kept) and all((outcome.folder / name).is_file() for name in names):
+    if set(steps) <= set(outcome.reused) and all((outcome.folder / name).is_file() for name in names):
         return
     if found is None:
         found = read_result(outcome.folder / f"{file_name(trial.name)}{STORED}", leave_out=UNUSED)

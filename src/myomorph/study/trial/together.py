@@ -108,12 +108,12 @@ class Part:
     Attributes
     ----------
     recorded : its coordinates, as inverse kinematics or a file gave them
-    told : the file of its model, or the table of an object
+    source : the file of its model, or the table of an object
     """
 
     trial: TrialInputs
     recorded: Motion
-    told: str | dict[str, object]
+    source: str | dict[str, object]
 
 
 def object_model(told: dict[str, Any]) -> Model:
@@ -175,7 +175,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
         ),
         sources=(*sources, *contact_sources(files)),
         warnings=tuple(text for one in trials for text in one.warnings),
-        parts=MappingProxyType({name: one.told for name, one in parts.items()}),
+        parts=MappingProxyType({name: one.source for name, one in parts.items()}),
     )
     return joined, Poses(recorded, notes=notes)
 

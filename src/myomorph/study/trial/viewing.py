@@ -68,7 +68,7 @@ def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Mapp
     groups: dict[tuple[object, ...], list[Path]] = {}
     moving: set[tuple[object, ...]] = set()
     for path in paths:
-        key, has_motion = _told(path)
+        key, has_motion = _what_is_in(path)
         if key is not None:
             groups.setdefault(key, []).append(path)
             moving |= {key} if has_motion else set()
@@ -93,7 +93,7 @@ def _open(files: Sequence[Path], demo_model: ModelMaker | None) -> ReportInput:
     return report_input(stored, model_of(stored, demo_model))
 
 
-def _told(path: Path) -> tuple[tuple[object, ...] | None, bool]:
+def _what_is_in(path: Path) -> tuple[tuple[object, ...] | None, bool]:
     """Folder, trial, number of frames and ends of a result's time, or None; and whether it holds a motion."""
     try:
         with open_netcdf(path) as file:

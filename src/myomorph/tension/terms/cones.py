@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.rigid.kernels import kernel
@@ -57,6 +57,7 @@ class ConeArrays(NamedTuple):
     coordinate: NDArray[np.int64]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ConeGenerators:
     """Generators of the cones of all sites.

@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from myomorph.model.arrays import Array, checked_array
+from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.tension.separable import Links
@@ -28,6 +28,7 @@ LIMIT_COST = 1e-6
 """Cost of the unknown of a constraint, squared: small enough to change nothing, above 0 for a unique solution."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Variables:
     """Unknowns that a term brings in.
@@ -56,6 +57,7 @@ def joined(parts: Sequence[Variables]) -> Variables:
     return Variables(names, *(np.concatenate([getattr(one, name) for one in parts]) for name in values))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Unknowns:
     """All unknowns of a problem, as a term sees them when the problem is set up.
@@ -136,6 +138,7 @@ class Columns(NamedTuple):
     given: Array | None = None
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Linear functions of the unknowns, each with an unknown e of its own: S x - unit e = target, cost weight e^2.
@@ -202,6 +205,7 @@ class Rows:
         return cls(names, row, column, S[row, column], target, unit, weights, low, high)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Penalties:
     """Interval penalties: weight dist(x, [low, high])^2 of some unknowns.
@@ -218,6 +222,7 @@ class Penalties:
     weight: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Smoothing:
     """How unknowns of neighbouring frames are linked: stiffness_k w_i (scale_k x_k - scale_(k-1) x_(k-1))^2.
@@ -289,6 +294,7 @@ class Term:
         return None
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class IntervalPenalties:
     """The interval penalties of all terms, kept for those unknowns alone that differ from frame to frame.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.inertia import InertiaOptions, LimbInertia, limb_inertia
 from myomorph.viscosity.identification.torque import JointViscosity, joint_viscosity, torque_problem
@@ -21,8 +21,9 @@ LACKING = 0.5
 without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out all gives 1 / (1 - h)."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Influences(FrozenArrays):
+class Influences:
     """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of swings, or over trials.
 
     Swings of a trial die away, so that few blocks hold most of what is known: draws with replacement, which lose the
@@ -99,8 +100,9 @@ def _freedom(parts: Array) -> Array:
     return np.clip(free, 1.0, max(len(parts) - 1, 1))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Solution(FrozenArrays):
+class Solution:
     """Steps 1 and 2 from some of the blocks.
 
     Attributes

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.condition import (
@@ -89,8 +89,9 @@ class ViscosityOptions:
             raise BadData(f"the level of the intervals is {self.level:g}: expected between 0 and 1")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Condition(FrozenArrays):
+class Condition:
     """What was identified of a specimen with its muscles intact, or removed.
 
     Attributes
@@ -120,8 +121,9 @@ class Condition(FrozenArrays):
     by_trial: tuple[str, ...] = ()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MuscleViscosity(FrozenArrays):
+class MuscleViscosity:
     """d_M of the muscles ([S] eq. 3), with the joint's own viscosity taken off.
 
     Attributes

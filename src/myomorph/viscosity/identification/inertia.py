@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_pseudo_inertia, solve_ridge
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices, parameters_of
 from myomorph.viscosity.swings.recording import PARAMETERS
@@ -48,8 +48,9 @@ class InertiaOptions:
             raise BadData(f"prior_sd of the limb's inertia is {self.prior_sd:g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class LimbInertia(FrozenArrays):
+class LimbInertia:
     """The limb as one rigid link.
 
     Attributes

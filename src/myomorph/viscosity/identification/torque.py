@@ -10,7 +10,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, SwingSums, eliminated
 
@@ -25,8 +25,9 @@ MAX_SHIFT = 1.5
 """A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class JointViscosity(FrozenArrays):
+class JointViscosity:
     """d_J of [S] eq. 1, the sign that resists: torque = -d rate.
 
     Attributes
@@ -79,8 +80,9 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
     return JointViscosity(one, axes, np.sqrt(np.maximum(left, 0.0) / frames))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MuscleSolution(FrozenArrays):
+class MuscleSolution:
     """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate.
 
     Attributes
@@ -95,8 +97,9 @@ class MuscleSolution(FrozenArrays):
     by_muscle: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MuscleProblem(FrozenArrays):
+class MuscleProblem:
     """Normal equations H d = g of the muscles' viscosities.
 
     Attributes

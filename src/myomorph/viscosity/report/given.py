@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.provenance import Estimate
 from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
@@ -19,6 +19,7 @@ MAX_FRAMES = 1200
 """Frames of a trial that charts are drawn from."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SwingCurves:
     """One trial as charts show it, thinned.
@@ -45,6 +46,7 @@ class SwingCurves:
     predicted: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ShownCondition:
     """A specimen with its muscles, or without them.
@@ -101,6 +103,7 @@ class PassiveModel:
     chosen: bool = False
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class HeldOutSwing:
     """A swing that the models did not see, predicted by integrating forward from its first frame.
@@ -118,6 +121,7 @@ class HeldOutSwing:
     predicted: Mapping[str, Array]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class CutoffScan:
     """What the choice of the low-pass filter changes.
@@ -156,6 +160,7 @@ class ArmError:
     high: float
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ArmSpread:
     """What an error of the moment arms does to the muscles' viscosity.

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, FrozenArrays, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
@@ -72,8 +72,9 @@ class SwingTrial:
     tare: Wrenches | None = None
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Specimen(FrozenArrays):
+class Specimen:
     """A base, a joint and a limb, everything else of the model gone.
 
     The base stands on the ground by six coordinates that are zero at `stand`; the joint turns by the angles of

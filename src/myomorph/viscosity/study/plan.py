@@ -24,7 +24,7 @@ from myomorph.store.study_file import (
     read_toml,
     refuse,
 )
-from myomorph.study.trial.companions import companion, plain_stem
+from myomorph.study.plan.subject_trials import companion, plain_stem
 from myomorph.viscosity.cohort import QUANTITIES
 from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
 from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles

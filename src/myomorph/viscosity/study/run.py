@@ -12,8 +12,7 @@ from myomorph import __version__
 from myomorph.io.osim.write import write_osim
 from myomorph.model.provenance import Provenance, Source
 from myomorph.report.page.parts import Note, SourceFile, Step
-from myomorph.store.failures import failed
-from myomorph.store.outcome import Outcome
+from myomorph.store.outcome import Outcome, failed
 from myomorph.store.progress import Advance, progress
 from myomorph.store.results import file_name, file_source, provenance_of, whole_folder
 from myomorph.viscosity.identification.identify import SpecimenViscosity

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.path import muscle_kinematics
@@ -17,8 +17,9 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.viscosity.specimen.model import Specimen
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class LimbMotion(FrozenArrays):
+class LimbMotion:
     """A limb in motion about its joint's center, everything distal of the joint one rigid link.
 
     Attributes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.model.arrays import Array, FrozenArrays, checked_array
+from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.motion.clock_lags import runs
 
 PARAMETERS = 10
@@ -30,8 +30,9 @@ SAMPLES = 3000
 """Frames of a trial that take part in the robust fit, at most."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class SwingRecording(FrozenArrays):
+class SwingRecording:
     """What one trial says of the limb, everything distal of the joint taken as one rigid link.
 
     With the link's inertial parameters phi (10,) in [D] order, about the joint's center and along the axes
@@ -90,7 +91,6 @@ class SwingRecording(FrozenArrays):
         }
         for name, shape in shapes.items():
             checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")
-        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.time)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 
@@ -125,8 +125,9 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
     return np.concatenate([rotations @ moment, rotations @ force], axis=1)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class SwingSums(FrozenArrays):
+class SwingSums:
     """Sums of products over blocks of swings.
 
     Attributes
@@ -228,8 +229,9 @@ def _swings(one: SwingRecording) -> list[np.ndarray]:
     return [np.flatnonzero(one.swing == number) for number in np.unique(one.swing[one.used])]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class _Block(FrozenArrays):
+class _Block:
     """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
 
     trial: int

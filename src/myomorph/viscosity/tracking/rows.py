@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.viscosity.specimen.model import Specimen
@@ -21,8 +21,9 @@ MIN_ROTATION = 0.005
 """Angle between two turns under which the limb counts as still [rad]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class _Filtered(FrozenArrays):
+class _Filtered:
     """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out of reach."""
 
     motion: Motion

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
@@ -81,8 +81,9 @@ class TrackingOptions:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class TrackedTrial(FrozenArrays):
+class TrackedTrial:
     """A trial as motion and wrench on the markers' clock, neither filtered.
 
     Attributes

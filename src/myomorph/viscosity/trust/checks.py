@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertia_matrices
 from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
@@ -52,8 +52,9 @@ class Finding:
     hides_mass: bool = False
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class PlateZero(FrozenArrays):
+class PlateZero:
     """What the constant part of the wrench says against what the moving part says.
 
     Attributes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.motion.clock_lags import runs
 from myomorph.motion.filters import lowpass
@@ -46,8 +46,9 @@ class FilterOptions:
             raise BadData(f"cutoff of motion and wrench is {self.cutoff:g} Hz: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Residuals(FrozenArrays):
+class Residuals:
     """Residual analysis of one signal (Winter 2009, section 3.4.4.3).
 
     Attributes
@@ -84,8 +85,9 @@ class CutoffChoice:
     signals: tuple[Residuals, ...]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class CutoffScan(FrozenArrays):
+class CutoffScan:
     """Results of one condition over cutoffs; NaN where a cutoff leaves nothing to identify.
 
     Attributes

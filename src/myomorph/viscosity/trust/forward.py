@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertia_matrices
 from myomorph.rigid.kernels import inner, kernel
@@ -37,8 +37,9 @@ DECAY_A_STEP = 0.25
 """Largest product of step and the law's fastest rate of decay; Runge-Kutta of order 4 is stable to 2.8."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class SwingMotion(FrozenArrays):
+class SwingMotion:
     """A window of a swing, measured or predicted.
 
     Attributes
@@ -241,8 +242,9 @@ def _rotation_vector(r):
     return scale * twice_sine[0], scale * twice_sine[1], scale * twice_sine[2]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Window(FrozenArrays):
+class Window:
     """Whole swings of one recording that follow each other.
 
     Attributes

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import UnknownName
 from myomorph.motion.clock_lags import runs
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
@@ -31,8 +31,9 @@ Groups = list[list[int]]
 """Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class PassiveLaw(FrozenArrays):
+class PassiveLaw:
     """Torque of a joint from its angles and rates.
 
         tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w
@@ -105,8 +106,9 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
     return columns
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class PassiveProblem(FrozenArrays):
+class PassiveProblem:
     """The torques of one condition and what each coefficient of a law explains of them.
 
     Attributes

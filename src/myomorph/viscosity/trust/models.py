@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.condition import Influences
@@ -110,8 +110,9 @@ class PassiveFit:
         return " + ".join(self.terms)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class Prediction(FrozenArrays):
+class Prediction:
     """A window that was left out: measured, and as two laws predict it from its first frame; for a figure.
 
     Attributes

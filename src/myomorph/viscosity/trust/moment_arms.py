@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, FrozenArrays
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.torque import FIRST, SPEED, TORQUE, MuscleProblem, muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
@@ -49,8 +49,9 @@ class MomentArmOptions:
             raise BadData(f"errors of moment arms: expected factor within 0 and 1 and at least 2 draws, but got {self}")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MomentArmSpread(FrozenArrays):
+class MomentArmSpread:
     """What one kind of error does to d_M, the common viscosity of the muscles.
 
     Attributes
@@ -83,8 +84,9 @@ class MomentArmSpread(FrozenArrays):
         return np.quantile(self.draws, shares)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
-class MomentArmSensitivity(FrozenArrays):
+class MomentArmSensitivity:
     """Sensitivity of d_M to moment arms.
 
     Attributes

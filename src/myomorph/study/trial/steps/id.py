@@ -20,8 +20,7 @@ from myomorph.store.settings import Differentiation, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
-from myomorph.study.trial.trial_signals import EXTREMES, Signals, all_drawn
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, all_drawn
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
-from myomorph.study.trial.trial_signals import EXTREMES, Signals
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,8 +28,7 @@ from myomorph.store.settings import Differentiation
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, with_derivatives
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
-from myomorph.study.trial.trial_signals import EXTREMES, Signals, all_drawn
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, all_drawn
 
 BLOCK = 512
 """Frames that are in memory at a time."""

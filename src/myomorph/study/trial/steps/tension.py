@@ -25,13 +25,18 @@ from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, TensionTables
-from myomorph.study.trial.contact_doubts import contact_doubts, get_intervals, get_uncarried, interval_table, put_doubts
 from myomorph.study.trial.contact_step import ContactSetting, Measurements, all_loads, during, set_contacts
+from myomorph.study.trial.contact_warnings import (
+    contact_warnings,
+    get_intervals,
+    get_uncarried,
+    interval_table,
+    put_warnings,
+)
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
-from myomorph.study.trial.trial_signals import Signals, all_drawn
+from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, all_drawn
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
@@ -137,7 +142,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     loads, carried = _write_contacts(trial, task.motion, tension, task.setting, output)
     notes += task.setting.notes
     if problem is not None:
-        notes += _write_doubts(trial, problem, tension, output)
+        notes += _write_warnings(trial, problem, tension, output)
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
 
 
@@ -152,7 +157,7 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
             torques = inverse_dynamics(trial.model, motion, setting.exact)
     emg = None
     if emg_takes_part(trial):
-        emg = told_by_emg(trial, motion, torques, options, actuators, None if setting is None else setting.task)
+        emg = emg_targets_of(trial, motion, torques, options, actuators, None if setting is None else setting.task)
     return TensionTask(trial.model, motion, torques, options, actuators, setting, emg)
 
 
@@ -162,7 +167,7 @@ def emg_takes_part(trial: TrialInputs) -> bool:
     return trial.emg is not None and options.get(EmgOptions) is not None and not options[EmgUse].emg_shown_only
 
 
-def told_by_emg(
+def emg_targets_of(
     trial: TrialInputs,
     motion: Motion,
     torques: Series,
@@ -250,13 +255,15 @@ def _write_contacts(
     return loads, torques
 
 
-def _write_doubts(trial: TrialInputs, problem: TensionProblem, tension: Tension, output: StepOutput) -> tuple[str, ...]:
+def _write_warnings(
+    trial: TrialInputs, problem: TensionProblem, tension: Tension, output: StepOutput
+) -> tuple[str, ...]:
     """What is left open and what contacts cannot carry, as files; returns the latter, one line a stretch of time."""
-    doubts = contact_doubts(problem, tension, trial.options[TensionTables].intervals, trial.name)
-    put_doubts(output.writer, doubts)
-    if doubts.intervals:
-        write_sto(interval_table(doubts.intervals), output.folder / "contact_intervals.sto")
-    return doubts.lines
+    warnings = contact_warnings(problem, tension, trial.options[TensionTables].intervals, trial.name)
+    put_warnings(output.writer, warnings)
+    if warnings.intervals:
+        write_sto(interval_table(warnings.intervals), output.folder / "contact_intervals.sto")
+    return warnings.lines
 
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:

@@ -1,4 +1,4 @@
-"""What is not sure about estimated contact forces: what the data leave open, and frames that contacts cannot carry."""
+"""Warnings about estimated contact forces: what the data leave open, and infeasible contact frames."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ContactDoubts:
     lines: tuple[str, ...]
 
 
-def contact_doubts(problem: TensionProblem, tension: Tension, instants: int, name: str) -> ContactDoubts:
+def contact_warnings(problem: TensionProblem, tension: Tension, instants: int, name: str) -> ContactDoubts:
     """Ask at some instants, evenly spaced, what the data leave open, and of all frames whether contacts carry them.
 
     Parameters
@@ -73,20 +73,20 @@ def contact_doubts(problem: TensionProblem, tension: Tension, instants: int, nam
     return ContactDoubts(tuple(intervals), uncarried, relaxation_lines(marked))
 
 
-def put_doubts(writer: ResultWriter, doubts: ContactDoubts) -> None:
+def put_warnings(writer: ResultWriter, warnings: ContactDoubts) -> None:
     """Intervals and frames that could not be carried, in a result file."""
-    writer.sizes("uncarried", len(doubts.uncarried))
-    times = np.array([one.time for one in doubts.uncarried], dtype=np.float64)
+    writer.sizes("uncarried", len(warnings.uncarried))
+    times = np.array([one.time for one in warnings.uncarried], dtype=np.float64)
     writer.put("uncarried_time", ("uncarried",), times, "s", "frame that its contacts cannot carry")
-    writer.texts("uncarried_relaxation", "uncarried", [one.relaxation for one in doubts.uncarried])
-    if not doubts.intervals:
+    writer.texts("uncarried_relaxation", "uncarried", [one.relaxation for one in warnings.uncarried])
+    if not warnings.intervals:
         return
-    writer.names("contact_group", doubts.intervals[0].groups)
+    writer.names("contact_group", warnings.intervals[0].groups)
     writer.names("axis", ("x", "y", "z"))
-    time = np.concatenate([one.time for one in doubts.intervals])
+    time = np.concatenate([one.time for one in warnings.intervals])
     writer.sizes("interval_time", len(time))
     writer.put("interval_time", ("interval_time",), time, "s", "instants at which it was asked what is left open")
-    writer.texts("least_determined", "interval_time", [text for one in doubts.intervals for text in one.sentences])
+    writer.texts("least_determined", "interval_time", [text for one in warnings.intervals for text in one.sentences])
     three = ("interval_time", "contact_group", "axis")
     for name, meaning in (
         ("low", "least force that the data allow"),
@@ -94,7 +94,7 @@ def put_doubts(writer: ResultWriter, doubts: ContactDoubts) -> None:
         ("near_low", "least force among solutions near the optimum"),
         ("near_high", "greatest force among solutions near the optimum"),
     ):
-        values = np.concatenate([getattr(one, name) for one in doubts.intervals])
+        values = np.concatenate([getattr(one, name) for one in warnings.intervals])
         writer.put(f"interval_{name}", three, values, "N", meaning)
 
 
