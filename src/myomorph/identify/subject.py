@@ -177,7 +177,7 @@ def identify(
     >>> from myomorph.identify.recordings import usable
     >>> from myomorph.identify.subject import IdentificationOptions
     >>> from myomorph.study.subject.body_points import body_points
-    >>> from myomorph.study.subject.body_shape import BodyOptions, BodyShape
+    >>> from myomorph.study.subject.subject_files import BodyOptions, BodyShape
     >>> model, time = mm.read_model("arm.osim"), np.arange(0.0, 2.0, 0.01)
     >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
     >>> motion = mm.Motion(time, model.coordinate_names, angles)
