@@ -22,6 +22,7 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+import myomorph as mm
 from docs_build.examples import DOCS, run_command, run_page, working_in
 
 FOLDER = DOCS / "images" / "tutorials"
@@ -56,22 +57,17 @@ def walking() -> Figure:
 
 def one_body() -> Figure:
     """Residuals of the walk with the generic masses and with those identified."""
-    from myomorph.io.formats import read_model
     from myomorph.io.loads import read_external_loads
-    from myomorph.io.sto import motion_from_table, read_sto
-    from myomorph.motion.filters import differentiate
-    from myomorph.motion.sync import resample_wrenches
-    from myomorph.rigid.dynamics import inverse_dynamics
 
     figure, axes = plt.subplots(2, 1, figsize=(7.0, 4.4), sharex=True)
     for file, color, words in (
         ("subject01.osim", GREY, "generic masses"),
         ("identified.osim", INK, "identified masses"),
     ):
-        model = read_model(file)
-        motion = differentiate(motion_from_table(read_sto("walk1.mot"), model), cutoff=6.0)
+        model = mm.read_model(file)
+        motion = mm.differentiate(mm.read_motion("walk1.mot", model), cutoff=6.0)
         loads = read_external_loads("opensim-gait-subject01/experiment/subject01_walk1_grf.xml")
-        torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time, cutoff=6.0))
+        torques = mm.inverse_dynamics(model, motion, mm.resample_wrenches(loads, motion.time, cutoff=6.0))
         for one, names in zip(axes, (("tx", "ty", "tz"), ("tilt", "list", "rotation")), strict=True):
             columns = [torques.names.index(f"pelvis_{name}") for name in names]
             one.plot(torques.time, np.linalg.norm(torques.values[:, columns], axis=1), color=color, label=words)
@@ -128,13 +124,10 @@ def other_bones() -> Figure:
 
 def mouse() -> Figure:
     """Both ankles over a crossing, and their strikes."""
-    from myomorph.analysis.strides import Limb, find_strides
-    from myomorph.io.c3d.read import read_c3d
-
-    markers = read_c3d("mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d").markers
+    markers = mm.read_recording("mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d").markers
     sides = (("right", "RightANKLE", RIGHT), ("left", "LeftANKLE", LEFT))
-    limbs = [Limb(side, (marker,)) for side, marker, _ in sides]
-    found = find_strides(markers, limbs, ("TAIL",), np.array([0.0, 0.0, 1.0]))
+    limbs = [mm.Limb(side, (marker,)) for side, marker, _ in sides]
+    found = mm.find_strides(markers, limbs, ("TAIL",), np.array([0.0, 0.0, 1.0]))
     figure, axes = plt.subplots(2, 1, figsize=(7.0, 3.6), sharex=True)
     for one, (side, marker, color) in zip(axes, sides, strict=True):
         height = 1000.0 * markers.values[:, markers.names.index(marker), 2]
@@ -149,14 +142,12 @@ def mouse() -> Figure:
 
 def shoulder() -> Figure:
     """Angle of the limb after its release, without muscles and with them."""
-    from myomorph.io.sto import read_sto
-
     figure, axis = plt.subplots(figsize=(7.0, 2.8))
     for file, color, words in (
         ("viscosity/03/without_without_1.sto", GREY, "without muscles"),
         ("viscosity/03/with_with_1.sto", INK, "with muscles"),
     ):
-        swing = read_sto(file)
+        swing = mm.read_sto(file)
         axis.plot(swing.time, np.degrees(swing.values[:, swing.names.index("angle_x")]), color=color, label=words)
     axis.set_xlim(0.0, 10.0)
     axis.set_xlabel("time [s]")
@@ -183,8 +174,6 @@ def whole_study() -> Figure:
 
 def live() -> Figure:
     """Knee torque as it was told while frames arrived, at the instant when it was told, and as computed afterwards."""
-    from myomorph.io.sto import read_sto
-
     told = xarray.open_dataset("live/live.nc")
     delay = json.loads(Path("live/session.json").read_text(encoding="utf-8"))["filter_delay_s"]
     folder = "rajagopal-walk-emg"
@@ -192,7 +181,7 @@ def live() -> Figure:
     run_command(f"myomorph ik --model {model} --markers {folder}/markers_walk.trc --out walk.mot", "live")
     loads = f"--loads {folder}/grf_walk.xml --cutoff 6"
     run_command(f"myomorph id --model {model} --motion walk.mot {loads} --out torques.sto", "live")
-    after = read_sto("torques.sto")
+    after = mm.read_sto("torques.sto")
     torque = told.generalized_force.sel(coordinate="knee_angle_r").values
     figure, axis = plt.subplots(figsize=(7.0, 2.8))
     axis.plot(after.time, after.values[:, after.names.index("knee_angle_r_moment")], color=GREY, label="afterwards")

@@ -98,6 +98,32 @@ def test_results_become_datasets(worked_example):
     assert any((torques[name] == result.torques["elbow_flexion"]).all() for name in torques)
 
 
+def test_values_of_the_steps_become_datasets(worked_example):
+    pytest.importorskip("xarray")
+    (result,) = mm.load(worked_example / "results").values()
+    fit = result.fit.to_xarray()
+    assert fit["marker_error"].dims == ("time", "marker")
+    assert fit["marker_error"].attrs["units"] == "m"
+    elbow = result.fit.to_pandas()["coordinates", "elbow_flexion"]
+    assert (elbow == result.fit.motion["elbow_flexion"]).all()
+    tension = result.tension.to_xarray()
+    flexor = result.tension.muscles.index("flexor")
+    assert (tension["muscle_force"].sel(muscle="flexor") == result.tension.forces[:, flexor]).all()
+    assert len(result.tension.to_pandas()) == len(result.tension)
+
+
+def test_muscle_kinematics_become_a_dataset(worked_example):
+    pytest.importorskip("xarray")
+    model = mm.read_model(worked_example / "arm.osim")
+    motion = mm.read_motion(worked_example / "reach.mot", model)
+    found = mm.muscle_kinematics(model, motion, velocities=False)
+    dataset = found.to_xarray()
+    assert set(dataset) == {"length", "moment_arm"}
+    arm = dataset["moment_arm"].sel(muscle="flexor", coordinate="elbow_flexion")
+    assert (arm == found.moment_arm("flexor", "elbow_flexion")).all()
+    assert (found.to_pandas()["length", "flexor", ""] == found.lengths[:, 0]).all()
+
+
 def test_a_folder_without_results_is_named(tmp_path):
     with pytest.raises(mm.BadFile, match="holds no results"):
         mm.load(tmp_path)

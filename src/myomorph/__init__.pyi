@@ -1,4 +1,6 @@
 # The public names, each with the module that it comes from; `__init__.py` reads them here.
+from .analysis.cycles import find_period as find_period
+from .analysis.foot_events import Limb as Limb
 from .analysis.strides import find_strides as find_strides
 from .contact.states import find_contacts as find_contacts
 from .demo.arm import example_files as example_files

@@ -75,10 +75,24 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     Parameters
     ----------
     time, values : (frames,) ascending [s]; values that are NaN are left out, up to half of them
+    options : lengths that are searched [s] and what is asked of a period; see `PeriodOptions`
 
-    References
-    ----------
-    Bartlett MS (1946), J R Stat Soc Suppl 8:27-41. McLeod P, Wyvill G (2005), Proc Int Comput Music Conf, 138-141.
+    Returns
+    -------
+    the period [s], whether there is one, and with what confidence
+
+    Raises
+    ------
+    Nothing: too few values, or a signal that does not repeat, give `periodic` False
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> time = np.arange(0.0, 10.0, 0.02)
+    >>> found = mm.find_period(time, np.sin(2.0 * np.pi * time / 1.25))
+    >>> found.periodic, round(float(found.period), 2)
+    (True, 1.25)
     """
     options = options or PeriodOptions()
     sampled = _evenly(time, values)

@@ -119,9 +119,12 @@ def find_strides(
 ) -> Strides:
     """Strides of each limb, from points on feet and trunk, and from plates where they tell.
 
+    Source: Zeni, Richards and Higginson 2008.
+
     Parameters
     ----------
     points : values (frames, points, 3) in ground [m], NaN where unseen
+    limbs : legs, each with the points that tell strikes and lifts; see `analysis.foot_events.Limb`
     body : points of the trunk whose mean the feet are seen from
     up : (3,) unit vector against gravity
     direction : (3,) of travel; by default the way of the trunk, or, where it stays in place as on a treadmill, the
@@ -129,11 +132,28 @@ def find_strides(
     ground_speed : of a belt [m/s], against the travel; by default 0 where the trunk travels, else what standing feet do
     wrenches : on the limbs' bodies; strikes and lifts that they show replace those of the points
     weight : of the body [N], needed with wrenches
+    options : how strikes are told; see `StrideOptions`
+
+    Returns
+    -------
+    strides with their times [s], lengths [m] and speeds [m/s], strikes and lifts of each limb [s], notes
 
     Raises
     ------
     BadData : no limb, points without a third axis, wrenches without a weight, or a trunk that is never seen
     UnknownName : a point is not there
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> time = np.arange(0.0, 6.0, 0.01)
+    >>> foot = time + np.sin(2.0 * np.pi * time) / 7.0
+    >>> values = np.stack([np.stack([x, 0.0 * x, 0.0 * x], axis=1) for x in (foot, time)], axis=1)
+    >>> points = mm.Series(time, ("heel", "trunk"), values)
+    >>> found = mm.find_strides(points, [mm.Limb("leg", ("heel",))], ["trunk"], np.array([0.0, 1.0, 0.0]))
+    >>> [round(one.length, 2) for one in found.of("leg")]
+    [1.0, 1.0, 1.0, 1.0, 1.0]
     """
     options = options or StrideOptions()
     if not limbs:

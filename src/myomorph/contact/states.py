@@ -72,14 +72,33 @@ def find_contacts(
     plate's force is given, the group whose sites are nearest to its center of pressure touches while it is
     loaded, and does not while all plates that could carry it are unloaded.
 
+    Source: ours, described and measured in docs/contacts.md.
+
     Parameters
     ----------
+    model : the body, with the bodies that the sites are on
     motion : coordinates over time, filtered
+    sites : places that can touch, see `model.contacts.Site` [m]
+    options : heights [m], speeds [m/s] and times [s] that tell a touch; see `ContactStateOptions`
     plates : forces on bodies (or of plates, bodies unknown), at the motion's times
+
+    Returns
+    -------
+    touches of each site with start, end [s] and confidence, what looks wrong in `warnings`
 
     Raises
     ------
     BadData : no frame of the motion is whole, or the plates' times are not the motion's
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> from myomorph.model.contacts import Site
+    >>> sites = [Site("hand", "fore", [[0.0, -0.3, 0.0]])]
+    >>> found = mm.find_contacts(model, mm.read_motion("reach.mot", model), sites)
+    >>> [(one.site, round(one.start, 2), round(one.stop, 2)) for one in found.touches]
+    [('hand', 0.52, 0.6)]
     """
     options = options or ContactStateOptions()
     moving = site_motion(model, motion, sites)

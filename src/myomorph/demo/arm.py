@@ -120,6 +120,11 @@ def example_files(folder: str | Path) -> ExampleFiles:
     -------
     the paths by role
 
+    Raises
+    ------
+    OSError
+        where the folder does not exist, or a file cannot be written in it
+
     Examples
     --------
     >>> import myomorph as mm

@@ -148,6 +148,8 @@ def identify(
     faults of kinematics do not shrink with more frames. The same parts choose how far the data may move the
     masses away from the shape (`mass_sd`).
 
+    Source: [D], chapter 3; Ayusawa, Venture and Nakamura 2014; Lee, Wensing and Park 2020; see docs/identification.md.
+
     Parameters
     ----------
     model : scaled to the body; its inertial parameters are the generic ones
@@ -155,12 +157,37 @@ def identify(
     points : mass points of the body by the name of their weight map, the one to use first
     mass : of the whole body, kept exactly [kg]; the model's by default
     inside : tells whether points are inside the skin, in the pose of the mass points
+    options : method, noise and how far masses may move; see `IdentificationOptions`
     recording : as the recordings were made usable; tells the least time that is asked of them
     advance : called with the number of ways solved, as they are
+
+    Returns
+    -------
+    the model with the parameters found, all alternatives beside them, residuals of moments [N m] and forces [N], and
+    what of each link the data showed
 
     Raises
     ------
     BadData : too little can be used, or nothing moves
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.identify.recordings import usable
+    >>> from myomorph.identify.subject import IdentificationOptions
+    >>> from myomorph.study.subject.body_points import body_points
+    >>> from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+    >>> model, time = mm.read_model("arm.osim"), np.arange(0.0, 2.0, 0.01)
+    >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
+    >>> motion = mm.Motion(time, model.coordinate_names, angles)
+    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["shoulder"], frame="ground")
+    >>> wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
+    >>> points, _, _ = body_points(model, BodyShape(), model.mass, BodyOptions(spacing=0.05))
+    >>> options = IdentificationOptions(compare=False)
+    >>> found = mm.identify(model, [usable(model, motion, wrenches)], points, options=options)
+    >>> [round(float(body.mass), 1) for body in found.model.bodies]
+    [2.0, 2.0]
     """
     options = options or IdentificationOptions()
     mass = model.mass if mass is None else mass

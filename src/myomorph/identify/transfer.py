@@ -138,16 +138,44 @@ def transfer(
     Masses: see `mass_map.spread`. A region that one model lacks (a head that is part of the torso) counts to the
     one it hangs on.
 
+    Source: [D], chapter 3; see docs/identification.md.
+
     Parameters
     ----------
     lower : calibrated and identified
+    higher : with more joints; its masses and lengths are the generic ones
+    options : which markers and masses are carried over; see `TransferOptions`
     pose : of the lower model, its first frame; by default its default pose, which should be much like the
         higher model's
     path_lengths : see `scale`; None leaves the muscles' fibers and tendons as they are
 
+    Returns
+    -------
+    the higher model with the lower one's lengths, markers and masses, errors of joint centers [m],
+    masses by region [kg], notes
+
     Raises
     ------
     BadData : the models have fewer than four joint centers in common, or names tell no segments
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.model.model import Body, Joint
+    >>> from myomorph.model.spatial import Transform
+    >>> def leg(thigh):
+    ...     parts = {"pelvis": ("ground", 1.0, 0.0), "femur_r": ("pelvis", -0.1, 0.1)}
+    ...     parts |= {"femur_l": ("pelvis", -0.1, -0.1), "tibia_r": ("femur_r", -thigh, 0.0)}
+    ...     parts |= {"calcn_r": ("tibia_r", -0.4, 0.0)}
+    ...     bodies = [Body(name, 5.0, [0.0, -0.1, 0.0], 0.05 * np.eye(3)) for name in parts]
+    ...     at = {name: Transform(np.eye(3), np.array([0.0, y, z])) for name, (_, y, z) in parts.items()}
+    ...     no = Transform(np.eye(3), np.zeros(3))
+    ...     joints = [Joint(f"to_{name}", "WeldJoint", parts[name][0], name, at[name], no) for name in parts]
+    ...     return mm.Model("leg", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
+    >>> found = mm.transfer(leg(thigh=0.44), leg(thigh=0.4), path_lengths=None)
+    >>> round(float(found.model.joints[3].parent_frame.translation[1]), 3)
+    -0.44
     """
     options = options or TransferOptions()
     regions = regions_of(lower, options.lower_segments), regions_of(higher, options.higher_segments)

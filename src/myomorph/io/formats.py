@@ -62,10 +62,27 @@ def trial_format(path: str | os.PathLike[str]) -> Format | None:
 def read_model(path: str | os.PathLike[str]) -> Model:
     """The model in a file of one of the `MODELS`.
 
+    Source: Seth et al. 2018 (OpenSim); Todorov, Erez and Tassa 2012 (MJCF).
+
+    Parameters
+    ----------
+    path : of the file (.osim, .xml of MuJoCo, ...)
+
+    Returns
+    -------
+    the body in meters, radians and kilograms, what was odd in `warnings`
+
     Raises
     ------
     BadFile
         The file cannot be read, or its name ends in something else.
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> model.coordinate_names, model.muscle_names
+    (('shoulder_flexion', 'elbow_flexion'), ('flexor', 'extensor'))
     """
     kind = model_format(path)
     if kind is None:

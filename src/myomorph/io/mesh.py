@@ -120,10 +120,29 @@ def read_mesh(path: str | Path) -> Surface:
     Vertices that lie on each other become one; polygons become triangles; textures and materials are
     not read.
 
+    Their layouts are those that VTK, Wavefront, 3D Systems and Stanford's PLY define; see docs/morphing.md.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    vertices (vertices, 3) in the file's units and faces (faces, 3)
+
     Raises
     ------
     BadFile
         The file is absent, too large, cut off, of another kind or without a surface.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> import myomorph as mm
+    >>> _ = trimesh.creation.icosphere(subdivisions=1, radius=0.02).export("ball.ply")
+    >>> ball = mm.read_mesh("ball.ply")
+    >>> ball.vertices.shape, ball.faces.shape
+    ((42, 3), (80, 3))
     """
     path = Path(path)
     ending = path.suffix.lower()

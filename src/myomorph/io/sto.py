@@ -37,9 +37,26 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     `datarows`), tabs, spaces or commas between cells, blank cells (NaN), names that occur twice, and
     row counts that do not hold. What had to be mended is told in `Table.warnings`.
 
+    Source: Seth et al. 2018, OpenSim's storage files.
+
+    Parameters
+    ----------
+    path : of the file
+
+    Returns
+    -------
+    columns (rows, columns) in the file's own units
+
     Raises
     ------
     BadFile : it is not such a table, or has no row of numbers
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> table = mm.read_sto("reach.mot")
+    >>> table.names, len(table), table.in_degrees
+    (('shoulder_flexion', 'elbow_flexion'), 61, False)
     """
     path = Path(path)
     text = file_text(path, HINT)
@@ -173,6 +190,26 @@ def write_sto(table: Table, path: str | os.PathLike[str]) -> None:
     """Write a table as OpenSim's STO or MOT file (ten significant digits), whole or not at all.
 
     The header opens in OpenSim 3.x and 4.x: `Storage`, `TimeSeriesTable` and the tools take it.
+
+    Source: Seth et al. 2018, OpenSim's storage files.
+
+    Parameters
+    ----------
+    table : columns (rows, columns), in the units that the file is to have
+    path : of the new file, replaced where it exists
+
+    Raises
+    ------
+    BadFile
+        where the file cannot be written
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> table = mm.Table([0.0, 0.1], ("elbow_flexion",), [[10.0], [12.0]], in_degrees=True)
+    >>> mm.write_sto(table, "elbow.sto")
+    >>> mm.read_sto("elbow.sto")["elbow_flexion"].tolist()
+    [10.0, 12.0]
     """
     if table.values.ndim != 2:
         raise BadData(f"expected values (rows, columns) to write to {path}, but got {table.values.shape}")

@@ -231,9 +231,26 @@ def _check(facts: Mapping[str, str], frames: int, markers: int, found: list[str]
 def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm") -> None:
     """Write markers as a TRC file that OpenSim opens (nan where hidden), whole or not at all.
 
+    Source: Seth et al. 2018, OpenSim's marker files.
+
+    Parameters
+    ----------
+    markers : (frames, markers, 3) [m]
+    path : of the new file, replaced where it exists
+    units : of length in the file: "mm", "m", ...
+
     Raises
     ------
     BadData : `units` is not a unit of length that TRC files use
+    BadFile : the file cannot be written
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> markers = mm.read_recording("reach.trc").markers
+    >>> mm.write_trc(markers, "copy.trc")
+    >>> mm.read_recording("copy.trc").markers.names
+    ('UA1', 'UA2', 'FA1', 'FA2')
     """
     if units not in METERS:
         raise BadData(f"unknown unit '{units}' for a TRC file: there are 'mm', 'cm', 'm'")

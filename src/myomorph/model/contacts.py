@@ -61,7 +61,10 @@ class Site:
 
     Attributes
     ----------
+    name : as results call it
+    body : name of the body that it is fixed to
     points : (points, 3) in the body's frame: one for a point, the corners of a patch for a patch [m]
+    cone : directions of the forces that it can carry, with their friction
     against : what is touched and takes the opposite force at the same place: the ground or another body
     group : the contact that this site is a part of, as the sole of one foot; its own name where empty
     """

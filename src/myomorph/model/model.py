@@ -257,7 +257,19 @@ class Model:
 
     Attributes
     ----------
+    name : of the model
+    bodies : rigid segments in tree order, without the ground
+    joints : one a body, to its parent
+    coordinates : degrees of freedom as users see them [rad or m]
     gravity : (3,) in ground [m/s^2]
+    markers : places on bodies that recordings see [m]
+    muscles : with their paths and properties
+    wrap_objects : surfaces that muscles wrap around
+    actuators : forces and torques beside the muscles [N or N m]
+    couplers : coordinates that follow others
+    loops : constraints that close kinematic loops
+    frames : named frames fixed to bodies
+    ground_meshes : surfaces that draw the ground
     source : path of the file it was read from, for messages and provenance
     kept : what the file holds that is not modelled
     warnings : what reading the file found odd, one line each

@@ -274,9 +274,13 @@ class Trial:
     plates : force plates as forces in ground, once `contact` has made them from `plate_recordings`
     plate_recordings : force plates as the file stores them
     plate_time : (samples,) clock of the plates and analog channels [s]
+    analog : further channels that the file holds, in its units
+    emg : raw EMG or envelopes
+    events : named instants [s]
     other_points : points a program computed that are no places (angles, moments, powers), in the file's units
     facts : what the file says of itself: subject, maker, units, rates
     warnings : what looks wrong, one line each
+    source : path of the file, "" for a recording made in memory
     """
 
     markers: Markers | None = None

@@ -69,16 +69,35 @@ def calibrate(
     the overall size, stretch across near that along, right near left, markers near their places. [D] 3.2.1
     step 1, after its reference 26.
 
+    Source: Lu and O'Connor 1999, whose problem is solved in every frame.
+
     Parameters
     ----------
+    model : scaled roughly to the body, with markers [m]
     trials : recordings in the model's ground
+    options : what may change, and the noise of the markers [m]; see `CalibrationOptions`
     progress : called with the number of steps just done; all together `options.iterations`
     path_lengths : lets muscles keep their ratio of fiber to path, as in `scale`
+
+    Returns
+    -------
+    the model with its new lengths and marker places, factors of the lengths with their standard deviations, and marker
+    errors before and after [m]
 
     Raises
     ------
     BadData : no recording shares a marker with the model, or the markers' unit cannot be metres
     UnknownName : an option names a marker or coordinate that does not exist
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model, markers = mm.read_model("arm.osim"), mm.read_recording("reach.trc").markers
+    >>> found = mm.calibrate(model, [markers], mm.CalibrationOptions(iterations=2))
+    >>> [one.length.name for one in found.lengths][:3]
+    ['upper_x', 'upper_y', 'upper_z']
+    >>> [round(float(one.factor), 3) for one in found.lengths][:3]
+    [1.0, 1.0, 1.0]
     """
     options = options or CalibrationOptions()
     _check(options)

@@ -47,10 +47,18 @@ class EnvelopeOptions:
 def envelopes(raw: Series, options: EnvelopeOptions | None = None, maxima: Mapping[str, float] | None = None) -> Emg:
     """Linear envelopes of raw EMG (samples, channels), each channel scaled to a largest value.
 
+    Source: Merletti 1999.
+
     Parameters
     ----------
+    raw : EMG as recorded (samples, channels) in any unit, its rate at least twice the filters' frequencies [Hz]
+    options : frequencies of the filters [Hz]; see `EnvelopeOptions`
     maxima : largest envelope of each channel in the units of `raw`, as `largest` finds it in reference
         trials (a maximum voluntary contraction); None takes each channel's own
+
+    Returns
+    -------
+    envelopes (samples, channels), 1 at the largest value [-]
 
     Raises
     ------
@@ -58,6 +66,16 @@ def envelopes(raw: Series, options: EnvelopeOptions | None = None, maxima: Mappi
         where the recording is too short or too slow for the filters, or a maximum is not above 0
     UnknownName
         where `maxima` lacks a channel
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> time = np.arange(0.0, 2.0, 0.001)
+    >>> burst = np.sin(np.pi * time) ** 2 * np.sin(700.0 * time)
+    >>> found = mm.envelopes(mm.Series(time, ("flexor",), burst[:, None]))
+    >>> len(found), float(found["flexor"].max())
+    (2000, 1.0)
     """
     found = linear_envelope(raw, options)
     peak = found.values.max(axis=0)

@@ -113,14 +113,29 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     through the filter's extensions too, so that the ends of the spline lie outside the motion. Each gap-free
     run of frames is differentiated by itself; frames that are NaN stay NaN, and so do runs shorter than six.
 
+    Source: Woltring 1986, natural splines.
+
     Parameters
     ----------
+    motion : coordinates at evenly spaced times (frames, coordinates) [rad or m], NaN in gaps
     cutoff : of the low-pass filter [Hz]; None for none
+
+    Returns
+    -------
+    motion with `velocities` [rad/s or m/s] and `accelerations` [rad/s^2 or m/s^2], each (frames, coordinates)
 
     Raises
     ------
     BadData
         where no run of six frames is free of gaps
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> motion = mm.read_motion("reach.mot", mm.read_model("arm.osim"))
+    >>> found = mm.differentiate(motion, cutoff=6.0)
+    >>> found.velocities.shape, found.accelerations.shape
+    ((61, 2), (61, 2))
     """
     seen = np.all(np.isfinite(motion.values), axis=1)
     values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, listing
+from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.closed_frames import frame_solver
@@ -66,7 +67,7 @@ class InverseKinematicsOptions:
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class KinematicsFit:
+class KinematicsFit(Labelled):
     """Coordinates found, and how well they explain the markers.
 
     Attributes
@@ -91,6 +92,21 @@ class KinematicsFit:
     unused_markers: tuple[str, ...]
     missing_markers: tuple[str, ...]
     closure: Array | None = None
+
+    def variables(self) -> dict[str, Variable]:
+        """Coordinates [rad or m], marker errors, and what became of each frame."""
+        frames = {"converged": Variable(("time",), self.converged), "iterations": Variable(("time",), self.iterations)}
+        if self.closure is not None:
+            frames["closure"] = Variable(("time",), self.closure)
+        return {
+            "coordinates": Variable(("time", "coordinate"), self.motion.values),
+            "marker_error": Variable(("time", "marker"), self.errors, "m"),
+            **frames,
+        }
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], coordinates, markers."""
+        return {"time": self.motion.time, "coordinate": self.motion.names, "marker": self.marker_names}
 
     @property
     def seen(self) -> np.ndarray:
@@ -140,11 +156,18 @@ def inverse_kinematics(
     their range, so that every loop stays closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's
     `Assembler`), solved by damped Newton steps with analytic first and second derivatives.
 
+    Source: Lu and O'Connor 1999; Seth et al. 2018.
+
     Parameters
     ----------
+    model : with markers, fitted in size to the body [m]
     markers : in the model's ground frame; unseen markers are NaN and do not count
     options : see `InverseKinematicsOptions`
     progress : called with the number of frames just done
+
+    Returns
+    -------
+    coordinates (frames, coordinates) [rad or m] and marker errors (frames, markers) [m]
 
     Raises
     ------
@@ -152,6 +175,16 @@ def inverse_kinematics(
         where model and recording share no marker, no frame shows one, or a loop cannot be closed
     UnknownName
         where a weight or task names what the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model, markers = mm.read_model("arm.osim"), mm.read_recording("reach.trc").markers
+    >>> fit = mm.inverse_kinematics(model, markers)
+    >>> fit.motion.names, fit.errors.shape
+    (('shoulder_flexion', 'elbow_flexion'), (61, 4))
+    >>> bool(fit.largest.max() < 1e-4)
+    True
     """
     options = options or InverseKinematicsOptions()
     tree = compile_tree(model)

@@ -53,15 +53,31 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     ground's origin is interpolated or filtered instead of the point, which is the same wrench and has no
     jumps; the point is then that of the nearest sample that bears load.
 
+    Source: Forsythe, Malcolm and Moler 1977, cubic splines; Seth et al. 2018.
+
     Parameters
     ----------
+    wrenches : external forces (samples, wrenches, 3) [N], [m], [N m], as recorded
     time : (frames,) [s]
     cutoff : low-pass at this frequency first, with the filter of the kinematics [Hz]; None for none
+
+    Returns
+    -------
+    the same at `time` (frames, wrenches, 3)
 
     Raises
     ------
     BadData
         where `time` reaches beyond the recorded forces
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.read_motion("reach.mot", model)
+    >>> loads = mm.read_loads("reach_grf.xml", model, motion)
+    >>> mm.resample_wrenches(loads, motion.time[::2]).forces.shape
+    (31, 1, 3)
     """
     if len(wrenches) == 0:
         raise BadData("the external forces have no frames")

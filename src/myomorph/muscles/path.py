@@ -11,7 +11,7 @@ the pairs of a muscle and a coordinate that moves some of its bodies against oth
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
@@ -222,7 +223,7 @@ def _slopes(P, c, slopes):
 
 
 @dataclass(frozen=True, eq=False)
-class MuscleKinematics:
+class MuscleKinematics(Labelled):
     """Lengths, velocities and moment arms of muscles over time.
 
     Attributes
@@ -246,6 +247,19 @@ class MuscleKinematics:
     coupler_slopes: Array
     paths: Paths = field(repr=False)
     loops: tuple[tuple[LoopGroup, Array], ...] = field(default=(), repr=False)
+
+    def variables(self) -> dict[str, Variable]:
+        """Lengths, and velocities and moment arms [m/rad or m/m] where they were asked for."""
+        found = {"length": Variable(("time", "muscle"), self.lengths, "m")}
+        if self.velocities is not None:
+            found["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
+        if self.arms is not None:
+            found["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms)
+        return found
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], muscles, coordinates."""
+        return {"time": self.time, "muscle": self.muscles, "coordinate": self.coordinates}
 
     @property
     def moment_arms(self) -> Array:
@@ -320,17 +334,34 @@ def muscle_kinematics(
 ) -> MuscleKinematics:
     """Lengths, lengthening velocities and moment arms of a model's muscles in a motion.
 
+    Source: Delp and Loan 1995, paths; Seth et al. 2018, moment arms.
+
     Parameters
     ----------
+    model : with muscles
     motion : coordinates over time; what it lacks stands at the model's default, at rest
     velocities : also lengthening velocities, for which the motion must have velocities
     moment_arms : also moment arms, (frames, pairs of a muscle and a coordinate that moves it)
     progress : called with the number of frames just done
 
+    Returns
+    -------
+    lengths (frames, muscles) [m], velocities (frames, muscles) [m/s] and moment arms (frames, muscles, coordinates) [m]
+
     Raises
     ------
     BadData
         velocities are asked for and the motion has none, or a value is not finite
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> found = mm.muscle_kinematics(model, mm.read_motion("reach.mot", model), velocities=False)
+    >>> found.muscles, found.lengths.shape
+    (('flexor', 'extensor'), (61, 2))
+    >>> found.moment_arm("flexor", "elbow_flexion").shape
+    (61,)
     """
     paths = compile_paths(model)
     if velocities and motion.velocities is None:

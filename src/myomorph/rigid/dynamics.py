@@ -30,6 +30,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
     Parameters
     ----------
+    model : the body that moves, mass in [kg]
     motion : with velocities and accelerations; coordinates it lacks rest at their default
     wrenches : external forces in ground at the motion's times, each with its body's name
 
@@ -43,6 +44,15 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
         where derivatives are missing, or the wrenches' clock is not the motion's
     UnknownName
         where a wrench acts on a body that the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> torques = mm.inverse_dynamics(model, motion)
+    >>> torques.names, torques.values.shape
+    (('shoulder_flexion', 'elbow_flexion'), (61, 2))
     """
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)

@@ -100,8 +100,11 @@ def joint_reactions(
 ) -> JointReactions:
     """Force and moment that every joint transmits.
 
+    Source: Steele et al. 2012; Sherman, Seth and Delp 2011.
+
     Parameters
     ----------
+    model : whose joints are asked for
     motion : with velocities and accelerations, at the times of the tensions
     tension : what `solve_tension` found, its contact forces included; or forces of muscles and actuators by name
         [N or N m], of all muscles that are switched on; None where no muscle takes part
@@ -115,12 +118,25 @@ def joint_reactions(
         own coordinates; "forces": those that the forces cause, as OpenSim's analysis does it. Balanced forces give
         the same either way
 
+    Returns
+    -------
+    forces and moments (frames, joints, 3) [N], [N m] about the joints' centers, and these in ground [m]
+
     Raises
     ------
     BadData
         where derivatives are missing, or times differ
     UnknownName
         where a joint, body, frame, muscle or actuator is not in the model or in the forces
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> found = mm.joint_reactions(model, motion, None, joints=["elbow"], frame="ground")
+    >>> found.joints, found.forces.shape
+    (('elbow',), (61, 1, 3))
     """
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)

@@ -44,11 +44,15 @@ def solve_tension(
     does not change the solution. The problem of a frame is convex and its solution unique; frames depend on each
     other only through the smoothness of contact forces. See docs/contact-forces.md.
 
+    Source: Crowninshield and Brand 1981.
+
     Parameters
     ----------
+    model : with muscles
     motion : with velocities; a coordinate it lacks rests at its default
     torques : generalized forces of inverse dynamics at the motion's times (frames, coordinates), of those
         external forces alone that are known
+    options : exponent, weights and which forces take part; see `TensionOptions`
     actuators : added to the model's own, replacing those of the same name, as OpenSim's
         `force_set_files`; None adds `default_reserves`, () adds nothing
     progress : called with the number of frames just done
@@ -56,6 +60,10 @@ def solve_tension(
     emg : what is known of activations
     terms : further costs and constraints, see `myomorph.tension.terms.term.Term` and docs/adding.md; where contact
         forces are found first (`ContactOptions.formulation`), they belong to the problem of the muscles
+
+    Returns
+    -------
+    activations (frames, muscles) [-], forces (frames, muscles) [N], reserves [N m or N], status of each frame
 
     Raises
     ------
@@ -66,6 +74,15 @@ def solve_tension(
         where torques lack a free coordinate, or an actuator, a site or EMG names what does not exist
     BadModel
         where the model has nothing to solve for
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> found = mm.solve_tension(model, motion, mm.inverse_dynamics(model, motion))
+    >>> found.muscles, found.forces.shape, bool(found.optimal.all())
+    (('flexor', 'extensor'), (61, 2), True)
     """
     if contacts is not None and contacts.options.formulation == "sequential":
         return _sequential(model, motion, torques, options, actuators, progress, contacts, emg, terms)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -11,6 +12,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import own_name
+from myomorph.model.labelled import Labelled, Variable
 from myomorph.muscles.hill import Convention
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
 
@@ -68,7 +70,7 @@ class TensionOptions:
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class Tension:
+class Tension(Labelled):
     """Muscle tensions over time, what they could not do, and whether each frame is an optimum.
 
     Attributes
@@ -115,6 +117,24 @@ class Tension:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def variables(self) -> dict[str, Variable]:
+        """Activations, forces, reserves and torques, and what became of each frame."""
+        return {
+            "activation": Variable(("time", "muscle"), self.activations),
+            "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
+            "viscous_force": Variable(("time", "muscle"), self.viscous, "N"),
+            "reserve": Variable(("time", "reserve_name"), self.reserves),
+            "torque": Variable(("time", "coordinate"), self.torques),
+            "equilibrium_residual": Variable(("time",), self.equilibrium_residual),
+            "status": Variable(("time",), self.status),
+            "iterations": Variable(("time",), self.iterations),
+        }
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], muscles, reserves, coordinates."""
+        names = {"muscle": self.muscles, "reserve_name": self.reserve_names, "coordinate": self.coordinates}
+        return {"time": self.time, **names}
 
     @property
     def optimal(self) -> np.ndarray:

@@ -25,9 +25,30 @@ def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
 
     Parts that reading kept are put back where their layout allows it.
 
+    Source: Seth et al. 2018, OpenSim's model files.
+
+    Parameters
+    ----------
+    model : to write
+    path : of the new file, replaced where it exists
+
     Returns
     -------
     warnings : what could not be written as it is, one line each
+
+    Raises
+    ------
+    BadFile
+        where the file cannot be written
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> mm.write_osim(model, "copy.osim")
+    ()
+    >>> mm.read_model("copy.osim").muscle_names
+    ('flexor', 'extensor')
     """
     warnings = _renamed(model)
     root = etree.Element("OpenSimDocument", Version=str(NEWEST))

@@ -46,8 +46,11 @@ def mirrored(
 ) -> Model:
     """The model with right and left exchanged: muscles of `femur_r` become those of `femur_l`.
 
+    Source: ours, described in docs/morphing.md.
+
     Parameters
     ----------
+    model : of one side, or of both
     axis : of ground across the plane of symmetry ("z" in OpenSim's models, often "y" in MuJoCo's), or a (3,) vector
     point : (3,) of the plane, in ground with all coordinates at zero [m]
     middle : bodies that are their own other side; found by name and place where it is None
@@ -61,6 +64,14 @@ def mirrored(
     Raises
     ------
     BadModel : where right and left bodies do not face each other along `axis`
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> found = mm.mirrored(model)
+    >>> model.markers[1].location.tolist(), found.markers[1].location.tolist()
+    ([-0.05, -0.2, 0.03], [-0.05, -0.2, -0.03])
     """
     side = other_side_of(model, axis, point, middle)
     copied = mirrored_parts(model, side)

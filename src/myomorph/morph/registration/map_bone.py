@@ -63,18 +63,38 @@ def map_bone(
     With both surfaces the map goes through points spread over them and through the landmarks; with one or none,
     or where the options say so, through the landmarks alone. If none are given then, they are found by rules.
 
+    Source: Franke 1982; Duchon 1977; Myronenko and Song 2010; see docs/bone-maps.md.
+
     Parameters
     ----------
     body : of the source
     source, target : surfaces in their bodies' frames; None where there is none
     landmarks : of the bone, in the source's and the target's frame
+    map_options : how the space around the bone is mapped; see `MapOptions`
+    match : how surfaces are matched; see `MatchOptions`
     target_body : its name in the target; `body` where it is empty
     progress : called with the steps just done, of `STEPS`
     start : where the bone roughly lies, where landmarks do not say so: as its neighbors, in bones that share a frame
 
+    Returns
+    -------
+    map from the source body's frame to the target's [m], what it was made from, its residuals and notes
+
     Raises
     ------
     BadData : nothing to make a map of, or bones that cannot be the same
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.morph.maps.fields import FeaturePoints
+    >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
+    >>> found = mm.map_bone("fore", None, None, FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> found.basis, round(float(found.whole.scale), 3)
+    ('landmarks', 1.2)
+    >>> found.map.apply(np.array([[0.1, 0.1, 0.0]])).round(3)
+    array([[0.12, 0.12, 0.  ]])
     """
     match = match or MatchOptions()
     landmarks = landmarks if landmarks is not None and len(landmarks) else None

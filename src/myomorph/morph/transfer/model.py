@@ -53,19 +53,38 @@ def morph_model(
     that has no bone at all, but muscle points, is mapped by the bones around it (a virtual link). The new model has
     the coordinates of the old one: at equal values homologous directions of the bones lie alike.
 
+    Source: [D], chapter 2; Modenese et al. 2016; see docs/morphing.md.
+
     Parameters
     ----------
+    model : whose muscles, joints and markers are carried over
     bones : maps by body, "ground" among them where it holds a bone; at least one
+    options : what is carried how; see `MorphOptions`
     mass : of the new model [kg]; by default masses grow with the bones' volumes
     name : of the new model; by default the old one's
     together : the target's bones share one frame, as in one scan, so that parent and child must agree on joint centers
     surrounding : bodies that are virtual links, with the bones around each
     progress : called with the number of postures just done, of which there are `postures.COUNT` + 1 for each model
 
+    Returns
+    -------
+    the new model, where its points came to lie [m], its muscles' lengths [m] and notes
+
     Raises
     ------
     UnknownName : a map, or a virtual link, of a body that the model does not have
     BadData : no map, or one that turns right into left
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> from myomorph.morph.maps.fields import FeaturePoints
+    >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
+    >>> fore = mm.map_bone("fore", None, None, FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> found = mm.morph_model(mm.read_model("arm.osim"), {"fore": fore}, mass=4.0)
+    >>> found.model.markers[2].location[:2].round(3).tolist()
+    [0.048, -0.12]
     """
     options = options or MorphOptions()
     _check(model, bones)

@@ -96,12 +96,29 @@ class Plan:
 def read_plan(path: str | Path) -> Plan:
     """Read a study file; paths in it are relative to its folder, or to that of a subject.
 
+    The keys are listed in docs/studies.md.
+
+    Parameters
+    ----------
+    path : of the study file (TOML)
+
+    Returns
+    -------
+    subjects, trials and steps with their options, all paths found
+
     Raises
     ------
     BadFile
         where it is no TOML, or with one list of all that is wrong: unknown keys and steps, values of the
         wrong kind, files that do not exist, patterns that match nothing, names that clash, subjects that wait for
         each other
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> plan = mm.read_plan("study.toml")
+    >>> plan.name, list(plan.subjects), plan.steps[0]
+    ('reaching', ['s01'], ('ik', 'id', 'muscles', 'tension'))
     """
     path = Path(path)
     raw = read_toml(path)

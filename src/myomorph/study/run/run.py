@@ -192,8 +192,12 @@ def run_study(
 
     Steps whose inputs, options and version have not changed since an earlier run are taken over.
 
+    What a study is and what it writes is described in docs/studies.md.
+
     Parameters
     ----------
+    plan : as `read_plan` reads it
+    out : folder of the results, made where it does not exist
     fresh : compute every step, whatever an earlier run left
     workers : that do the jobs, closed at the end; None does them in this process
     said : called with each trial's outcome when it ends
@@ -208,6 +212,14 @@ def run_study(
         where another run writes into the folder, or a newer version has
     BadFile
         where the folder cannot be written
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> outcomes = mm.run_study(mm.read_plan("study.toml"), Path("results"))
+    >>> len(outcomes), sorted(mm.load("results"))
+    (1, ['s01/reach'])
     """
     workers = workers or InProcess()
     try:

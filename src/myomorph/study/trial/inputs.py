@@ -56,7 +56,30 @@ def has_mass(model: Model, step: str) -> None:
 
 
 def read_recording(path: str | Path) -> Trial:
-    """What a recording of markers or keypoints holds, plates as forces in the laboratory."""
+    """What a recording of markers or keypoints holds, plates as forces in the laboratory.
+
+    Source: Motion Lab Systems, the C3D file format; see docs/conventions.md.
+
+    Parameters
+    ----------
+    path : of a recording of markers (C3D, TRC, ...)
+
+    Returns
+    -------
+    markers [m], plates as forces [N] in ground, EMG, events, what looks wrong in `warnings`
+
+    Raises
+    ------
+    BadFile, BadData
+        where the file cannot be read, or a force plate's data are not what its type says
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> trial = mm.read_recording("reach.trc")
+    >>> trial.markers.names, trial.markers.values.shape
+    (('UA1', 'UA2', 'FA1', 'FA2'), (61, 4, 3))
+    """
     with about(path):
         trial = read_trial(path)
         return force_plates(trial) if trial.plate_recordings else trial
@@ -175,10 +198,28 @@ def _faces_z(plate: ForcePlate) -> bool:
 def read_motion(path: str | Path, model: Model) -> Motion:
     """Coordinates over time for a model.
 
+    Source: Seth et al. 2018, OpenSim's storage files.
+
+    Parameters
+    ----------
+    path : of an STO or MOT file
+    model : whose coordinates the columns are
+
+    Returns
+    -------
+    coordinates (frames, coordinates) [rad or m], degrees turned into radians
+
     Raises
     ------
     BadFile, BadData
         where the file is no table of coordinates, or some coordinates of a frame are missing
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> motion = mm.read_motion("reach.mot", mm.read_model("arm.osim"))
+    >>> len(motion), motion.names
+    (61, ('shoulder_flexion', 'elbow_flexion'))
     """
     from myomorph.io.sto import motion_from_table, read_sto
 
@@ -208,15 +249,32 @@ def read_loads(
 ) -> Wrenches:
     """External forces of an OpenSim external loads file, of a table with the bodies that they act on, or of stairs.
 
+    Source: Seth et al. 2018, `ExternalLoads`.
+
     Parameters
     ----------
+    path : of the file; an XML names its table
+    model : whose bodies the forces act on
+    motion : for external loads that are given in a body's frame (frames, coordinates) [rad or m]
     bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
     trial : for stairs: the file of the markers, which tells the one of the load cells
+
+    Returns
+    -------
+    forces [N], points [m] and free torques [N m] in ground, (samples, forces, 3) each
 
     Raises
     ------
     BadFile, BadModel, UnknownName
         where a file is not what it should be, or names what the table or the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> loads = mm.read_loads("reach_grf.xml", model, mm.read_motion("reach.mot", model))
+    >>> loads.bodies, loads.forces[0, 0].tolist()
+    (('fore',), [0.0, -10.0, 0.0])
     """
     ending = Path(path).suffix.lower()
     if ending in TABLE_FILES and bodies:

@@ -55,8 +55,11 @@ def report_folder(
 ) -> list[Path]:
     """Make `report.html` of every folder of results in a folder, or of the folder itself.
 
+    What a report says is described in docs/getting-started.md.
+
     Parameters
     ----------
+    folder : of results, of a trial or of a whole study
     trial : the recording, where it is at hand; else the model is read again from where it was
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
@@ -70,6 +73,12 @@ def report_folder(
     ------
     BadFile
         where there are no results, or the model they were made with is gone
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> [path.name for path in mm.report_folder("results")]
+    ['report.html']
     """
     if preset:
         preset_of(preset)
