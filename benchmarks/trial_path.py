@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-STARTS = (("opens", ("open_trial", "open_take")), ("runs", ("run_trial", "run_take")))
+STARTS = (("opens", ("open_take", "open_trial")), ("runs", ("run_take", "run_trial")))
 PACKAGE = "myomorph"
 Name = tuple[str, str]
 """A module and a name that it defines."""
