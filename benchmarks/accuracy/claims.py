@@ -43,7 +43,7 @@ def claims() -> tuple[Claim, ...]:
 def _of_programs() -> tuple[Claim, ...]:
     """Claims that other programs decide."""
     return (
-        Claim("Models that open", "models", _share("opened", lambda cell: cell == "yes"), "all", "files of 30 studies"),
+        Claim("Models that open", "models", _share("opened", lambda cell: cell == "yes"), "all", "the data collection"),
         Claim("Kernels, largest difference", "kernels", _largest("largest difference"), "1e-9", "Pinocchio, MuJoCo"),
         Claim(
             "Models whose muscle lengths agree [mm]",
