@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -87,12 +91,31 @@ def view_command(
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
-    try:
+    with _told_by_ctrl_c() as ended:
         replay = open_replay(folders, port, served, demo_model)
         try:
-            replay.wait()
+            while not ended.wait(0.5):
+                pass
         finally:
             replay.close()
-    except KeyboardInterrupt:
-        pass
     return 0
+
+
+@contextmanager
+def _told_by_ctrl_c() -> Iterator[threading.Event]:
+    """The event that the first Ctrl-C sets; a second one interrupts.
+
+    An exception can be raised anywhere, in callbacks too whose exceptions Python prints and forgets: the program would
+    then go on.
+    """
+    ended = threading.Event()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, before)
+        ended.set()
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield ended
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -93,11 +93,6 @@ class Replay(Player):
         self._thread.join(timeout=2.0)
         super().close()
 
-    def wait(self) -> None:
-        """Serve until the program is interrupted."""
-        while not self._stopped.wait(0.5):
-            pass
-
     def _build(self, bodies: list[PlayedBody]) -> None:
         """Make all that the page shows."""
         self._load(bodies)
