@@ -40,7 +40,7 @@ def measure_within() -> Iterator[Row]:
             shifted = noise[:, 0] + bump
             counts["found"] += bool((permutation_test(shifted, most=most, seed=k).p[near] < ALPHA).any())
             subjects = BETWEEN * animals(rng, n, 1)[:, 0]
-            apart = permutation_test(subjects + shifted, subjects, min(most, 1000), k).p
+            apart = permutation_test(subjects + shifted, subjects, most=min(most, 1000), seed=k).p
             counts["groups"] += bool((apart[near] < ALPHA).any())
             differences = 1.0 + rng.standard_normal(n)
             low, high = g_interval(float(hedges_g(differences)), n)

@@ -289,11 +289,11 @@ def _scalars(
         p = float("nan")
         if tested and min(sizes) >= FEWEST:
             p = float(permutation_test(*samples, most=options.permutations, seed=options.seed).p)
-        difference = (float(end) for end in _mean_interval(samples, options.confidence))
-        size = g_interval(g, *sizes, confidence=options.confidence)
-        found.append(ScalarDifference(name, _described(one), _described(other), *difference, g, *size, p))
-    p = np.array([one.p for one in found])
-    corrected, q = holm(p), benjamini_hochberg(p)
+        mean, low, high = (float(end) for end in _mean_interval(samples, options.confidence))
+        g_low, g_high = g_interval(g, *sizes, confidence=options.confidence)
+        found.append(ScalarDifference(name, _described(one), _described(other), mean, low, high, g, g_low, g_high, p))
+    alone = np.array([one.p for one in found])
+    corrected, q = holm(alone), benjamini_hochberg(alone)
     return tuple(replace(one, holm=float(corrected[i]), q=float(q[i])) for i, one in enumerate(found))
 
 
@@ -338,13 +338,16 @@ def _curves(
         if tested:
             p = permutation_test(*samples, most=options.permutations, seed=options.seed).p
         g, sizes = hedges_g(*samples), [len(part) for part in samples]
-        difference = _mean_interval(samples, options.confidence)
-        effect = (g, *g_curve_interval(g, *sizes, confidence=options.confidence))
+        difference, low, high = _mean_interval(samples, options.confidence)
+        g_low, g_high = g_curve_interval(g, *sizes, confidence=options.confidence)
         for k, name in enumerate(names):
-            bands = [band(part[:, k], options.confidence) for part in (one, other)]
-            parts = (part[k] for part in (*difference, *effect, p))
-            each = (one[:, k], other[:, k])
-            found.append(CurveDifference(family, name, *bands, each, *parts, regions(p[k] < options.alpha)))
+            first_band, second_band = (band(part[:, k], options.confidence) for part in (one, other))
+            found.append(
+                CurveDifference(
+                    family, name, first_band, second_band, (one[:, k], other[:, k]), difference[k], low[k], high[k],
+                    g[k], g_low[k], g_high[k], p[k], regions(p[k] < options.alpha),
+                )
+            )  # fmt: skip
     return tuple(found)
 
 

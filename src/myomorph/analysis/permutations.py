@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,14 +72,14 @@ def labellings(first: int, second: int, most: int = 10000, seed: int = 0) -> tup
     return rows, False
 
 
-def p_floor(first: int, second: int | None = None, most: int = 10000) -> float:
+def p_floor(first: int, second: int | None = None, *, most: int = 10000) -> float:
     """Least p that can come out of two groups, or of pairs: all exchanged, or turned round, give the same |t|."""
     total = 2**first if second is None else comb(first + second, first)
     return max((2.0 if second in (None, first) else 1.0) / total, 1.0 / most if total > most else 0.0)
 
 
 def permutation_test(
-    first: ArrayLike, second: ArrayLike | None = None, most: int = 10000, seed: int = 0
+    first: ArrayLike, second: ArrayLike | None = None, *, most: int = 10000, seed: int = 0
 ) -> PermutationTest:
     """Largest-statistic test of two groups, or of differences within pairs.
 
@@ -105,7 +106,8 @@ def permutation_test(
     values = np.concatenate(groups).reshape(sum(sizes), -1)
     known = np.isfinite(values).all(axis=0)
     curve = np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])[known] if shape else None
-    rows, exact = signs(*sizes, most, seed) if second is None else labellings(*sizes, most, seed)
+    rows: NDArray[Any]
+    rows, exact = signs(sizes[0], most, seed) if second is None else labellings(sizes[0], sizes[1], most, seed)
     statistics = _paired_statistics if second is None else _statistics
     observed = statistics(values[:, known], rows[:1], curve)[0]
     largest, alone = np.empty(len(rows)), np.zeros(int(known.sum()))
@@ -131,7 +133,7 @@ def signs(members: int, most: int = 10000, seed: int = 0) -> tuple[Array, bool]:
     return rows, False
 
 
-def _paired_statistics(values: Array, rows: Array, curve: NDArray[np.int64] | None) -> Array:
+def _paired_statistics(values: Array, rows: NDArray[Any], curve: NDArray[np.int64] | None) -> Array:
     """The statistic (ways, numbers) of differences (pairs, numbers); `curve` (numbers,) tells whose each is."""
     n, whole = float(len(values)), (values**2).sum(axis=0)
     mean = rows @ values / n
@@ -139,7 +141,7 @@ def _paired_statistics(values: Array, rows: Array, curve: NDArray[np.int64] | No
     return _over_error(mean, error, whole, curve)
 
 
-def _statistics(values: Array, rows: NDArray[np.bool_], curve: NDArray[np.int64] | None) -> Array:
+def _statistics(values: Array, rows: NDArray[Any], curve: NDArray[np.int64] | None) -> Array:
     """The statistic (labellings, numbers) of values (members, numbers); `curve` (numbers,) tells whose each is."""
     inside = rows.astype(np.float64)
     n, m = float(inside[0].sum()), float(len(values) - inside[0].sum())
