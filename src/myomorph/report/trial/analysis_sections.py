@@ -11,7 +11,7 @@ from myomorph.report.charts.axis import scaled_unit
 from myomorph.report.charts.curves import Line
 from myomorph.report.charts.marks import Level
 from myomorph.report.charts.pictures import even_times, fitting, nearest_frames, picture_strip
-from myomorph.report.charts.tracks import Backdrop, Track, contact_graph, draw_track, phase_names, row_title, time_axis
+from myomorph.report.charts.tracks import Backdrop, contact_graph, draw_track, phase_names, row_title, time_axis
 from myomorph.report.page.parts import Figure, Section
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.center_section import center_section
@@ -104,11 +104,8 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
     wanted = tuple(one for one in wanted if _inside(one, behind.span))
     if not wanted:
         return ""
-    activations = None
-    if given.tension is not None:
-        activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
     frames = nearest_frames(motion.time, good, wanted)
-    scene = make_scene(given.model, motion, frames, given.surfaces, activations, acting_forces(given))
+    scene = make_scene(given.model, motion, frames, given.surfaces, given.activations, acting_forces(given))
     return picture_strip(scene, behind)
 
 
@@ -121,7 +118,7 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
     levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
-    return draw_track(Track("Height of COG", unit, lines, 86, levels=levels), behind)
+    return draw_track(behind, "Height of COG", unit, lines, 86, levels=levels)
 
 
 def _measured(prepared: Prepared, person: Person) -> bool:
@@ -147,7 +144,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
             if name in series.names:
                 style = f"{STYLE[side]} dotted" if side == "left" else STYLE[side]
                 lines.append(Line(series.time, series[name], style, side or "activation"))
-        rows.append(draw_track(Track(pair.label, "", lines, MUSCLE_ROW, low=0.0, high=peak, small=True), behind))
+        rows.append(draw_track(behind, pair.label, "", lines, MUSCLE_ROW, low=0.0, high=peak, small=True))
     return rows
 
 

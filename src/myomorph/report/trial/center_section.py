@@ -9,8 +9,9 @@ from myomorph.model.arrays import Array
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line
 from myomorph.report.charts.points import floor_plot
-from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis
+from myomorph.report.charts.tracks import Backdrop, draw_track, phase_names, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
+from myomorph.report.trial.figures import Ground
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, leveled, person_legend, person_styles
 from myomorph.report.trial.prepared import Prepared
 
@@ -29,7 +30,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
             Line(one.center.time, one.center.values[:, k], style, one.who.name or axis)
             for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
         ]
-        drawn.append(draw_track(Track(axis.capitalize(), "m", lines, 84), behind))
+        drawn.append(draw_track(behind, axis.capitalize(), "m", lines))
     figures = [Figure("".join([phase_names(behind), *drawn, time_axis(behind)]), "full")]
     for path in (_path(prepared, analysis), _upright_path(analysis)):
         if path:
@@ -46,9 +47,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
 
 def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     """The way over the ground from above, its origin where it starts (figure 5.7 of [D])."""
-    k = int(np.argmax(np.abs(prepared.up)))
-    flip = -1.0 if k == 1 else 1.0
-    first, second = [i for i in range(3) if i != k]
+    ground = Ground.under(prepared.up)
     # Columns of `center`: vertical, then the two axes of the ground in order.
     center, phases = analysis.persons[0].center, analysis.cutting.phases
     begun = center.time >= (phases[0].start if phases else center.time[0]) - 1e-9
@@ -57,16 +56,14 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     if not len(start):
         return ""
     paths = _by_stage(
-        analysis, [(person.center.values[:, 1:] - start[0]) * np.array([1.0, flip]) for person in analysis.persons]
+        analysis, [(person.center.values[:, 1:] - start[0]) * ground.signs for person in analysis.persons]
     )
-    letters = "xyz"
-    across = (letters[first], ("−" if flip < 0 else "") + letters[second])
     factor, unit = (
         (1.0, "m") if float(_extent(np.concatenate([one for _, _, one in paths])).max()) > 0.5 else (1e3, "mm")
     )
     shown = [(label, style, factor * one) for label, style, one in paths]
     title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
-    return floor_plot(title, across, shown, width=505, height=300, unit=unit, one_scale=level)
+    return floor_plot(title, ground.axes, shown, width=505, height=300, unit=unit, one_scale=level)
 
 
 def _thin(paths: list[Array]) -> bool:

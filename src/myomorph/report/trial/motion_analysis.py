@@ -223,12 +223,10 @@ def _rhythm(persons: tuple[Person, ...]) -> int:
 
 
 def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:
-    tension, model = prepared.given.tension, prepared.given.model
-    if tension is None or not len(tension.time):
+    series = prepared.given.activations
+    if series is None:
         return None
-    series = Series(tension.time, tension.muscles, tension.activations)
-    strengths = {} if model is None else {one.name: one.max_isometric_force for one in model.muscles}
-    names, columns = [], []
+    strengths, names, columns = prepared.given.strengths, [], []
     for person in persons:
         for pair in person.muscles:
             for side, members in pair.members.items():
@@ -236,7 +234,7 @@ def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | No
                 if mean is not None:
                     names.append(column_name(person, pair, side))
                     columns.append(mean)
-    return Series(tension.time, tuple(names), np.stack(columns, axis=1)) if columns else None
+    return Series(series.time, tuple(names), np.stack(columns, axis=1)) if columns else None
 
 
 def column_name(person: Person, pair: Pair, side: str) -> str:

@@ -44,19 +44,17 @@ def matched_emg(prepared: Prepared) -> bool:
 def activation_section(prepared: Prepared) -> Section | None:
     """Sixteen muscles on both sides, EMG behind where it was measured on them."""
     given = prepared.given
-    if given.tension is None or not len(given.tension.time):
+    tension, series = given.tension, given.activations
+    if tension is None or series is None:
         return None
-    tension = given.tension
-    series = Series(tension.time, tension.muscles, tension.activations)
     mean = np.nanmean(tension.forces, axis=0) if len(tension.forces) else None
-    strengths = {} if given.model is None else {one.name: one.max_isometric_force for one in given.model.muscles}
     chosen = major_muscles(tension.muscles, mean)
     figures = tuple(
         Figure(
             activation_panel(
                 pair,
                 tension.muscles,
-                strengths,
+                given.strengths,
                 series,
                 prepared.detail,
                 prepared.events,
@@ -86,15 +84,10 @@ def tension_section(prepared: Prepared) -> Section | None:
         return None
     drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
     forces = Series(tension.time, tension.muscles, tension.forces)
-    strength = (
-        {}
-        if prepared.given.model is None
-        else {one.name: one.max_isometric_force for one in prepared.given.model.muscles}
-    )
-    rows = []
+    rows, strengths = [], prepared.given.strengths
     for row in sorted(extremes(forces), key=lambda one: -one.high):
         column = tension.activations[:, tension.muscles.index(row.name)]
-        most = strength.get(row.name, 0.0)
+        most = strengths.get(row.name, 0.0)
         rows.append(
             (
                 row.name,

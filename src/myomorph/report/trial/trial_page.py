@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
 from myomorph.report.page.parts import Note, Section, SourceFile, Step
 from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import Reference, references
+from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
@@ -145,11 +145,8 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return [], ""
-    activations = None
-    if given.tension is not None:
-        activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
     chosen = _key_frames(motion, good, prepared)
-    forces = acting_forces(given)
+    activations, forces = given.activations, acting_forces(given)
     still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, forces)
     if proportion(still, "side") > WIDE:
         chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
@@ -158,13 +155,9 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     instants = []
     for i, (frame, label) in enumerate(chosen):
         side, front = (next(one for one in drawn if one.frame == i and one.view == view) for view in ("side", "front"))
-        text = (
-            f"{label}, {number(float(motion.time[frame]), 0.001)} s"
-            if label
-            else f"{number(float(motion.time[frame]), 0.001)} s"
-        )
+        text = ", ".join(one for one in (label, f"{number(float(motion.time[frame]), 0.001)} s") if one)
         instants.append(
-            Instant(text, _address(side.image), _address(front.image), side.width, front.width, side.height)
+            Instant(text, data_uri(side.image), data_uri(front.image), side.width, front.width, side.height)
         )
     points = sum(len(muscle.path.points) for muscle in given.model.muscles)
     count = frames_to_play(len(good), points, len(given.model.bodies))
@@ -173,10 +166,6 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
     scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, forces)
     return instants, player(scene)
-
-
-def _address(image: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
 
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from myomorph.analysis.columns import Comparison, compared
-from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identification_tables import WrenchError, wrench_errors
@@ -58,7 +57,7 @@ def _chart(check: WrenchCheck, k: int, styles: Mapping[str, str], span: tuple[fl
     # The first method is drawn last, over the others.
     for name in reversed(list(check.predicted)):
         lines.append(Line(check.time, check.predicted[name][:, k], styles[name], name))
-    return time_plot(Panel(COMPONENTS[k], UNITS[k], lines, span, height=200))
+    return time_plot(COMPONENTS[k], UNITS[k], lines, span, height=200)
 
 
 def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
@@ -173,9 +172,8 @@ def truth_section(prepared: Prepared) -> Section | None:
         grids.append(
             _compared_grid("Joint moments", compared(given.dynamics.torques, truth.torques), turning, "N·m", "N")
         )
-    if truth.activations is not None and given.tension is not None:
-        series = Series(given.tension.time, given.tension.muscles, given.tension.activations)
-        grids.append(_compared_grid("Activations", compared(series, truth.activations), set(), "", ""))
+    if truth.activations is not None and given.activations is not None:
+        grids.append(_compared_grid("Activations", compared(given.activations, truth.activations), set(), "", ""))
     shown = tuple(grid for grid in grids if grid.rows)
     if not shown:
         return None
