@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from myomorph.analysis.selection import MAJOR_MUSCLES, Pair
+from myomorph.analysis.selection import MAJOR_MUSCLES, SIDES, Pair, spelled, with_right
 from myomorph.model.errors import UnknownName
 from myomorph.model.segments import Segment
 from myomorph.model.sides import split_side
@@ -45,14 +44,9 @@ def named_muscles(
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
     found, lacking = [], []
     for label in wanted:
-        members: dict[str, tuple[str, ...]] = {}
-        for name, (base, side) in bare.items():
-            if re.fullmatch(MUSCLES[label], base, re.IGNORECASE):
-                members[side] = (*members.get(side, ()), name)
-        if "left" in members and "" in members and "right" not in members:
-            members["right"] = members.pop("")
+        members = with_right(spelled(bare, MUSCLES[label]))
         if members:
-            found.append(Pair(label, {side: members[side] for side in ("right", "left", "") if side in members}))
+            found.append(Pair(label, {side: members[side] for side in SIDES if side in members}))
         else:
             lacking.append(label)
     return tuple(found), tuple(lacking)

@@ -58,9 +58,8 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     paths = _by_stage(
         analysis, [(person.center.values[:, 1:] - start[0]) * ground.signs for person in analysis.persons]
     )
-    factor, unit = (
-        (1.0, "m") if float(_extent(np.concatenate([one for _, _, one in paths])).max()) > 0.5 else (1e3, "mm")
-    )
+    far = _extent(np.concatenate([one for _, _, one in paths])).max() > 0.5
+    factor, unit = (1.0, "m") if far else (1e3, "mm")
     shown = [(label, style, factor * one) for label, style, one in paths]
     title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
     return floor_plot(title, ground.axes, shown, width=505, height=300, unit=unit, one_scale=level)
@@ -81,11 +80,8 @@ def _extent(points: Array) -> Array:
 
 def _upright_path(analysis: MotionAnalysis) -> str:
     """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
-    found = []
     k = 1 + int(np.argmin(np.sum([_extent(one.center.values) for one in analysis.persons], axis=0)[1:]))
-    for person in analysis.persons:
-        level = leveled(person.center).values
-        found.append(1000.0 * np.stack([level[:, k], level[:, 0]], axis=1))
+    found = [1000.0 * leveled(one.center).values[:, [k, 0]] for one in analysis.persons]
     across = (analysis.axes[k], analysis.axes[0])
     title = f"Height over {analysis.axes[k]}"
     return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", one_scale=False)
@@ -95,12 +91,9 @@ def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, 
     """Paths (frames, 2) of all persons; of a single one, a color a stage where there are few."""
     stages = analysis.cutting.stages
     if len(points) > 1 or not 2 <= len(stages) <= len(ORDINAL):
-        return [
-            (person.who.name or "center of gravity", style, one)
-            for person, one, style in zip(
-                analysis.persons, points, ("first",) if len(points) == 1 else person_styles(analysis), strict=True
-            )
-        ]
+        styles = ["first"] if len(points) == 1 else person_styles(analysis)
+        names = [person.who.name or "center of gravity" for person in analysis.persons]
+        return list(zip(names, styles, points, strict=True))
     time = analysis.persons[0].center.time
     return [
         (stage.name, ORDINAL[j], np.where(_reaching(stage.inside(time))[:, None], points[0], np.nan))
@@ -159,22 +152,14 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
     rows = []
     for person in analysis.persons:
         for k, axis in enumerate(analysis.axes):
-            values = person.center.values[:, k]
+            values, one = person.center.values[:, k], person.periods[k]
             values = values[np.isfinite(values)]
-            one = person.periods[k]
             if not len(values):
                 continue
-            rows.append(
-                (
-                    ", ".join(word for word in (person.who.name, axis) if word),
-                    f"{number(float(values.mean()))} m",
-                    f"{number(1000 * float(np.ptp(values)))} mm",
-                    f"{number(1e6 * float(values.var()))} mm²",
-                    f"{number(one.period)} s" if one.periodic else "no period",
-                    number(one.cycles) if one.periodic else "–",
-                    number(one.likeness) if np.isfinite(one.period) else "–",
-                    _sure(one) if np.isfinite(one.period) else "–",
-                )
-            )
+            name = ", ".join(word for word in (person.who.name, axis) if word)
+            size = f"{number(1000 * float(np.ptp(values)))} mm", f"{number(1e6 * float(values.var()))} mm²"
+            period = (f"{number(one.period)} s", number(one.cycles)) if one.periodic else ("no period", "–")
+            sure = (number(one.likeness), _sure(one)) if np.isfinite(one.period) else ("–", "–")
+            rows.append((name, f"{number(float(values.mean()))} m", *size, *period, *sure))
     head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Autocorrelation after one period", "Confidence")
     return Grid(head, tuple(rows), "Center of gravity: statistics")

@@ -180,17 +180,11 @@ def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -
     vectors, names = axis_names(prepared.up)
     rows = []
     for group in groups:
-        vertical = group.forces @ vectors[0]
-        size = np.linalg.norm(group.forces, axis=1)
-        cells = [
-            group.label,
-            f"{number(float(np.nanmean(vertical)))} N",
-            f"{number(float(np.nanmax(size)))} N"
-            + "".join(f" ({float(np.nanmax(size)) / one.value:.2f} BW)" for one in _weight(prepared, group.block, who)),
-        ]
-        for vector in vectors:
-            cells.append(_difference(group, vector))
-        rows.append(tuple(cells))
+        vertical = f"{number(float(np.nanmean(group.forces @ vectors[0])))} N"
+        largest = float(np.nanmax(np.linalg.norm(group.forces, axis=1)))
+        share = "".join(f" ({largest / one.value:.2f} BW)" for one in _weight(prepared, group.block, who))
+        off = (_difference(group, vector) for vector in vectors)
+        rows.append((group.label, vertical, f"{number(largest)} N{share}", *off))
     compared = tuple(f"RMS off measured, {name}" for name in names)
     if all(cell == "–" for row in rows for cell in row[3:]):
         compared, rows = (), [row[:3] for row in rows]

@@ -91,14 +91,9 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
     ):
         if series is not None and len(series.time) > 1:
             # The rate of a long clock is its mean; times are often rounded to a millisecond.
-            rate = (len(series.time) - 1) / float(series.time[-1] - series.time[0])
-            rows.append(
-                (
-                    name,
-                    f"{number(len(series.time), 1.0)} frames at {number(rate)} Hz, "
-                    f"{number(float(series.time[0]), 0.01)} to {number(float(series.time[-1]), 0.01)}\u00a0s",
-                )
-            )
+            first, last = float(series.time[0]), float(series.time[-1])
+            told = f"{number(len(series.time), 1.0)} frames at {number((len(series.time) - 1) / (last - first))} Hz, "
+            rows.append((name, f"{told}{number(first, 0.01)} to {number(last, 0.01)}\u00a0s"))
     if prepared.movement.kind:
         kind = {"gait": "gait", "jump": "countermovement jump", "contact": "contacts with the ground"}
         told = kind.get(prepared.movement.kind, prepared.movement.kind)
@@ -110,24 +105,23 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     """The few numbers to see first."""
     given = prepared.given
     tiles = []
-    if given.kinematics.fit is not None and np.isfinite(given.kinematics.fit.errors).any():
-        rms = 100 * float(np.sqrt(np.nanmean(given.kinematics.fit.errors**2)))
+    fit = given.kinematics.fit
+    if fit is not None and np.isfinite(fit.errors).any():
+        rms = 100 * float(np.sqrt(np.nanmean(fit.errors**2)))
         tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, Quantity.MARKER_RMS)))
-        done, shown = int(np.sum(given.kinematics.fit.converged)), int(np.sum(given.kinematics.fit.seen))
+        done, shown = int(np.sum(fit.converged)), int(np.sum(fit.seen))
         tiles.append(Tile(f"{done} / {shown}", "frames fitted", _state(prepared, Quantity.NOT_CONVERGED)))
     for quantity, name in (
         (Quantity.RESIDUAL_FORCE_PEAK, "residual force, of peak external force"),
         (Quantity.RESIDUAL_MOMENT_PEAK, "residual moment, of COM height × force"),
         (Quantity.RESERVES, "largest reserve, of its peak torque"),
     ):
-        for one in prepared.verdicts:
-            if one.quantity == quantity:
-                tiles.append(Tile(f"{number(one.value)} %", name, one.state))
+        own = (one for one in prepared.verdicts if one.quantity == quantity)
+        tiles += [Tile(f"{number(one.value)} %", name, one.state) for one in own]
     if given.tension is not None:
         solved = int(np.sum(given.tension.solved))
-        tiles.append(
-            Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", _state(prepared, Quantity.NOT_OPTIMAL))
-        )
+        state = _state(prepared, Quantity.NOT_OPTIMAL)
+        tiles.append(Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", state))
         full = next(one for one in prepared.verdicts if one.quantity == Quantity.SATURATED)
         tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
     return tiles
