@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
@@ -232,9 +233,7 @@ def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1
 
 def quaternions(rotations: Array) -> Array:
     """(n, 4) as (w, x, y, z) of rotation matrices (n, 3, 3), w not negative."""
-    from scipy.spatial.transform import Rotation
-
-    turned: Array = Rotation.from_matrix(rotations).as_quat(canonical=True)[:, [3, 0, 1, 2]]
+    turned: Array = Rotation.from_matrix(rotations).as_quat(canonical=True, scalar_first=True)
     return turned
 
 
