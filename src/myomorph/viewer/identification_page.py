@@ -147,7 +147,6 @@ class WebViewer(Page):
     ----------
     surfaces : meshes by `Mesh.file`; without any, limbs are rounds
     port : of the page, http://localhost:PORT
-    title : of the text panel
 
     Raises
     ------
@@ -155,10 +154,8 @@ class WebViewer(Page):
     BadData : the port is taken, or none
     """
 
-    def __init__(
-        self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080, title: str = "Myomorph"
-    ):
-        super().__init__(port, title)
+    def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080):
+        super().__init__(port, "Myomorph")
         view = BodyView(model, surfaces)
         self._show_body(view, view.scene.solids if view.meshed else view.limbs(), 0.6)
         self._progress = self._server.gui.add_progress_bar(0.0)
