@@ -13,8 +13,8 @@ name = "shoulder"
 [[specimen]]
 name = "01"
 model = "arm.osim"
-without = ["bare*.trc"]
-with = ["full1.c3d"]
+removed = ["bare*.trc"]
+intact = ["full1.c3d"]
 """
 
 
@@ -54,7 +54,7 @@ def test_whole_form(folder):
     text = text.replace('name = "shoulder"', 'name = "shoulder"\nsimulated = ["made"]')
     text += """measured_muscle_mass = 0.765
 base = "blade"
-first = "arm"
+first_body = "arm"
 bones = ["ulna"]
 muscles = {biceps = ["BIClong", "BICshort"]}
 tare = "bare2_loads.mot"
@@ -95,7 +95,7 @@ def test_everything_wrong_is_told_at_once(folder):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("without =", "withuot =", "unknown key 'specimen.1.withuot': there are 'without', 'with'"),
+        ("removed =", "remvoed =", "unknown key 'specimen.1.remvoed': there are 'removed'"),
         ("with =", "muscle =", "unknown key 'specimen.1.muscle': there are 'muscles'"),
         ('name = "shoulder"', 'nam = "shoulder"', "'study.name' is missing"),
         ('["bare*.trc"]', '[{marker = "bare1.trc"}]', "unknown key 'specimen.1.without.1.marker': there are 'markers'"),

@@ -168,7 +168,7 @@ def run_command(
             said(f"{text}; it gets no work")
     else:
         hands = _hands(plan, workers, memory, threads)
-    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=_report)
+    outcomes = run_study(plan, out, fresh=fresh, workers=hands, report=_report)
     return _ended(outcomes, out)
 
 

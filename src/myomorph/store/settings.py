@@ -67,12 +67,12 @@ class TorqueTable:
     ----------
     net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as OpenSim's tool
         does where forces_to_exclude is Muscles; by default nothing is taken off, as with ALL
-    folded : only coordinates that follow no other, with what falls on those that couplers and closed loops make
-        follow handed on to them; by default every coordinate has its own column, as in OpenSim
+    independent_coordinates : only independent coordinates, with the forces of dependent ones (of couplers and closed
+        loops) projected onto them; by default every coordinate has its own column, as in OpenSim
     """
 
     net: bool = False
-    folded: bool = False
+    independent_coordinates: bool = False
 
 
 @dataclass(frozen=True)

@@ -295,7 +295,7 @@ def test_residuals_are_held_against_the_limits() -> None:
     assert rows["Residual force beside contacts, peak"].value == pytest.approx(6.0)
     assert rows["Residual force beside contacts, RMS"].state == "ok"
     assert rows["Residual moment beside contacts, peak"].value == pytest.approx(0.5)
-    not_carried = rows["Frames whose contacts could not carry the motion"]
+    not_carried = rows["Infeasible contact frames"]
     assert (not_carried.value, not_carried.state, not_carried.time) == (1.0, "over", 0.5)
     assert contact_verdicts(shown("x"), 1.0) == []
 

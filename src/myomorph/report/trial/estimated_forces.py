@@ -200,7 +200,7 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
     count = len(given.contacts.uncarried)
     rows.append(
         Verdict(
-            Quantity.UNCARRIED,
+            Quantity.INFEASIBLE_CONTACT,
             float(count),
             f"of {len(given.contacts.forces)}",
             0.0,

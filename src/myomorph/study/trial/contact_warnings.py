@@ -75,10 +75,10 @@ def contact_warnings(problem: TensionProblem, tension: Tension, instants: int, n
 
 def put_warnings(writer: ResultWriter, warnings: ContactDoubts) -> None:
     """Intervals and frames that could not be carried, in a result file."""
-    writer.sizes("uncarried", len(warnings.uncarried))
+    writer.sizes("infeasible_contact", len(warnings.uncarried))
     times = np.array([one.time for one in warnings.uncarried], dtype=np.float64)
-    writer.put("uncarried_time", ("uncarried",), times, "s", "frame that its contacts cannot carry")
-    writer.texts("uncarried_relaxation", "uncarried", [one.relaxation for one in warnings.uncarried])
+    writer.put("infeasible_contact_time", ("infeasible_contact",), times, "s", "frame whose contacts are infeasible")
+    writer.texts("infeasible_contact_relaxation", "infeasible_contact", [one.relaxation for one in warnings.uncarried])
     if not warnings.intervals:
         return
     writer.names("contact_group", warnings.intervals[0].groups)
@@ -109,8 +109,8 @@ def get_intervals(stored: Stored) -> StoredIntervals | None:
 
 def get_uncarried(stored: Stored) -> tuple[Uncarried, ...]:
     """Frames of a result that its contacts cannot carry."""
-    times = stored.values.get("uncarried_time", ())
-    texts = stored.names.get("uncarried_relaxation", ())
+    times = stored.values.get("infeasible_contact_time", ())
+    texts = stored.names.get("infeasible_contact_relaxation", ())
     return tuple(Uncarried(float(time), text) for time, text in zip(times, texts, strict=True))
 
 
