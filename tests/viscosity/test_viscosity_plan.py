@@ -96,9 +96,9 @@ def test_everything_wrong_is_told_at_once(folder):
     ("old", "new", "told"),
     [
         ("removed =", "remvoed =", "unknown key 'specimen.1.remvoed': there are 'removed'"),
-        ("with =", "muscle =", "unknown key 'specimen.1.muscle': there are 'muscles'"),
+        ("intact =", "muscle =", "unknown key 'specimen.1.muscle': there are 'muscles'"),
         ('name = "shoulder"', 'nam = "shoulder"', "'study.name' is missing"),
-        ('["bare*.trc"]', '[{marker = "bare1.trc"}]', "unknown key 'specimen.1.without.1.marker': there are 'markers'"),
+        ('["bare*.trc"]', '[{marker = "bare1.trc"}]', "unknown key 'specimen.1.removed.1.marker': there are 'markers'"),
         ('["bare*.trc"]', '["bare1.trc"]\nmeasured_muscle_mass = -1', "greater than 0"),
         ('["bare*.trc"]', '["bare1.trc"]\ntime = [3, 1]', "expected a start before an end"),
         ("[study]", "[options.identification]\ndraw = 1\n[study]", "'options.identification.draw': there are 'draws'"),
@@ -114,7 +114,7 @@ def test_a_study_of_subjects_is_another_command(folder):
 
 
 def test_one_condition_alone_is_remarked(folder):
-    plan = plan_of(folder, SMALLEST.replace('with = ["full1.c3d"]\n', ""))
+    plan = plan_of(folder, SMALLEST.replace('intact = ["full1.c3d"]\n', ""))
     assert any("no recordings of muscles intact" in remark for remark in plan.remarks)
 
 
