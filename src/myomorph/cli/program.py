@@ -17,7 +17,7 @@ DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0 done; 2 bad input, told in one line; 1 our fault; 130 interrupted with Ctrl-C.
+    0 done; 2 bad input, reported in one line; 1 our fault; 130 interrupted with Ctrl-C.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ def run_command(
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
     if scheduler is not None:
         if (workers, memory, threads) != (None, None, None):
-            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: tell 'dask worker'")
+            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: set them at 'dask worker'")
         # Its processes are in folders of their own.
         study, out = study.resolve(), out.resolve()
     use_threads(threads)

@@ -113,6 +113,7 @@ COLUMNS = (
     Renamed("delays.csv", "result_after_ms", "latency_ms"),
     Renamed("delays.csv", "jump_owed", "remaining_jump"),
     Renamed("base_parameters.csv", "shown by the motion", "identifiable"),
+    Renamed("group_parameters.csv", "track width [m]", "step width [m]"),
     Renamed("run --dry-run", "kept", "reused"),
     Renamed("morph", "left_out.csv", "not_transferred.csv"),
 )

@@ -1,4 +1,4 @@
-"""What kinematic identification may be told, and what it finds."""
+"""Options and results of kinematic identification."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from myomorph.rigid.coordinates import Ints
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """What kinematic identification may be told.
+    """Options of kinematic identification.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ Preset: TypeAlias = Literal["", "taichi", "tap", "drum", "judo", "gait", "lift",
 """A kind of motion that reports know (`report.presets`), "" for the one that fits."""
 
 Side: TypeAlias = Literal["", "right", "left"]
-"""Side of a body, "" where it is not told."""
+"""Side of a body, "" where it is not specified."""
 
 SIMPLE = (bool, int, float, str)
 
@@ -45,7 +45,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Differentiation:
-    """What the steps that need velocities and accelerations may be told.
+    """Options of the steps that need velocities and accelerations.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class ReportOptions:
     Attributes
     ----------
     preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what the recording shows
-        where it is not told
+        where it is not specified
     """
 
     preset: Preset = ""

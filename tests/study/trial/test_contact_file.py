@@ -115,13 +115,13 @@ def test_touches_of_another_clock_are_named(arm, command, tmp_path):
     path = written(tmp_path, "feet = false\n" + SITE + "intervals = [[900.0, 901.0]]\n")
     done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
     assert done.status == 0
-    assert "'hand' is told to touch at 900 to 901 s" in done.err
+    assert "'hand' is specified to touch at 900 to 901 s" in done.err
 
 
 def test_soles_that_a_table_leaves_out_are_named():
     told = Contacts(("heel_r",), ())
     soles = [Site(name, "foot", np.zeros((1, 3))) for name in ("heel_r", "toe_r")]
-    assert unreported_feet(told, soles) == ("no touch is told of toe_r: the motion tells when they do",)
+    assert unreported_feet(told, soles) == ("no contact interval is specified for toe_r: found from the motion",)
     assert unreported_feet(Contacts(("hand",), ()), soles) == ()
 
 

@@ -41,7 +41,7 @@ from myomorph.study.trial.trial_files import Settings, TrialFiles
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study does: one `TrialFiles` a trial, and what the steps are told.
+    """What a study does: one `TrialFiles` a trial, and the options of the steps.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Plan:
     own: Mapping[Key, Settings] = field(default_factory=lambda: MappingProxyType({}))
 
     def settings_of(self, subject: str, trial: str = "") -> Settings:
-        """What the steps are told of a trial, or the steps on a subject."""
+        """Settings of the steps of a trial, or of the steps on a subject."""
         return self.own.get((subject, trial), self.own.get((subject, ""), self.settings))
 
     @cached_property

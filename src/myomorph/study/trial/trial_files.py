@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from myomorph.study.trial.contact_file import ContactPlan
 
 Settings = Mapping[str, Mapping[str, Any]]
-"""What each step was told, by step and setting."""
+"""The settings of each step, by step and setting."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:
     """Phases that are told of times outside the recording."""
     start, stop = float(time[0]), float(time[-1])
     return tuple(
-        f"phase '{name}' is told from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
+        f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
         for name, (first, last) in files.phases.items()
         if last <= start or first >= stop
     )
