@@ -70,15 +70,15 @@ def get_contacts(stored: Stored) -> Contacts | None:
     return Contacts(tuple(json.loads(stored.facts[LOOKED_AT])), touches, tuple(json.loads(stored.facts[WARNINGS])))
 
 
-def put_carried(writer: ResultWriter, torques: Series) -> None:
+def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:
     """Generalized forces under all external forces, those of estimated contacts included."""
     writer.names("coordinate", torques.names)
     meaning = "generalized force of inverse dynamics with estimated contacts"
     writer.put("generalized_force_with_contacts", ("time", "coordinate"), torques.values, "N m or N", meaning)
 
 
-def get_carried(stored: Stored) -> Series | None:
-    """What `put_carried` wrote, or None."""
+def get_forces_with_contacts(stored: Stored) -> Series | None:
+    """What `put_forces_with_contacts` wrote, or None."""
     found = stored.values.get("generalized_force_with_contacts")
     return None if found is None else Series(stored.time, stored.names["coordinate"], found)
 

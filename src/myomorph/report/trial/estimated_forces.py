@@ -197,7 +197,7 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
                         f"{float(value):.3g} {size} left over once contacts carry; F = {peak:.4g} N",
                     )
                 )
-    count = len(given.contacts.uncarried)
+    count = len(given.contacts.infeasible)
     rows.append(
         Verdict(
             Quantity.INFEASIBLE_CONTACT,
@@ -206,9 +206,9 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
             0.0,
             "over" if count else "ok",
             "",
-            given.contacts.uncarried[0].time if count else None,
+            given.contacts.infeasible[0].time if count else None,
             "",
-            given.contacts.uncarried[0].relaxation if count else "",
+            given.contacts.infeasible[0].relaxation if count else "",
         )
     )
     return rows

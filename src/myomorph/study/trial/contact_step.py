@@ -105,7 +105,7 @@ def set_contacts(
     if heard is not None:
         # Their forces are known already.
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
-        exact = heard.blows if exact is None else _beside(exact, heard.blows)
+        exact = heard.impacts if exact is None else _beside(exact, heard.impacts)
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
