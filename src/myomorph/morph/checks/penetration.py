@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.rigid.kinematics import forward_kinematics
@@ -122,13 +122,8 @@ def _outward(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, float]:
     volume = np.einsum("fi,fi->f", local[:, 0], np.cross(local[:, 1], local[:, 2]))
     inward = np.bincount(piece, volume, count)[piece] < 0.0
     oriented[inward] = oriented[inward][:, ::-1]
-    before = np.sign(np.einsum("fi,fi->f", _crossed(vertices, faces), _crossed(vertices, oriented)))
+    before = np.sign(np.einsum("fi,fi->f", face_crosses(vertices, faces), face_crosses(vertices, oriented)))
     return np.ascontiguousarray(oriented), float(np.mean(before < 0.0))
-
-
-def _crossed(vertices: Array, faces: np.ndarray) -> Array:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
 
 
 @read_only

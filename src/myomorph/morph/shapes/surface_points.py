@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses, signed_volume
 
 SPREAD = 4000
 """Samples among which a rough nearest point is looked for."""
@@ -136,8 +136,7 @@ class Shape:
         """
         _, first, same = np.unique(np.round(self.vertices, 9), axis=0, return_index=True, return_inverse=True)
         vertices, faces = self.vertices[first], same.reshape(-1)[self.faces].astype(np.int64)
-        corners = vertices[faces]
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        crossed = face_crosses(vertices, faces)
         inward = np.einsum("ij,ij->i", crossed, self.normals) < 0.0
         faces[inward] = faces[inward][:, ::-1]
         way = np.sign(np.diff(faces, axis=1, append=faces[:, :1])).prod(axis=1)  # of going up or down the numbers
@@ -156,8 +155,7 @@ class _Seamless:
 
         self._vertices, self._faces, self._boxes = vertices, faces, igl.AABB()
         self._boxes.init(vertices, faces)
-        corners = vertices[faces]
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        crossed = face_crosses(vertices, faces)
         self._of_faces = crossed / np.linalg.norm(crossed, axis=1)[:, None]
         by_angle = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
         self._of_corners = igl.per_vertex_normals(vertices, faces, by_angle)
@@ -191,10 +189,8 @@ class _Seamless:
 
 def _face_normals(surface: Surface) -> tuple[Array, Array]:
     """Outward unit normals (faces, 3) and areas (faces,)."""
-    corners = surface.vertices[surface.faces]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crossed = face_crosses(surface.vertices, surface.faces)
     sizes = np.linalg.norm(crossed, axis=1)
-    middle = surface.vertices.mean(axis=0)
-    volume = np.einsum("ij,ij->", corners[:, 0] - middle, np.cross(corners[:, 1] - middle, corners[:, 2] - middle))
-    outward = -1.0 if volume < 0 else 1.0
+    inward = signed_volume(surface.vertices - surface.vertices.mean(axis=0), surface.faces) < 0.0
+    outward = -1.0 if inward else 1.0
     return outward * crossed / np.where(sizes > 0, sizes, 1.0)[:, None], 0.5 * sizes
