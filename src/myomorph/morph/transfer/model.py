@@ -12,6 +12,7 @@ from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWr
 from myomorph.model.scale import taut_ligaments
 from myomorph.morph.checks.clearance import cleared
 from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
+from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.bodies import (
@@ -19,7 +20,6 @@ from myomorph.morph.transfer.bodies import (
     neighbor_notes,
     not_transferred,
     of_mass,
-    standing_poses,
     surrounded_map,
     transferred_actuator,
     transferred_body,
