@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from myomorph.model.paths import Muscle
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface, face_crosses
+from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.rigid.kinematics import forward_kinematics
@@ -53,49 +53,30 @@ class Solid:
             raise BadData("a bone's surface has no faces")
         self.length = float(np.ptp(surface.vertices[np.unique(surface.faces)], axis=0).max())
         vertices, faces = _merged(surface, 1e-6 * self.length)
-        self._vertices, self._faces, self.turned = vertices, *_outward(vertices, faces)
-        edges = np.sort(self._faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        counts = np.unique(edges, axis=0, return_counts=True)[1]
-        self.open = bool((counts == 1).mean() > OPEN_EDGES)
-        self._low, self._high = vertices[faces].min(axis=(0, 1)), vertices[faces].max(axis=(0, 1))
+        turned, self.turned = _outward(vertices, faces)
+        self._boxes = Boxes(vertices, turned)
+        edges = np.sort(turned[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        self.open = bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).mean() > OPEN_EDGES)
 
     @property
     def surface(self) -> Surface:
         """The surface with its faces outward."""
-        return Surface(self._vertices, self._faces)
-
-    @cached_property
-    def _boxes(self) -> object:
-        import igl
-
-        boxes = igl.AABB()
-        boxes.init(self._vertices, self._faces)
-        return boxes
+        return Surface(self._boxes.vertices, self._boxes.faces)
 
     def depths(self, points: Array) -> Array:
         """(n,) depth of each of the points (n, 3) under the surface, 0 outside [m]."""
-        import igl
-
-        points = np.asarray(points, dtype=np.float64)
+        within = self._boxes.holds(points)
         found = np.zeros(len(points))
-        near = np.flatnonzero(((points > self._low) & (points < self._high)).all(axis=1))
-        if len(near):
-            number = igl.fast_winding_number(self._vertices, self._faces, np.ascontiguousarray(points[near]))
-            within = near[np.atleast_1d(number) > 0.5]
-            found[within] = self.distances(points[within])
+        found[within] = self.distances(points[within])
         return found
 
     def distances(self, points: Array) -> Array:
         """(n,) unsigned distances of points (n, 3) from the surface [m]."""
-        if not len(points):
-            return np.zeros(0)
-        squared = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))[0]  # type: ignore[attr-defined]
-        return np.sqrt(np.atleast_1d(squared))
+        return np.sqrt(self._boxes.nearest(points)[0])
 
     def way_out(self, point: Array) -> Array:
         """(3,) unit vector from a point (3,) inside to the nearest point of the surface."""
-        nearest = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(point[None]))[2]  # type: ignore[attr-defined]
-        way = np.reshape(nearest, 3) - point
+        way = self._boxes.nearest(point[None])[2][0] - point
         unit: Array = way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)
         return unit
 

@@ -36,6 +36,40 @@ class Samples:
         return Samples(self.points[::step], self.normals[::step], self.rim[::step])
 
 
+class Boxes:
+    """Triangles that tell what of them is nearest to points, and what lies inside of them.
+
+    Parameters
+    ----------
+    vertices, faces : (n, 3) [m] and (m, 3)
+    """
+
+    def __init__(self, vertices: Array, faces: np.ndarray):
+        # Imported here because it takes a moment that only bones should pay.
+        import igl
+
+        self.vertices, self.faces, self._boxes = vertices, np.ascontiguousarray(faces, dtype=np.int64), igl.AABB()
+        self._boxes.init(self.vertices, self.faces)
+        self._low, self._high = vertices[faces].min(axis=(0, 1)), vertices[faces].max(axis=(0, 1))
+
+    def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
+        """Squared distances (n,) of points (n, 3), the nearest faces (n,) and places (n, 3) on them."""
+        if not len(points):
+            return np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
+        found = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        return np.atleast_1d(found[0]), np.atleast_1d(found[1]), np.reshape(found[2], (-1, 3))
+
+    def holds(self, points: Array) -> np.ndarray:
+        """(n,) whether points lie inside: their generalized winding number is above one half (Barill et al. 2018)."""
+        import igl
+
+        inside = ((points >= self._low) & (points <= self._high)).all(axis=1)
+        if inside.any():
+            number = igl.fast_winding_number(self.vertices, self.faces, np.ascontiguousarray(points[inside]))
+            inside[inside] = np.atleast_1d(number) > 0.5
+        return np.asarray(inside)
+
+
 class Shape:
     """A surface with what nearest points need.
 
@@ -93,12 +127,8 @@ class Shape:
         return samples, cKDTree(samples.points)
 
     @cached_property
-    def _boxes(self) -> object:
-        import igl
-
-        boxes = igl.AABB()
-        boxes.init(self.vertices, self.faces)
-        return boxes
+    def _boxes(self) -> Boxes:
+        return Boxes(self.vertices, self.faces)
 
     def nearest(self, points: Array, fine: bool) -> Samples:
         """Nearest points of the surface, their normals, and whether they lie on its rim; `fine` to the triangles."""
@@ -111,8 +141,8 @@ class Shape:
 
     def closest(self, points: Array) -> tuple[Array, np.ndarray]:
         """Nearest points (n, 3) of the triangles, and the triangles (n,) that they are on."""
-        found = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))  # type: ignore[attr-defined]
-        return found[2], found[1]
+        _, faces, places = self._boxes.nearest(points)
+        return places, faces
 
     def signed(self, points: Array) -> Array:
         """Distances (n,), positive outside [m].
@@ -120,12 +150,9 @@ class Shape:
         Where the nearest point is on an edge or a corner the faces around it tell the side together (Baerentzen and
         Aanaes 2005): beside a sharp edge one of them alone may tell the wrong one.
         """
-        distances: Array = np.zeros(len(points))
-        if len(points):
-            squared, face, places = self._seamless.nearest(points)
-            away = points - places
-            side = np.einsum("ij,ij->i", away, self._seamless.normals(face, places))
-            distances = np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
+        squared, face, places = self._seamless.nearest(points)
+        side = np.einsum("ij,ij->i", points - places, self._seamless.normals(face, places))
+        distances: Array = np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
         return distances
 
     @cached_property
@@ -147,14 +174,13 @@ class Shape:
         return _Seamless(vertices, np.ascontiguousarray(faces[bound if bound.any() else slice(None)]))
 
 
-class _Seamless:
+class _Seamless(Boxes):
     """A surface whose faces share vertices, with normals of faces, edges and corners."""
 
     def __init__(self, vertices: Array, faces: np.ndarray):
         import igl
 
-        self._vertices, self._faces, self._boxes = vertices, faces, igl.AABB()
-        self._boxes.init(vertices, faces)
+        super().__init__(vertices, faces)
         crossed = face_crosses(vertices, faces)
         self._of_faces = crossed / np.linalg.norm(crossed, axis=1)[:, None]
         by_angle = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
@@ -162,14 +188,9 @@ class _Seamless:
         edges = igl.per_edge_normals(vertices, faces, igl.PER_EDGE_NORMALS_WEIGHTING_TYPE_UNIFORM)
         self._of_edges = edges[0][edges[2].reshape(3, -1).T]
 
-    def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
-        """Squared distances (n,) of points, the nearest faces (n,) and places (n, 3) on them."""
-        found = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))
-        return np.atleast_1d(found[0]), np.atleast_1d(found[1]), np.reshape(found[2], (-1, 3))
-
     def normals(self, face: np.ndarray, places: Array) -> Array:
         """Normals (n, 3) at places on faces: the face's, at an edge or a corner that of all faces around."""
-        corners = self._vertices[self._faces[face]]
+        corners = self.vertices[self.faces[face]]
         sides = np.roll(corners, -1, axis=1) - corners
         # Share of each corner: twice the area of the triangle between the place and the side opposite to it.
         shares = np.einsum(
@@ -183,7 +204,7 @@ class _Seamless:
             here = off[:, k] & (off.sum(axis=1) == 1)
             found[here] = self._of_edges[face[here], k]
             here = ~off[:, k] & (off.sum(axis=1) == 2)
-            found[here] = self._of_corners[self._faces[face[here], k]]
+            found[here] = self._of_corners[self.faces[face[here], k]]
         return found
 
 
