@@ -26,19 +26,33 @@ def read_marker_set(path: str | os.PathLike[str], model: Model) -> tuple[Marker,
         A marker is on a body or frame that the model does not have.
     """
     node = read_document(path, ("MarkerSet",), "an OpenSim MarkerSet")
-    inside = node.element.find("objects")
-    holder = node.element if inside is None else inside
-    found: dict[str, Marker] = {}
-    for element in holder.findall("Marker"):
-        marker = node.node(element)
-        if not marker.name:
-            raise marker.bad("has no name")
-        found[marker.name] = _marker(marker, model)
-    return tuple(found.values())
+    return tuple({one.name: _marker(one, model) for one in named_markers(node)}.values())
+
+
+def named_markers(marker_set: Node) -> list[Node]:
+    """The markers of a MarkerSet.
+
+    Raises
+    ------
+    BadFile
+        A marker has no name.
+    """
+    inside = marker_set.element.find("objects")
+    holder = marker_set.element if inside is None else inside
+    found = [marker_set.node(element) for element in holder.findall("Marker")]
+    for one in found:
+        if not one.name:
+            raise one.bad("has no name")
+    return found
+
+
+def holder_of(marker: Node) -> str:
+    """Name of the body or frame that a marker of a MarkerSet is on."""
+    return marker.socket("parent_frame", "body").rstrip("/").rsplit("/", 1)[-1]
 
 
 def _marker(node: Node, model: Model) -> Marker:
-    name = node.socket("parent_frame", "body").rstrip("/").rsplit("/", 1)[-1]
+    name = holder_of(node)
     location = node.vector("location")
     places = {frame.name: (frame.body, frame.pose) for frame in model.frames}
     places |= {body: (body, Transform.identity()) for body in (GROUND, *model.body_names)}
