@@ -202,7 +202,6 @@ def test_reduced_gradient_is_that_of_the_settled_cost():
         assert 2.0 * reduced.g[i] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3, abs=1e-5), i
 
 
-@pytest.mark.long
 def test_calibration_finds_lengths_and_keeps_loops_closed(data):
     """Markers of the shoulder made larger, in poses of the recorded abduction."""
     model = read_model(data(BONES + "subject1_abdbonepin.osim"))

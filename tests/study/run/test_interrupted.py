@@ -147,7 +147,6 @@ def test_a_killed_program_goes_on_where_it_was(
     assert left_over(out) == []
 
 
-@pytest.mark.long
 def test_a_full_disk_leaves_what_was_done(
     undisturbed: Path, run_here: Callable[[Path], tuple[int, str]], mount: Callable[[str], Path]
 ) -> None:
