@@ -8,7 +8,8 @@ is named. Takes an hour or more for a hundred, one process on one core: not for 
 Not taken, as no test could or should tell them: docstrings, texts and f-strings, annotations, what is raised or
 asserted, decorators, defaults of parameters and fields, constants of modules (a limit is a choice, its second digit
 no law), the `axis` and shape arguments of array functions (they only crash). Of comparisons `<` becomes `>=`, not
-`<=`, which differs only where two numbers of a measurement are equal.
+`<=`, which differs only where two numbers of a measurement are equal. No factor on all that `argmax` and the like
+compare: it changes nothing.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from benchmarks.mutant_tests import Copy
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
 KINDS = ("sign", "comparison", "factor", "off by one", "and/or")
+RANKING = {"argmax", "argmin", "argsort", "nanargmax", "nanargmin", "sign", "isfinite", "isnan"}
 KERNELS = {"kernel", "inner", "in_place"}
 MARKS = ("<!-- mutants -->", "<!-- end of mutants -->")
 
@@ -262,7 +264,8 @@ def drawn(room: str, count: int, seed: int, under: str = "") -> list[tuple[Path,
     found: dict[tuple[Path, int], Mutation] = {}
     while len(found) < count and any(sites.values()):
         path, one = sites[rng.choice([kind for kind in KINDS if sites[kind]])].pop()
-        if _compiles(one, (ROOT / path).read_text("utf-8")):
+        text = (ROOT / path).read_text("utf-8")
+        if _compiles(one, text) and (one.start, one.end) not in _Sites(text).ranked:
             found.setdefault((path, one.line), one)
     return [(path, one) for (path, _), one in found.items()]
 
@@ -280,7 +283,8 @@ def statement(text: str, line: int) -> range:
 
 def mutations(text: str) -> list[Mutation]:
     """All mutants of a source text that still compile."""
-    return [one for one in _Sites(text).found if _compiles(one, text)]
+    sites = _Sites(text)
+    return [one for one in sites.found if _compiles(one, text) and (one.start, one.end) not in sites.ranked]
 
 
 def _compiles(one: Mutation, text: str) -> bool:
@@ -292,12 +296,13 @@ def _compiles(one: Mutation, text: str) -> bool:
 
 
 class _Sites(ast.NodeVisitor):
-    """Finds what may be changed inside functions."""
+    """Finds what may be changed inside functions; `ranked` are factors of what is only compared with itself."""
 
     def __init__(self, text: str):
         self.found: list[Mutation] = []
         self.raw = text.encode()
         self.begins = [0, *accumulate(len(line) for line in self.raw.splitlines(keepends=True))]
+        self.ranked: set[tuple[int, int]] = set()
         self.inside = 0
         self.visit(ast.parse(text))
 
@@ -316,6 +321,8 @@ class _Sites(ast.NodeVisitor):
             return
         if self.inside:
             self._sites_of(node)
+        if isinstance(node, ast.Call) and _name(node.func) in RANKING:
+            self.ranked |= {self._span(one) for one in node.args if isinstance(one, ast.BinOp)}
         for child in ast.iter_child_nodes(node):
             shaping = isinstance(child, ast.keyword) and child.arg in SHAPING
             shaped = isinstance(node, ast.Call) and _name(node.func) in SHAPED and child is not node.func
