@@ -136,7 +136,7 @@ def run(
     if failing:
         raise SystemExit(f"fail without a mutant: {', '.join(failing)}")
     if table:
-        write_table(table, outcomes, len(wanted), budget)
+        write_table(table, outcomes, wanted, seed, budget)
     rows: list[dict[str, object]] = []
     for room in dict.fromkeys(room for room, _, _ in wanted):
         own = [one for one in outcomes if one.room == room]
@@ -185,18 +185,22 @@ def _tried(
     return outcomes
 
 
-def write_table(page: Path, outcomes: list[Outcome], wanted: int, budget: float) -> None:
+def write_table(
+    page: Path, outcomes: list[Outcome], wanted: list[tuple[str, Path, Mutation]], seed: int, budget: float
+) -> None:
     """Results between the two marks of a page."""
-    killed = sum(bool(one.by) for one in outcomes)
+    killed, left = sum(bool(one.by) for one in outcomes), len(wanted) - len(outcomes)
+    counted = f"{len(outcomes)} of {len(wanted)} drawn (seed {seed}) were run" if left else f"seed {seed}"
     lines = [
-        f"{killed} of {len(outcomes)} mutants killed ({wanted} drawn).",
+        f"{killed} of {len(outcomes)} mutants killed ({counted}; {budget:g} s of tests each).",
         "",
-        "| room | mutants | killed |",
-        "|---|---|---|",
+        "| room | drawn | run | killed |",
+        "|---|---|---|---|",
     ]
     for room in ROOMS:
         own = [one for one in outcomes if one.room == room]
-        lines.append(f"| `{room}` | {len(own)} | {sum(bool(one.by) for one in own)} |")
+        drawn_here = sum(one == room for one, _, _ in wanted)
+        lines.append(f"| `{room}` | {drawn_here} | {len(own)} | {sum(bool(one.by) for one in own)} |")
     survived = [one for one in outcomes if not one.by]
     if survived:
         lines += ["", "| survived | kind | change |", "|---|---|---|"]
