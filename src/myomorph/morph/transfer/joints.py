@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import Axis, Coordinate, Coupler, Joint, Model
 from myomorph.model.paths import PassiveTorque
@@ -220,7 +220,7 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
         tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
         tuple(_coupler(one, travel) for one in model.couplers),
         tuple(_torque(one, travel.get(one.coordinate, 1.0)) for one in model.passive_torques),
-        MappingProxyType(travel),
+        FrozenMap(travel),
         tuple(rebuilt for _, rebuilt in found),
         tuple(note for joint, rebuilt in found for note in _warnings(joint, rebuilt, carriers)),
     )
