@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.report.page.quantity import Quantity
 
 
 @dataclass(frozen=True)

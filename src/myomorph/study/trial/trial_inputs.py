@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from myomorph.store.settings import ReportOptions
 if TYPE_CHECKING:
     from myomorph.study.trial.contact_file import ContactPlan
 
-Value = TypeVar("Value")
+Held = TypeVar("Held")
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05
 """Of body weight: a foot that never carries more in a cycle did not stand on a plate."""
@@ -36,11 +36,11 @@ class ByType:
     def __iter__(self) -> Iterator[Any]:
         return iter(self._values.values())
 
-    def get(self, kind: type[Value]) -> Value | None:
+    def get(self, kind: type[Held]) -> Held | None:
         """The value of a type, or None."""
         return self._values.get(kind)  # type: ignore[return-value]
 
-    def __getitem__(self, kind: type[Value]) -> Value:
+    def __getitem__(self, kind: type[Held]) -> Held:
         """The value of a type; raises `KeyError` where there is none."""
         return self._values[kind]  # type: ignore[return-value]
 
@@ -56,7 +56,7 @@ class ByType:
 class OptionSet(ByType):
     """What the steps are told: values of their option dataclasses."""
 
-    def __getitem__(self, kind: type[Value]) -> Value:
+    def __getitem__(self, kind: type[Held]) -> Held:
         """The options of a kind, its defaults where nothing was said."""
         found = self.get(kind)
         return kind() if found is None else found
@@ -152,6 +152,15 @@ class TrialInputs:
             store.put_emg(writer, self.emg)
         for name, text in self.facts.items():
             writer.fact(name, text)
+
+
+class Value(NamedTuple):
+    """One number of a trial: the step it comes from, what it is, and its unit."""
+
+    step: str
+    quantity: str
+    value: float
+    unit: str
 
 
 @read_only

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
+from myomorph.study.trial.trial_inputs import Value
 
 ANGLES, TORQUES, LENGTHS, TENSIONS = "joint angle [°]", "joint torque [N·m]", "muscle length [mm]", "muscle tension [N]"
 PHASE = "phase, "
@@ -56,6 +57,17 @@ class TrialStrides:
     def count(self) -> int:
         """Of the limb that has most."""
         return max((len(self.of(limb)) for limb in self.limbs), default=0)
+
+    def numbers(self, step: str) -> Iterator[Value]:
+        """How many there are of each limb, and the means of their parameters, as found by a step."""
+        for limb in self.limbs:
+            own = self.of(limb)
+            yield Value(step, f"strides, {limb}", float(len(own)), "1")
+            for label, attribute in PARAMETERS:
+                name, _, unit = label.partition(" [")
+                values = np.array([getattr(one, attribute) for one in own])
+                if np.isfinite(values).any():
+                    yield Value(step, f"{name}, {limb}", float(np.nanmean(values)), unit.removesuffix("]") or "1")
 
 
 def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +15,17 @@ from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.report.trial.given import Dynamics, ReportInput
+from myomorph.report.trial.tables import residuals
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, all_drawn
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
+
+if TYPE_CHECKING:
+    from myomorph.study.trial.trial_strides import TrialStrides
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +142,15 @@ def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]
     return (replace(made, factor=made.factor / model.weight),)
 
 
+def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
+    """Residuals at a free root."""
+    torques = store.get_torques(stored)
+    root = None if torques is None else residuals(model, torques)
+    for name, values, unit in zip(("force", "moment"), root or (), ("N", "N m"), strict=False):
+        yield Value("id", f"residual {name}, largest", float(np.nanmax(values)), unit)
+        yield Value("id", f"residual {name}, RMS", float(np.sqrt(np.nanmean(values**2))), unit)
+
+
 STEP = Step(
     name="id",
     title="inverse dynamics",
@@ -147,4 +161,5 @@ STEP = Step(
     read=_read,
     show=_show,
     signals=_signals,
+    numbers=_numbers,
 )
