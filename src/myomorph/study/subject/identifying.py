@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -23,7 +22,7 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import plain_settings, with_settings
+from myomorph.store.settings import SettingGroup
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.subject_files import (
     BodyOptions,
@@ -46,27 +45,12 @@ LIGHTEST, HEAVIEST = 1e-3, 1e4
 
 
 @dataclass(frozen=True)
-class IdentifyOptions:
+class IdentifyOptions(SettingGroup):
     """All that identification may be told, each part in its own place."""
 
     recording: RecordingOptions = field(default_factory=RecordingOptions)
     identification: IdentificationOptions = field(default_factory=IdentificationOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
-
-    @staticmethod
-    def of(given: Mapping[str, Any]) -> IdentifyOptions:
-        """Options from settings of a command line or a study file."""
-        return IdentifyOptions(
-            with_settings(RecordingOptions(), given),
-            with_settings(IdentificationOptions(), given),
-            with_settings(BodyOptions(), given),
-        )
-
-    @property
-    def plain(self) -> dict[str, object]:
-        """The settings as plain values."""
-        parts = (self.recording, self.identification, self.body)
-        return {name: value for part in parts for name, value in plain_settings(part).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +166,7 @@ def identify_subject(
         for one, motion in zip(used, motions, strict=True)
         if motion.held_out
     }
-    made = provenance_of("identify", sources, {"mass": mass, **options.plain})
+    made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
     return Identified(found, FrozenMap(validation), made)
 
 

@@ -26,7 +26,6 @@ from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.report.trial.given import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.muscle_sections import analysed_lengths
-from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_name, file_source, read_result
@@ -113,9 +112,7 @@ def _write(
 
 def _write_length_tables(home: Path, given: ReportInput) -> None:
     """Muscle lengths of every stride, and what each muscle does in one, where the motion is a walk."""
-    if given.muscles.lengths is None:
-        return
-    analysis = analysed_lengths(prepare(given))
+    analysis = analysed_lengths(given)
     if analysis is not None and analysis.ranges:
         with written(home / LENGTH_CURVES) as stream:
             stream.write(curves_table(analysis))
