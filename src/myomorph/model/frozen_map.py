@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, Iterator, KeysView, Mapping, ValuesView
+from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 Key = TypeVar("Key")
@@ -35,27 +35,11 @@ class FrozenMap(Mapping[Key, Value_co]):
     def __getitem__(self, key: Key) -> Value_co:
         return self._entries[key]
 
-    def __contains__(self, key: object) -> bool:
-        return key in self._entries
-
     def __iter__(self) -> Iterator[Key]:
         return iter(self._entries)
 
     def __len__(self) -> int:
         return len(self._entries)
-
-    # Those that a mapping has by itself go through the methods above, one call an entry.
-    def keys(self) -> KeysView[Key]:
-        """The keys, in order."""
-        return self._entries.keys()
-
-    def values(self) -> ValuesView[Value_co]:
-        """The values, in order."""
-        return self._entries.values()
-
-    def items(self) -> ItemsView[Key, Value_co]:
-        """Pairs of key and value, in order."""
-        return self._entries.items()
 
     def __repr__(self) -> str:
         return f"FrozenMap({self._entries})"
