@@ -72,8 +72,7 @@ class BaseParameters:
 
     def of(self, parameters: Array) -> Array:
         """(n,) base parameters of inertial parameters (bodies, 10)."""
-        values: Array = self.combination @ np.asarray(parameters).ravel()
-        return values
+        return self.combination @ np.asarray(parameters).ravel()
 
     def describe(self, i: int, most: int | None = None) -> str:
         """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it short."""
@@ -219,5 +218,4 @@ def parameter_sizes(model: Model) -> Array:
 
 def base_sizes(model: Model, base: BaseParameters) -> Array:
     """(n,) how large the base parameters are, the root of the sum of squares of what they lump together."""
-    sizes: Array = np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))
-    return sizes
+    return np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))

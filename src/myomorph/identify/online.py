@@ -69,8 +69,7 @@ class OnlineState:
     @property
     def error(self) -> Array:
         """(6,) error of the predicted base wrench of late over what was measured, each row."""
-        share: Array = self.fit.innovation_rms / np.maximum(self.fit.wrench_rms, 1e-9)
-        return share
+        return self.fit.innovation_rms / np.maximum(self.fit.wrench_rms, 1e-9)
 
 
 class OnlineIdentification:
@@ -194,8 +193,7 @@ class OnlineIdentification:
             return None
         after, other = forces[1]
         share = (time - before) / (after - before)
-        mixed: Array = (1.0 - share) * wrench + share * other
-        return mixed
+        return (1.0 - share) * wrench + share * other
 
     def _fold(self, time: float, filtered: Array, wrench: Array) -> None:
         if not np.isfinite(filtered).all():

@@ -312,5 +312,4 @@ def _symmetric(entries: Array) -> Array:
 
 def _basis(L: Array) -> Array:
     """(10, 10) the change of a link's parameters from its scaled triangle: those of L E L^T."""
-    columns: Array = parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T
-    return columns
+    return parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T

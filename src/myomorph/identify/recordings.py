@@ -217,8 +217,7 @@ def _up(model: Model, wrench: Array) -> Array:
     size = float(np.linalg.norm(model.gravity))
     if size == 0.0:
         raise BadData(f"model '{model.name}' has no gravity, so forces cannot tell its weight")
-    up: Array = -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
-    return up
+    return -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
 
 
 def _lacking(wrenches: Wrenches) -> np.ndarray:
@@ -226,8 +225,7 @@ def _lacking(wrenches: Wrenches) -> np.ndarray:
     known = np.isfinite(wrenches.forces).all(axis=2) & np.isfinite(wrenches.torques).all(axis=2)
     unplaced = ~np.isfinite(wrenches.points).all(axis=2)
     loaded = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2) > UNLOADED
-    lacking: np.ndarray = (~known | (loaded & unplaced)).any(axis=1)
-    return lacking
+    return (~known | (loaded & unplaced)).any(axis=1)
 
 
 def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
@@ -247,8 +245,7 @@ def _near(time: Array, places: Array, margin: float) -> np.ndarray:
         return np.zeros(len(time), bool)
     after = np.searchsorted(places, time).clip(max=len(places) - 1)
     nearest = np.minimum(np.abs(places[after] - time), np.abs(places[(after - 1).clip(min=0)] - time))
-    near: np.ndarray = nearest <= margin + 0.5 * _step(time)
-    return near
+    return nearest <= margin + 0.5 * _step(time)
 
 
 def _ends(motion: Motion, wrenches: Wrenches) -> Array:
@@ -295,8 +292,7 @@ def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -
     share = np.where(known, lacking / weight, 0.0)
     counted = uniform_filter1d(known.astype(np.float64), frames)
     mean = uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
-    found: np.ndarray = binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
-    return found
+    return binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
 
 
 def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
@@ -304,8 +300,7 @@ def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     carried = uniform_filter1d(np.where(known, measured, 0.0), frames)
     share = np.where(known, carried / np.maximum(uniform_filter1d(np.where(known, needed, 1.0), frames), 1.0), -np.inf)
-    best: np.ndarray = known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
-    return best
+    return known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
 
 
 def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[str, int]:

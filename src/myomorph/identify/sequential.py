@@ -245,8 +245,7 @@ class SequentialFit:
     def _spread(self) -> Array:
         """(n, n) root of the covariance, had the model's parameters been right to within their sizes."""
         R, _ = with_prior(self._factor, self._mean, self.sizes)
-        root: Array = solve_triangular(R, np.eye(len(R)))
-        return root
+        return solve_triangular(R, np.eye(len(R)))
 
     def propose(self, pose: ArrayLike | None = None, most: int = 3) -> tuple[Proposal, ...]:
         """The coordinates whose movement would show most of what is not known yet, the best first.

@@ -60,8 +60,7 @@ class Parts:
         chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
         x = np.append(self.base.of(parameters), -1.0)
         squares = np.square(self.factors[chosen] @ x).sum(axis=(0, 2))
-        result: Array = np.sqrt(squares / self.frames[chosen].sum())
-        return result
+        return np.sqrt(squares / self.frames[chosen].sum())
 
     def rows(self, noise: Array, parts: Sequence[int] | None = None) -> tuple[Array, Array]:
         """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of noise (2,)."""

@@ -82,8 +82,7 @@ def middle_plane(markers: Markers) -> tuple[Array, Array]:
 
 def mirrored(vectors: Array, side: Array) -> Array:
     """Vectors (frames, 3) mirrored in planes through the origin with unit normals `side`."""
-    image: Array = vectors - 2.0 * np.sum(vectors * side, axis=1, keepdims=True) * side
-    return image
+    return vectors - 2.0 * np.sum(vectors * side, axis=1, keepdims=True) * side
 
 
 def mirrored_name(name: str) -> str:
@@ -254,8 +253,7 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
     poses = forward_kinematics(tree, tree.defaults[None])
 
     def place(body: str) -> Array:
-        origin: Array = poses.origins[0, tree.body_index[body]]
-        return origin
+        return poses.origins[0, tree.body_index[body]]
 
     def ratio(one: str, other: str, marker: str, other_marker: str) -> float:
         recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)

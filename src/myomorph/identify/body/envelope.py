@@ -218,5 +218,4 @@ def _inside(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Arr
         for c, r in zip(center, reach, strict=True)
     ]
     x = (np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) * spacing
-    found: Array = x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]
-    return found
+    return x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]

@@ -93,8 +93,7 @@ class MassPoints:
     def parameters(self, masses: Array) -> Array:
         """(links, 10) inertial parameters of the links, W rho of eq. 3.5, for point masses (points,) [kg]."""
         moments = self.weights.T @ (point_moments(self.points) * np.asarray(masses)[:, None])
-        result: Array = np.einsum("lij,lj->li", self.places, moments)
-        return result
+        return np.einsum("lij,lj->li", self.places, moments)
 
 
 def point_moments(points: Array) -> Array:
@@ -190,8 +189,7 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
     found = np.argwhere(within.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK))
     if not len(found):
         raise BadData(f"no point of a grid of {1000 * spacing:g} mm is inside the skin: give a finer spacing")
-    points: Array = (found + low + 0.5) * spacing
-    return points
+    return (found + low + 0.5) * spacing
 
 
 def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray:

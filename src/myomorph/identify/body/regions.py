@@ -189,15 +189,13 @@ def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
     inner = poses.rotations[0, tree.body_index[center.joint.parent]]
-    turned: Array = inner @ center.joint.parent_frame.rotation @ axis.vector
-    return turned
+    return inner @ center.joint.parent_frame.rotation @ axis.vector
 
 
 def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
     """(bodies, 4, 4) pseudo-inertia of every body about the ground's origin, in ground."""
     frames = frames_in_ground(model, pose)
-    result: Array = frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
-    return result
+    return frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
 
 
 def spread(own: Array, target: Array) -> Array:
@@ -243,8 +241,7 @@ def _moved(own: Array, total: Array, target: Array, linear: Array) -> Array:
     A = np.eye(4)
     A[:3, :3] = linear
     A[:3, 3] = target[:3, 3] / target[3, 3] - linear @ (total[:3, 3] / total[3, 3])
-    result: Array = growth * (A @ own @ A.T)
-    return result
+    return growth * (A @ own @ A.T)
 
 
 def _moments(pseudo: Array) -> Array:
@@ -263,5 +260,4 @@ def _moments(pseudo: Array) -> Array:
 def _root(matrix: Array) -> Array:
     """Square root of a positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    root: Array = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return root
+    return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T

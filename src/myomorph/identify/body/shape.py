@@ -232,8 +232,7 @@ def _person(sex: str | None, age: float) -> str:
 def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Array:
     """(vertices,) share of the bones whose names start so."""
     columns = [i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)]
-    result: Array = np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
-    return result
+    return np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
 
 
 def _trunk(body: StatisticalBody) -> np.ndarray:
@@ -334,5 +333,4 @@ def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) ->
     hits = igl.ray_mesh_intersect(np.array(start), np.array(direction), vertices, faces.astype(np.int64))
     if not hits:
         return start
-    result: Array = start + hits[0][1] * direction
-    return result
+    return start + hits[0][1] * direction

@@ -102,8 +102,7 @@ def inside(skin: Skin, points: Array) -> np.ndarray:
     By generalized winding numbers above one half (Barill et al. 2018, libigl), which open and self-crossing
     surfaces have too.
     """
-    result: np.ndarray = winding_numbers(skin, points) > 0.5
-    return result
+    return winding_numbers(skin, points) > 0.5
 
 
 def winding_numbers(skin: Skin, points: Array) -> Array:

@@ -264,8 +264,7 @@ def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
         enough &= own.sum(axis=1) >= min(2, own.shape[1])
     if not enough.any():
         return np.asarray(PARTIAL * seen.any(axis=1))
-    weight: Array = np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
-    return weight
+    return np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
 
 
 def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
