@@ -22,8 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_scaled_muscles
-from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
 from myomorph.store.progress import silent_mujoco
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
