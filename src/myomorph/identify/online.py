@@ -99,7 +99,7 @@ class OnlineIdentification:
         # Filtered frames repeat each other: each counts for less.
         self.sigma = np.repeat(self.options.noise, 3) * np.sqrt(self.filter.frames_per_sample)
         self.base: BaseParameters = base_parameters(model, held=held)
-        self.fit = SequentialFit.start(model, self.base, self.sigma, self.options.forgetting)
+        self.fit = SequentialFit(model, self.base, self.sigma, self.options.forgetting)
         self._motion = MovingWindow(self.filter, len(model.coordinates))
         self._force = MovingWindow(self.force_filter, 6)
         self._forces: deque[tuple[float, Array]] = deque(maxlen=int(2 * PATIENCE * force_rate) + 2)
@@ -142,7 +142,7 @@ class OnlineIdentification:
         """Do everything once without effect, so that nothing is compiled when the first frame comes."""
         still = Motion(np.zeros(1), (), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
         rows = next(regressor_blocks(self.model, still)).rows[0]
-        scratch = SequentialFit.start(self.model, self.base, self.sigma)
+        scratch = SequentialFit(self.model, self.base, self.sigma)
         scratch.update(rows, rows @ self._parameters)
         scratch.state()
         self.fit.propose()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -9,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.identify.base import Recording
+from myomorph.identify.least_squares import Recording
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
@@ -184,16 +185,17 @@ def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
     return cut(motion, float(motion.time[within][0]), float(motion.time[within][-1]))
 
 
+def all_left_out(recordings: tuple[Usable, ...]) -> Mapping[str, int]:
+    """Reason -> frames of all recordings left out for it."""
+    return sum((Counter(one.left_out) for one in recordings), Counter[str]())
+
+
 def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:
     """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
     options = options or RecordingOptions()
     seconds = sum(float(one.use.sum()) * _step(one.recording.motion.time) for one in recordings)
     if seconds < options.least_time:
-        counts: dict[str, int] = {}
-        for one in recordings:
-            for reason, count in one.left_out.items():
-                counts[reason] = counts.get(reason, 0) + count
-        total = sum(one.frames for one in recordings)
+        counts, total = all_left_out(recordings), sum(one.frames for one in recordings)
         raise BadData(
             f"{seconds:.2g} s of motion can be used, fewer than {options.least_time:g}: of {total} frames "
             f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"

@@ -166,6 +166,7 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
     on_base = "".join(inside.pop(specimen.base, []))
     on_limb = "".join(one for parts in inside.values() for one in parts)
     tendons = "".join(f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>' for name, path in paths.items())
+    speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
     return f"""<mujoco model="virtual specimen">
   <option gravity="{words(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
@@ -181,13 +182,8 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
       </body>
     </body>
   </worldbody>
-  {f"<tendon>{tendons}</tendon>" if tendons else ""}{_sensors(specimen.model, muscle)}
+  {f"<tendon>{tendons}</tendon>" if tendons else ""}{SENSORS.format(body="limb").replace("</sensor>", speeds)}
 </mujoco>"""
-
-
-def _sensors(model: Model, muscle: float) -> str:
-    speeds = [f'<tendonvel name="{one.name}" tendon="{one.name}"/>' for one in model.muscles if muscle > 0.0]
-    return SENSORS.format(body="limb").replace("</sensor>", "".join(speeds) + "</sensor>")
 
 
 def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict[str, list[str]], dict[str, str]]:
@@ -252,10 +248,8 @@ def specimen_mjcf(specimen: Specimen) -> str:
 
     def body(name: str) -> str:
         pose, freedoms = (specimen.stand, "") if name == specimen.base else _joint(joints[name])
-        below = "".join(body(child) for child in children[name])
-        return (
-            f'<body name="{name}" {_pose(pose)}>{freedoms}{inertial(rows[name])}{"".join(inside[name])}{below}</body>\n'
-        )
+        parts = (freedoms, inertial(rows[name]), *inside[name], *(body(child) for child in children[name]))
+        return f'<body name="{name}" {_pose(pose)}>{"".join(parts)}</body>\n'
 
     tendons = [f'<spatial name="{name}_tendon">{path}</spatial>\n' for name, path in paths.items()]
     actuators = [

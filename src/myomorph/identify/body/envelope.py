@@ -203,11 +203,7 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
 
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
     """Grid points in ground inside a solid; the grid is finer in bodies that would have hardly any."""
-    finest = (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0)
-    return _inside(solid, rotation, origin, min(spacing, finest))
-
-
-def _inside(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
+    spacing = min(spacing, (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0))
     if solid.surface is not None:
         placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)
         return fill(Skin(placed, watertight=True), spacing)

@@ -17,8 +17,6 @@ from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
 from myomorph.model.sides import split_side
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 CENTER_OF = {
     "thigh": "hip", "shank": "knee", "talus": "ankle", "foot": "subtalar", "toes": "toes", "torso": "lumbar",
@@ -170,13 +168,9 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
 
 def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
     """(3,) each center in ground in the first frame of a motion [m]."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
-    numbers = {key: tree.body_index[one.joint.child] for key, one in centers.items()}
-    return {
-        key: poses.rotations[0, numbers[key]] @ one.location + poses.origins[0, numbers[key]]
-        for key, one in centers.items()
-    }
+    frames = dict(zip(model.body_names, frames_in_ground(model, pose), strict=True))
+    found = {key: (frames[one.joint.child], one.location) for key, one in centers.items()}
+    return {key: frame[:3, :3] @ location + frame[:3, 3] for key, (frame, location) in found.items()}
 
 
 def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
@@ -186,9 +180,7 @@ def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     axis = next((one for one in center.joint.axes if one.kind == "rotation" and one.function.arity), None)
     if axis is None:
         return None
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
-    inner = poses.rotations[0, tree.body_index[center.joint.parent]]
+    inner = frames_in_ground(model, pose)[model.body_names.index(center.joint.parent), :3, :3]
     return inner @ center.joint.parent_frame.rotation @ axis.vector
 
 

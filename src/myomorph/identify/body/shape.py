@@ -132,7 +132,8 @@ def body_shape(
         reached=MappingProxyType(reached),
         traits=MappingProxyType(traits),
         notes=(
-            f"statistical shape (anny), {_person(sex, age)}, volume times {DENSITY:g} kg/m^3 is its mass",
+            f"statistical shape (anny), {sex or 'half female, half male (no sex given)'}, {age:g} years, volume times "
+            f"{DENSITY:g} kg/m^3 is its mass",
             *_out_of_reach(measured, reached),
             *skin.notes,
         ),
@@ -223,10 +224,6 @@ def _check(height: float, chest: float, mass: float | None, sex: str | None) -> 
         )
     if sex not in (None, "female", "male"):
         raise BadData(f"a sex of '{sex}': expected 'female' or 'male', or none")
-
-
-def _person(sex: str | None, age: float) -> str:
-    return f"{sex or 'half female, half male (no sex given)'}, {age:g} years"
 
 
 def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Array:
