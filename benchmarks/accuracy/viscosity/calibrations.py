@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.contact.carried import fit_handle, grip_point, object_motion
+from benchmarks.handle_sensor import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_calibration import MarkedWeight, Placement, calibrate_plate, check_plate, find_placements
 from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
 from myomorph.contact.plates import plate_axes

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.surface import Surface
 
 SPREAD = 4000
@@ -94,7 +94,7 @@ class Shape:
 
     @cached_property
     def _boxes(self) -> object:
-        import igl
+        igl = from_extra("morph", "igl", "libigl")
 
         boxes = igl.AABB()
         boxes.init(self.vertices, self.faces)
@@ -152,7 +152,7 @@ class _Seamless:
     """A surface whose faces share vertices, with normals of faces, edges and corners."""
 
     def __init__(self, vertices: Array, faces: np.ndarray):
-        import igl
+        igl = from_extra("morph", "igl", "libigl")
 
         self._vertices, self._faces, self._boxes = vertices, faces, igl.AABB()
         self._boxes.init(vertices, faces)

@@ -82,15 +82,16 @@ class Canvas:
         color = self.color * np.where(edge, 0.62, 1.0)[..., None]
         height, width = depth.shape[0] // shrink, depth.shape[1] // shrink
 
-        def mean(values: Array) -> Array:
+        def mean(values: np.ndarray) -> Array:
             rows, columns = height * shrink, width * shrink
             parts = [values[y:rows:shrink, x:columns:shrink] for y in range(shrink) for x in range(shrink)]
-            return np.sum(parts, axis=0, dtype=np.float64) / len(parts)
+            total: Array = np.sum(parts, axis=0, dtype=np.float64)
+            return total / len(parts)
 
-        cover, total = mean(solid), mean(color)
+        cover, paint = mean(solid), mean(color)
         pixels = np.zeros((height, width, 4), dtype=np.uint8)
         with np.errstate(invalid="ignore", divide="ignore"):
-            pixels[..., :3] = np.nan_to_num(255.0 * np.clip(total / cover[..., None], 0.0, 1.0)).astype(np.uint8)
+            pixels[..., :3] = np.nan_to_num(255.0 * np.clip(paint / cover[..., None], 0.0, 1.0)).astype(np.uint8)
         pixels[..., 3] = (255.0 * cover).astype(np.uint8)
         return pixels
 
