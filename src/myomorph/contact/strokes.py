@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.contact.sound import Strokes
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, unit_vector
 from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.errors import BadData, BadModel, check_name
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
@@ -141,8 +141,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
         where coordinates move no mass
     """
     tree = compile_tree(model)
-    if body not in tree.body_index:
-        raise UnknownName("body", body, tuple(tree.body_index))
+    check_name("body", body, tree.body_index)
     coordinates = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, coordinates)
     b = tree.body_index[body]
@@ -182,11 +181,7 @@ class Blow:
     direction: Array
 
     def __post_init__(self) -> None:
-        given = frozen_array(self.direction, (3,))
-        length = float(np.linalg.norm(given))
-        if not (np.isfinite(length) and length > 0.0):
-            raise BadData(f"direction {given.tolist()} of a blow on '{self.site}': expected a vector with a length")
-        object.__setattr__(self, "direction", frozen_array(given / length))
+        object.__setattr__(self, "direction", unit_vector(self.direction, "direction", f"a blow on '{self.site}'"))
         if not (np.isfinite(self.impulse) and self.impulse >= 0.0):
             raise BadData(f"impulse of a blow on '{self.site}' is {self.impulse:g} N s: expected 0 or more")
 
@@ -205,8 +200,7 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
     possible = {one.name: one.sites for one in strokes.instruments}
     for names in possible.values():
         for name in names:
-            if name not in by_name:
-                raise UnknownName("contact site", name, tuple(by_name), "the model's sites")
+            check_name("contact site", name, by_name, "the model's sites")
     wanted = {name for names in possible.values() for name in names}
     tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
     found = {}
@@ -245,8 +239,7 @@ def blows_from_sound(
     found, beyond = [], []
     for k, site in sites.items():
         stroke = strokes.strokes[k]
-        if stroke.instrument not in laws:
-            raise UnknownName("instrument", stroke.instrument, tuple(laws), "the calibration of impulses")
+        check_name("instrument", stroke.instrument, laws, "the calibration of impulses")
         law = laws[stroke.instrument]
         if not law.covers(stroke.energy):
             beyond.append(stroke)
@@ -285,8 +278,7 @@ def blow_wrenches(
     """
     by_name = {one.name: one for one in sites}
     for blow in blows:
-        if blow.site not in by_name:
-            raise UnknownName("contact site", blow.site, tuple(by_name), "the model's sites")
+        check_name("contact site", blow.site, by_name, "the model's sites")
     struck = tuple(dict.fromkeys(one.site for one in blows))
     forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
     for s, name in enumerate(struck):
@@ -339,8 +331,7 @@ def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Ar
 def site_places(model: Model, motion: Motion, site: Site) -> Array:
     """Middle of a site (frames, 3) in ground [m]."""
     tree = compile_tree(model)
-    if site.body not in tree.body_index:
-        raise UnknownName("body", site.body, tuple(tree.body_index))
+    check_name("body", site.body, tree.body_index)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     return poses.points(np.array([tree.body_index[site.body]]), site.points.mean(axis=0)[None])[:, 0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 LONGEST, LAST = 20_000, 2_000
@@ -63,6 +63,12 @@ class MissingPackage(MyomorphError):
 
     def __str__(self) -> str:
         return f"this needs the package '{self.package}': python -m pip install \"myomorph[{self.extra}]\""
+
+
+def check_name(kind: str, name: str, existing: Collection[str], where: str = "the model") -> None:
+    """Raise `UnknownName` where a name is not among those that exist."""
+    if name not in existing:
+        raise UnknownName(kind, name, existing, where)
 
 
 def from_extra(extra: str, module: str, package: str = "") -> Any:
