@@ -11,14 +11,13 @@ import numpy as np
 from benchmarks.hands_lift_forces import Task, soles_of
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.held_objects import needed_wrench, raised_contacts
-from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
 from myomorph.contact.states import hysteresis
 from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.trc import read_trc
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Site
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
@@ -154,7 +153,7 @@ def leavings(one: Chair) -> tuple[Leaving, ...]:
         "plates": hysteresis(feet < 0.9, feet > 1.0),
     }
     found = []
-    for first, stop in episodes(sat["motion"]):
+    for first, stop in runs(sat["motion"]):
         for frame, rising in ((stop, True), (first, False)):
             if not 0 < frame < len(time):
                 continue
@@ -166,6 +165,6 @@ def leavings(one: Chair) -> tuple[Leaving, ...]:
 
 def _nearest(time: Array, state: np.ndarray, frame: int, rising: bool) -> float:
     """The nearest time at which a state ends (rising) or begins."""
-    edges = [stop if rising else first for first, stop in episodes(state)]
+    edges = [stop if rising else first for first, stop in runs(state)]
     inside = [one for one in edges if 0 < one < len(time)]
     return float(time[min(inside, key=lambda one: abs(one - frame))]) if inside else np.inf

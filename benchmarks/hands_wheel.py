@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.plates import episodes
 from myomorph.contact.states import hysteresis
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.motion.filters import lowpass, natural_spline
 
 FOLDER = "wheelchair-pushrim"
@@ -80,7 +79,7 @@ def _wheel(name: str, time: Array, angle: Array, load: Array) -> Wheel:
     rate, acceleration = (spline.derivative(n)(time)[:, 0] for n in (1, 2))
     moment = lowpass(load[:, 5:6], RATE, CUTOFF)[:, 0]
     pushing = hysteresis(moment > BEGINS, moment < ENDS)
-    pushes = tuple((a, b) for a, b in episodes(pushing) if time[b - 1] - time[a] > SHORTEST)
+    pushes = tuple((a, b) for a, b in runs(pushing) if time[b - 1] - time[a] > SHORTEST)
     return Wheel(name, time, angle, rate, acceleration, lowpass(load[:, :3], RATE, CUTOFF), moment, pushes)
 
 

@@ -23,7 +23,8 @@ from benchmarks.mouse_motion import (
 )
 from benchmarks.mouse_recordings import KEYPOINTS, LOOSE
 from myomorph.contact.plate_corners import first_corner
-from myomorph.contact.plates import episodes, loaded_samples
+from myomorph.contact.plates import loaded_samples
+from myomorph.model.arrays import runs
 from myomorph.model.series import Series
 from myomorph.morph.mirror.model import with_other_side
 from myomorph.tension.solve import Tension
@@ -145,7 +146,7 @@ def measure_plate(folder: Path) -> Iterator[Row]:
         one, found = mouse(folder, name), alone(folder, name)
         plate = one.trial.plates[0]
         pressing = plate.forces[:, 1]
-        spells = episodes(loaded_samples([plate], 1000.0)[0])
+        spells = runs(loaded_samples([plate], 1000.0)[0])
         start, stop = max(spells, key=lambda span: float(pressing[span[0] : span[1]].max()))
         row: Row = {
             "recording": name,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.handle_sensor import fit_handle, grip_point, object_motion
 
-from myomorph.contact.carried import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_pose import rotation_vector
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.errors import BadData

@@ -16,8 +16,9 @@ from myomorph.contact.plate_calibration import (
     find_placements,
     place_plate,
 )
+from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_pose import _Lines, rotation_vector, solve_pose
-from myomorph.contact.plates import force_plate, plate_axes
+from myomorph.contact.plates import force_plate
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, PlateRecording
 from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz
@@ -202,7 +203,7 @@ def test_a_calibrated_plate_gives_forces_in_the_laboratory():
     np.testing.assert_allclose(placed.points[:, :2], [one.point[:2] for one in given], atol=2e-4)
     np.testing.assert_allclose(placed.forces, np.tile([0, 0, 20 * GRAVITY], (9, 1)), atol=1e-5)
     np.testing.assert_allclose(np.linalg.norm(np.diff(placed.corners, axis=0), axis=1), [0.4, 0.6, 0.4], atol=1e-12)
-    np.testing.assert_allclose(plate_axes(place_plate(wrong, found)), found.rotation, atol=1e-9)
+    np.testing.assert_allclose(plate_axes(place_plate(wrong, found).corners), found.rotation, atol=1e-9)
 
 
 def test_too_few_or_coincident_placements_are_refused():

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from myomorph.contact.plate_corners import FirstCorner, _middle, counted_from, first_corner
-from myomorph.contact.plates import episodes, force_plates, loaded_samples
+from myomorph.contact.plates import force_plates, loaded_samples
+from myomorph.model.arrays import runs
 from myomorph.model.series import ForcePlate, Markers, PlateRecording, Trial
 from myomorph.model.spatial import axis_rotation
 from myomorph.study.trial.inputs import read_recording
@@ -79,14 +80,14 @@ def test_mice_on_a_small_plate(data, name):
     assert found.distances[0] < 0.03
     assert any("counted from its corner 2" in one for one in trial.warnings)
     pressing = plate.forces[:, 2]
-    spells = [(a, b) for a, b in episodes(loaded_samples([plate], 1000.0)[0]) if b - a > 200]
+    spells = [(a, b) for a, b in runs(loaded_samples([plate], 1000.0)[0]) if b - a > 200]
     first, last = spells[0]
     assert 0.4 < (last - first) / 1000.0 < 1.1
     assert 0.2 < pressing[first:last].max() < 0.35
     # Mice weigh 15 to 45 g; no more than all of one stands on the plate on average.
     assert 0.1 < pressing[first:last].mean() < 0.45
     quiet = np.ones(len(pressing), bool)
-    for start, stop in episodes(loaded_samples([plate], 1000.0)[0]):
+    for start, stop in runs(loaded_samples([plate], 1000.0)[0]):
         quiet[max(start - 50, 0) : stop + 50] = False
     assert np.abs(pressing[quiet]).max() < 0.05
 

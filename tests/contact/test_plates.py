@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plates import PlateOptions, force_plate, force_plates, plate_axes, wrenches_from_plates
+from myomorph.contact.plate_corners import plate_axes
+from myomorph.contact.plates import PlateOptions, force_plate, force_plates, wrenches_from_plates
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData
@@ -115,7 +116,7 @@ def test_plates_are_what_ezc3d_makes_of_them(name, data):
         plate = force_plate(recording)
         unit = {"mm": 1e-3, "m": 1.0}[other["unit_position"]]
         np.testing.assert_allclose(plate.forces, other["force"].T, atol=1e-9)
-        pressing = np.abs(plate.forces @ plate_axes(recording)[:, 2])
+        pressing = np.abs(plate.forces @ plate_axes(recording.corners)[:, 2])
         loaded = pressing > 0.02 * np.nanmax(pressing)
         np.testing.assert_allclose(plate.points[loaded], other["center_of_pressure"].T[loaded] * unit, atol=1e-9)
         np.testing.assert_allclose(plate.torques[loaded], other["Tz"].T[loaded] * unit, atol=1e-9)
@@ -225,7 +226,7 @@ def test_the_force_lifts_the_subject_whatever_the_sign_of_the_file(data):
         trial = force_plates(recorded)
         assert any("reversed" in line for line in trial.warnings)
         for recording, plate in zip(recorded.plate_recordings, trial.plates, strict=True):
-            normal = plate_axes(recording)[:, 2]
+            normal = plate_axes(recording.corners)[:, 2]
             side = np.sign(np.nanmedian((trial.markers.values - plate.corners.mean(axis=0)) @ normal))
             loaded = np.isfinite(plate.points).all(axis=1)
             if np.abs(plate.forces).max() > 10:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import builtins
+import sys
 
 import numpy as np
 import pytest
 
 from myomorph.model.errors import MissingPackage
 from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.surface import Surface, turned_outward
 
 TIME = np.arange(5) / 10.0
 VALUES = np.random.default_rng(0).normal(size=(5, 2))
@@ -50,16 +51,13 @@ def test_forces_have_units():
 
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *rest):
-        if name in ("xarray", "pandas"):
-            raise ImportError(name)
-        return real(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    for name in ("xarray", "pandas", "igl", "rustcpd"):
+        monkeypatch.setitem(sys.modules, name, None)
     series = Series(TIME, ("a", "b"), VALUES)
     with pytest.raises(MissingPackage, match=r"needs the package 'xarray': .*myomorph\[xarray\]"):
         series.to_xarray()
     with pytest.raises(MissingPackage, match="needs the package 'pandas'"):
         series.to_pandas()
+    pillow = Surface(np.eye(3), np.array([[0, 1, 2], [0, 1, 2]]))
+    with pytest.raises(MissingPackage, match=r"needs the package 'libigl': .*myomorph\[morph\]"):
+        turned_outward(pillow.vertices, pillow.faces)

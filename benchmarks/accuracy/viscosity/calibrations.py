@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.contact.carried import fit_handle, grip_point, object_motion
+from benchmarks.handle_sensor import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_calibration import MarkedWeight, Placement, calibrate_plate, check_plate, find_placements
+from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
-from myomorph.contact.plates import plate_axes
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
@@ -104,7 +104,7 @@ def measure_standing(folder: Path) -> Iterator[Row]:
         weight = MarkedWeight("person", ("CentreOfMass",), mass=mass)
         whole = [(float(trial.markers.time[0]), float(trial.markers.time[-1]))]
         one = find_placements(plate, trial.plate_time, trial.markers, weight, whole)[0]
-        distance, angle = sizes(residuals([one], plate_axes(plate), plate.corners.mean(axis=0)))
+        distance, angle = sizes(residuals([one], plate_axes(plate.corners), plate.corners.mean(axis=0)))
         yield {
             "recording (real)": path.stem,
             "seconds": whole[0][1] - whole[0][0],

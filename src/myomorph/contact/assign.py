@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.plates import episodes
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
@@ -99,7 +98,7 @@ def assign_bodies(
     carried = np.full((len(wrenches), len(wrenches.names)), -1, dtype=np.int64)
     for plate, plate_name in enumerate(wrenches.names):
         size = np.linalg.norm(wrenches.forces[:, plate], axis=1)
-        for start, stop in episodes(size > 0):
+        for start, stop in runs(size > 0):
             owners = _owners(distances[start:stop, plate], size[start:stop], shortest, options.clear)
             if owners is None:
                 found.append(f"no candidate body is seen while {plate_name} is loaded at {wrenches.time[start]:.2f} s")

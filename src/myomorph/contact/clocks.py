@@ -14,7 +14,7 @@ from myomorph.contact.sound import Strokes
 from myomorph.contact.strokes import site_places
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site, Touch
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 
@@ -64,8 +64,7 @@ def sound_clock(
     changes: dict[str, Array] = {}
     for instrument in strokes.instruments:
         for name in instrument.sites:
-            if name not in by_name:
-                raise UnknownName("contact site", name, tuple(by_name), "the model's sites")
+            check_name("contact site", name, by_name, "the model's sites")
         if instrument.sites:
             each = [_changes(motion.time, site_places(model, motion, by_name[name])) for name in instrument.sites]
             changes[instrument.name] = np.max(each, axis=0)

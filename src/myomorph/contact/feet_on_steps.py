@@ -8,10 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.stairs import StairOptions, Step, StepLoads
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -107,7 +106,7 @@ def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
     """Who stands on each step through the whole of a loading: frames with nobody take those of the nearest with one."""
     filled = standing.copy()
     for k in range(loaded.shape[1]):
-        for start, stop in episodes(loaded[:, k]):
+        for start, stop in runs(loaded[:, k]):
             known = np.flatnonzero(standing[start:stop, k].any(axis=1)) + start
             if len(known):
                 frames = np.arange(start, stop)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.states import (
     KINEMATICS,
@@ -21,9 +20,9 @@ from myomorph.contact.states import (
     steady,
     strengths,
 )
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Site, Touch
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import external_arrays, motion_arrays
@@ -97,7 +96,7 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
         held = steady(hysteresis(apart <= options.near, apart > options.far), motion.time, options.shortest)
         touches += [
             Touch(site.name, float(motion.time[first]), float(motion.time[stop - 1]), site.against, source=KINEMATICS)
-            for first, stop in episodes(held)
+            for first, stop in runs(held)
         ]
     return Contacts(tuple(site.name for site in sites), tuple(touches))
 
@@ -125,8 +124,7 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
         where derivatives are missing, or the forces' clock is not the motion's
     """
     tree = compile_tree(model)
-    if body not in model.body_names:
-        raise UnknownName("body", body, model.body_names)
+    check_name("body", body, model.body_names)
     number = tree.body_index[body]
     bodies, forces, points, torques = external_arrays(tree, motion, known)
     applied = np.zeros((len(motion), len(tree.arrays.parent), 6))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, check_name
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.join import own_name
 from myomorph.model.model import Model
@@ -74,8 +74,7 @@ def grip_between(
     """
     tree = compile_tree(model)
     for one in (body, other):
-        if one not in tree.body_index:
-            raise UnknownName("body", one, tuple(tree.body_index))
+        check_name("body", one, tree.body_index)
     start, stop = (motion.time[0], motion.time[-1]) if span is None else span
     held = (motion.time >= start - 1e-9) & (motion.time <= stop + 1e-9)
     if not held.any():

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import f as f_distribution
 
+from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, PlacementOptions, find_placements
 from myomorph.contact.plate_pose import (
     PlateFitOptions,
@@ -33,7 +34,6 @@ from myomorph.contact.plate_pose import (
     solve_pose,
     unknown_notes,
 )
-from myomorph.contact.plates import plate_axes
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.series import PlateRecording
 
@@ -163,7 +163,7 @@ def calibrate_plate(
     """
     options = options or PlateFitOptions()
     kept, notes = believed(placements, options)
-    start = None if nominal is None else (plate_axes(nominal), nominal.corners.mean(axis=0))
+    start = None if nominal is None else (plate_axes(nominal.corners), nominal.corners.mean(axis=0))
     pose = best_pose(kept, start, options)
     left_out = [solve_pose([*kept[:k], *kept[k + 1 :]], pose.rotation, pose.center, options) for k in range(len(kept))]
     apart = np.concatenate(
@@ -202,7 +202,7 @@ def check_plate(
     BadData : as `calibrate_plate`
     """
     calibration = calibrate_plate(placements, recording, options)
-    axes, center = plate_axes(recording), recording.corners.mean(axis=0)
+    axes, center = plate_axes(recording.corners), recording.corners.mean(axis=0)
     used, _ = believed(placements, options or PlateFitOptions())
     distances, angles = sizes(residuals(used, axes, center))
     turn = rotation_vector(calibration.rotation @ axes.T)

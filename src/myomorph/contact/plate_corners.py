@@ -45,8 +45,8 @@ class FirstCorner:
 
 def counted_from(plate: ForcePlate, corner: int) -> ForcePlate:
     """The plate with its corners counted from another one (0 for the file's first), what it measured turned along."""
-    axes, corners = _axes(plate.corners), np.roll(plate.corners, -corner, axis=0)
-    turn = _axes(corners) @ axes.T
+    axes, corners = plate_axes(plate.corners), np.roll(plate.corners, -corner, axis=0)
+    turn = plate_axes(corners) @ axes.T
     center = corners.mean(axis=0)
     return replace(
         plate,
@@ -57,8 +57,8 @@ def counted_from(plate: ForcePlate, corner: int) -> ForcePlate:
     )
 
 
-def _axes(corners: Array) -> Array:
-    """(3, 3) whose columns are a plate's x, y and z axes; square ones, turned by quarters, keep their center."""
+def plate_axes(corners: Array) -> Array:
+    """Rotation (3, 3) whose columns are the x, y and z axes of a plate with these corners (4, 3) in the laboratory."""
     x = corners[0] - corners[1]
     z = np.cross(x, corners[0] - corners[3])
     axes = np.stack([one / np.linalg.norm(one) for one in (x, np.cross(z, x), z)], axis=1)
@@ -73,7 +73,7 @@ def first_corner(plate: ForcePlate, plate_time: Array, markers: Markers) -> Firs
     plate : forces as the file's corners give them, center of pressure NaN where unloaded
     markers : of what stands on it, in the same laboratory
     """
-    axes = _axes(plate.corners)
+    axes = plate_axes(plate.corners)
     normal = axes[:, 2]
     size = np.abs(plate.forces @ normal)
     middle = _middle(markers, plate_time)
@@ -91,7 +91,7 @@ def first_corner(plate: ForcePlate, plate_time: Array, markers: Markers) -> Firs
     along = own @ axes
     distances = []
     for corner in range(4):
-        place = along @ _axes(np.roll(plate.corners, -corner, axis=0)).T
+        place = along @ plate_axes(np.roll(plate.corners, -corner, axis=0)).T
         distances.append(float(np.median(np.linalg.norm(place - target, axis=1))))
     return FirstCorner((distances[0], distances[1], distances[2], distances[3]), int(np.argmin(distances)))
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from myomorph.contact.plates import episodes, plate_axes, plate_wrench
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.contact.plate_corners import plate_axes
+from myomorph.contact.plates import plate_wrench
+from myomorph.model.arrays import Array, frozen_array, read_only, runs
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.series import Markers, PlateRecording
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def find_placements(
 
 def _gravity(recording: PlateRecording, markers: Markers, weight: MarkedWeight) -> Array:
     """Gravity (3,) along the laboratory's axis nearest to the plate's normal [m/s^2]."""
-    normal = plate_axes(recording)[:, 2]
+    normal = plate_axes(recording.corners)[:, 2]
     places = np.concatenate([markers[name] for name in weight.markers]) - recording.corners.mean(axis=0)
     above = np.nanmedian(places @ normal) if np.isfinite(places).any() else -1.0
     axis = int(np.argmax(np.abs(normal)))
@@ -197,7 +197,7 @@ def _on_weight(recording: PlateRecording, plate_time: Array, gravity: Array) -> 
         raise BadData(f"{recording.name} has {len(recording.channels)} samples, but its clock has {len(plate_time)}")
     force, moment = plate_wrench(recording)
     strongest = force[np.argmax(np.abs(force[:, 2]))]
-    pulls_down = float(plate_axes(recording) @ strongest @ gravity) > 0
+    pulls_down = float(plate_axes(recording.corners) @ strongest @ gravity) > 0
     return (-force, -moment) if pulls_down else (force, moment)
 
 
@@ -207,7 +207,7 @@ def _intervals(
     """Start and end [s] of rests, or of the pieces of a push."""
     found: list[tuple[float, float]] = []
     still = np.asarray(np.interp(plate_time, markers.time, _speed(markers, weight)) < options.still)
-    for start, stop in episodes(loaded):
+    for start, stop in runs(loaded):
         first, last = float(plate_time[start]), float(plate_time[stop - 1])
         if weight.axis is not None:
             cuts = np.arange(first + options.settle, last - options.settle - options.window, options.window)
@@ -217,7 +217,7 @@ def _intervals(
             continue
         rests = [
             (float(plate_time[start + a]) + options.settle, float(plate_time[start + b - 1]) - options.settle)
-            for a, b in episodes(still[start:stop])
+            for a, b in runs(still[start:stop])
             if plate_time[start + b - 1] - plate_time[start + a] >= options.shortest
         ]
         found += rests or [(first + options.settle, last - options.settle)]

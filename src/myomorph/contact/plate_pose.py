@@ -13,6 +13,7 @@ import numpy as np
 from myomorph.contact.plate_placements import Placement
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.spatial import axis_rotation
 
 ARM = 0.2
@@ -232,8 +233,6 @@ def rotation_vector(rotation: Array) -> Array:
 FEWEST = 3
 MIRRORED = 0.1
 """Share of the cost that remains when the sign of the wrench is turned, below which it was wrong."""
-
-STANDARD_GRAVITY = 9.80665
 
 
 def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple[list[Placement], list[str]]:

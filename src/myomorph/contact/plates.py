@@ -18,8 +18,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.plate_corners import counted_from, first_corner
-from myomorph.model.arrays import Array
+from myomorph.contact.plate_corners import counted_from, first_corner, plate_axes
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate, PlateRecording, Trial, Wrenches
 
@@ -49,14 +49,6 @@ class PlateOptions:
     threshold: float = 0.03
     minimum_loaded: float = 0.02
     minimum_unloaded: float = 0.02
-
-
-def plate_axes(plate: PlateRecording) -> Array:
-    """Rotation (3, 3) whose columns are the plate's x, y and z axes in the laboratory."""
-    x = plate.corners[0] - plate.corners[1]
-    z = np.cross(x, plate.corners[0] - plate.corners[3])
-    y = np.cross(z, x)
-    return np.stack([axis / np.linalg.norm(axis) for axis in (x, y, z)], axis=1)
 
 
 def plate_wrench(plate: PlateRecording, samples: Array | None = None) -> tuple[Array, Array]:
@@ -120,7 +112,7 @@ def force_plate(plate: PlateRecording, flip: bool = False, samples: Array | None
     if plate.center_polynomial is not None:
         center = _corrected(center, plate.center_polynomial)
     torque = moment - np.cross(center, force)
-    axes = plate_axes(plate)
+    axes = plate_axes(plate.corners)
     return ForcePlate(
         name=plate.name,
         kind=plate.kind,
@@ -205,10 +197,9 @@ def _pulls_down(plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]
         return False
     load = 0.0
     for plate, state in zip(plates, states, strict=True):
-        x, y = plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3]
-        normal = np.cross(x, y)
-        side = np.sign(np.nanmedian((trial.markers.values - plate.corners.mean(axis=0)) @ normal))
-        load += float(np.nansum(plate.forces[state] @ normal / np.linalg.norm(normal)) * side)
+        above = trial.markers.values - plate.corners.mean(axis=0)
+        side = np.sign(np.nanmedian(above @ plate_axes(plate.corners)[:, 2]))
+        load += float(np.nansum(_pressing(plate)[state]) * side)
     return load < 0
 
 
@@ -256,8 +247,7 @@ def loaded_samples(
 
 def _pressing(plate: ForcePlate) -> Array:
     """Force along the plate's normal (samples,), signed [N]."""
-    normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
-    pressing: Array = plate.forces @ (normal / np.linalg.norm(normal))
+    pressing: Array = plate.forces @ plate_axes(plate.corners)[:, 2]
     return pressing
 
 
@@ -275,17 +265,11 @@ def _steady(state: NDArray[np.bool_], rate: float, options: PlateOptions) -> NDA
     """The same state without gaps and loadings that are too short."""
     state = state.copy()
     for value, shortest in ((False, options.minimum_unloaded), (True, options.minimum_loaded)):
-        for start, stop in episodes(state == value):
+        for start, stop in runs(state == value):
             inside = start > 0 and stop < len(state)
             if inside and stop - start < shortest * rate:
                 state[start:stop] = not value
     return state
-
-
-def episodes(state: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """(start, stop) of every run of true samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], state, [False])).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_], options: PlateOptions) -> list[str]:
@@ -295,7 +279,7 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
         found.append(f"{plate.name} is of type 3, but its sensor distances are zero: no center of pressure")
     if not state.any():
         return found
-    axes = plate_axes(recording)
+    axes = plate_axes(recording.corners)
     pressing = np.abs(plate.forces @ axes[:, 2])
     # Near the threshold the center of pressure is noise; only well loaded samples are judged.
     firm = state & (pressing > 0.3 * np.nanmax(pressing[state])) & np.isfinite(plate.points[:, 0])
@@ -352,8 +336,7 @@ def _on_clock(plate: ForcePlate, plate_time: Array, clock: Array) -> tuple[Array
             np.column_stack([np.where(inside, np.interp(clock, plate_time, part[:, axis]), 0.0) for axis in range(3)])
             for part in (force, moment)
         )
-    normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
-    normal = normal / np.linalg.norm(normal)
+    normal = plate_axes(plate.corners)[:, 2]
     pressing = force @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         arm = np.cross(normal, moment) / pressing[:, None]

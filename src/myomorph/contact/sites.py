@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Body, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
@@ -234,8 +234,7 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
     """
     sites = []
     for name in names:
-        if name not in SEGMENT_SITES:
-            raise UnknownName("contact site", name, SEGMENT_SITES, "body_sites")
+        check_name("contact site", name, SEGMENT_SITES, "body_sites")
         base = name.split("_")[0]
         sites.append(_hand(model, name) if base == "hand" else _seat(model) if base == "seat" else _back(model))
     return tuple(sites)

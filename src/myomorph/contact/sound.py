@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from myomorph.contact.onsets import Heard, Onset, SoundOptions, energy_after, listen, onsets
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.frozen_map import FrozenMap
@@ -297,5 +297,4 @@ def _without_echoes(strokes: Sequence[Stroke], options: SoundOptions) -> list[St
 
 
 def _longest_run(flags: np.ndarray) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
+    return max((stop - start for start, stop in runs(flags)), default=0)

@@ -16,9 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.contact.plates import episodes
 from myomorph.contact.states import hysteresis, steady
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, frozen_array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.model.spatial import Transform
@@ -265,6 +264,6 @@ def loadings(loads: StepLoads) -> list[tuple[str, float, float, float]]:
     found = [
         (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, k].max()))
         for k, step in enumerate(loads.steps)
-        for a, b in episodes(loads.loaded[:, k])
+        for a, b in runs(loads.loaded[:, k])
     ]
     return sorted(found, key=lambda one: one[1])

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.plates import episodes
 from myomorph.contact.site_motion import Floor, SiteMotion, center_of, floor_under, site_motion
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
@@ -114,7 +113,6 @@ def by_kinematics(
 ) -> Contacts:
     """Touches from how sites move over the floor, and from what the center of mass needs."""
     options = options or ContactStateOptions()
-    names = tuple(one.name for one in sites)
     height = (moving.lowest - floor.height) / moving.height
     speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
     margin = np.maximum(height / options.high, speed / options.fast)
@@ -130,28 +128,31 @@ def by_kinematics(
     nearest = (margin <= 1.25 * margin.min(axis=1, keepdims=True)) & (margin < 2.0)
     guessed = held_up[:, None] & nearest
     sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
-    touches = []
-    for k, name in enumerate(names):
-        for start, stop in episodes(touching[:, k] | guessed[:, k]):
-            confidence = float(sure[start:stop, k].mean())
-            touches.append(
-                Touch(
-                    name,
-                    float(moving.time[start]),
-                    float(moving.time[stop - 1]),
-                    sites[k].against,
-                    confidence,
-                    KINEMATICS,
-                )
-            )
-    return Contacts(names, tuple(touches), _unsupported(moving, held_up & ~guessed.any(axis=1)))
+    touches = _touches(sites, touching | guessed, sure, moving.time, KINEMATICS)
+    return Contacts(tuple(one.name for one in sites), touches, _unsupported(moving, held_up & ~guessed.any(axis=1)))
+
+
+def _touches(sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str) -> tuple[Touch, ...]:
+    """Every run of frames in which a site touches (frames, sites), with the mean of how sure that is."""
+    return tuple(
+        Touch(
+            site.name,
+            float(time[start]),
+            float(time[stop - 1]),
+            site.against,
+            float(sure[start:stop, k].mean()),
+            source,
+        )
+        for k, site in enumerate(sites)
+        for start, stop in runs(touching[:, k])
+    )
 
 
 def _unsupported(moving: SiteMotion, lacking: Bools) -> tuple[str, ...]:
     """What to say of times in which no site can carry what the motion needs."""
     spans = [
         f"{moving.time[start]:.2f} to {moving.time[stop - 1]:.2f} s"
-        for start, stop in episodes(lacking)
+        for start, stop in runs(lacking)
         if moving.time[stop - 1] - moving.time[start] > 0.1
     ]
     if not spans:
@@ -173,7 +174,7 @@ def steady(state: Bools, time: Array, shortest: float) -> Bools:
     """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the ends stay."""
     state = state.copy()
     for value in (False, True):
-        for start, stop in episodes(state == value):
+        for start, stop in runs(state == value):
             inside = start > 0 and stop < len(state)
             if inside and time[stop] - time[start] < shortest - 1e-9:
                 state[start:stop] = not value
@@ -198,7 +199,6 @@ def by_plates(
     """
     options = options or ContactStateOptions()
     refuse_other_times("forces of plates", plates.time, moving.time)
-    names = tuple(one.name for one in sites)
     groups = tuple(dict.fromkeys(one.group for one in sites))
     weight = model.weight
     pressing = plates.forces @ moving.up
@@ -208,7 +208,7 @@ def by_plates(
         state = hysteresis(load > options.loaded * weight, load < options.unloaded * weight)
         state = steady(state, moving.time, options.shortest)
         away = _beside(moving, plates.points[:, plate])
-        for start, stop in episodes(state):
+        for start, stop in runs(state):
             here = slice(start, stop)
             share = load[here, None] * np.isfinite(away[here])
             mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
@@ -220,12 +220,8 @@ def by_plates(
             level = moving.lowest[here][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
             touching[here, members] |= low
-    touches = [
-        Touch(name, float(moving.time[start]), float(moving.time[stop - 1]), sites[k].against, 1.0, PLATES)
-        for k, name in enumerate(names)
-        for start, stop in episodes(touching[:, k])
-    ]
-    return Contacts(names, tuple(touches))
+    touches = _touches(sites, touching, np.ones(touching.shape), moving.time, PLATES)
+    return Contacts(tuple(one.name for one in sites), touches)
 
 
 def _beside(moving: SiteMotion, points: Array) -> Array:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.contact.sound import Strokes
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, read_only, unit_vector
 from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.errors import BadData, BadModel, check_name
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
@@ -141,8 +141,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
         where coordinates move no mass
     """
     tree = compile_tree(model)
-    if body not in tree.body_index:
-        raise UnknownName("body", body, tuple(tree.body_index))
+    check_name("body", body, tree.body_index)
     coordinates = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, coordinates)
     b = tree.body_index[body]
@@ -183,11 +182,7 @@ class Impact:
     direction: Array
 
     def __post_init__(self) -> None:
-        given = frozen_array(self.direction, (3,))
-        length = float(np.linalg.norm(given))
-        if not (np.isfinite(length) and length > 0.0):
-            raise BadData(f"direction {given.tolist()} of an impact on '{self.site}': expected a vector with a length")
-        object.__setattr__(self, "direction", frozen_array(given / length))
+        object.__setattr__(self, "direction", unit_vector(self.direction, "direction", f"an impact on '{self.site}'"))
         if not (np.isfinite(self.impulse) and self.impulse >= 0.0):
             raise BadData(f"impulse of an impact on '{self.site}' is {self.impulse:g} N s: expected 0 or more")
 
@@ -206,8 +201,7 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
     possible = {one.name: one.sites for one in strokes.instruments}
     for names in possible.values():
         for name in names:
-            if name not in by_name:
-                raise UnknownName("contact site", name, tuple(by_name), "the model's sites")
+            check_name("contact site", name, by_name, "the model's sites")
     wanted = {name for names in possible.values() for name in names}
     tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
     found = {}
@@ -246,8 +240,7 @@ def impacts_from_sound(
     found, beyond = [], []
     for k, site in sites.items():
         stroke = strokes.strokes[k]
-        if stroke.instrument not in laws:
-            raise UnknownName("instrument", stroke.instrument, tuple(laws), "the calibration of impulses")
+        check_name("instrument", stroke.instrument, laws, "the calibration of impulses")
         law = laws[stroke.instrument]
         if not law.covers(stroke.energy):
             beyond.append(stroke)
@@ -286,8 +279,7 @@ def impact_wrenches(
     """
     by_name = {one.name: one for one in sites}
     for impact in impacts:
-        if impact.site not in by_name:
-            raise UnknownName("contact site", impact.site, tuple(by_name), "the model's sites")
+        check_name("contact site", impact.site, by_name, "the model's sites")
     struck = tuple(dict.fromkeys(one.site for one in impacts))
     forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
     for s, name in enumerate(struck):
@@ -340,8 +332,7 @@ def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Ar
 def site_places(model: Model, motion: Motion, site: Site) -> Array:
     """Middle of a site (frames, 3) in ground [m]."""
     tree = compile_tree(model)
-    if site.body not in tree.body_index:
-        raise UnknownName("body", site.body, tuple(tree.body_index))
+    check_name("body", site.body, tree.body_index)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     return poses.points(np.array([tree.body_index[site.body]]), site.points.mean(axis=0)[None])[:, 0]
 

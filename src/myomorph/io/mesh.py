@@ -23,6 +23,8 @@ from myomorph.model.surface import Surface
 
 LARGEST = 256 * 1024 * 1024
 ENDINGS = (".vtp", ".obj", ".stl", ".ply")
+STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+"""A triangle of a binary STL file, of which it holds as many as its bytes 80 to 83 say."""
 _TYPES = {"Float32": "f4", "Float64": "f8"} | {
     f"{sign}Int{8 * size}": f"{letter}{size}" for sign, letter in (("", "i"), ("U", "u")) for size in (1, 2, 4, 8)
 }
@@ -154,11 +156,14 @@ def _line(error: BaseException) -> str:
 
 
 def _read_other(path: Path, kind: str) -> Surface:
-    # Imported here because trimesh takes half a second, which only drawing should pay.
+    content = path.read_bytes()
+    if kind == "stl" and len(content) == 84 + STL_FACE.itemsize * int.from_bytes(content[80:84], "little") > 84:
+        corners = np.frombuffer(content, STL_FACE, offset=84)["corners"].reshape(-1, 3)
+        return merged(corners, np.arange(len(corners)).reshape(-1, 3))
+    # Imported here because trimesh takes half a second, which binary STL, as bones mostly are, need not pay.
     import trimesh
 
     logging.getLogger("trimesh").setLevel(logging.ERROR)
-    content = path.read_bytes()
     options = {"skip_materials": True} if kind == "obj" else {}
     loaded = trimesh.load(io.BytesIO(content), file_type=kind, process=False, force="mesh", **options)
     vertices = np.asarray(getattr(loaded, "vertices", ()), dtype=np.float64)
@@ -170,8 +175,14 @@ def _read_other(path: Path, kind: str) -> Surface:
 
 def merged(vertices: Array, faces: np.ndarray) -> Surface:
     """A surface whose equal vertices are one, so that its normals are smooth (STL repeats every corner)."""
-    unique, owner = np.unique(np.asarray(vertices, dtype=np.float64), axis=0, return_inverse=True)
-    return Surface(unique, owner.reshape(-1)[faces])
+    vertices = np.asarray(vertices, dtype=np.float64)
+    # What np.unique gives for rows, five times as fast.
+    order = np.lexsort(vertices.T[::-1])
+    ordered = vertices[order]
+    first = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
+    owner = np.empty(len(vertices), dtype=np.int64)
+    owner[order] = np.cumsum(first) - 1
+    return Surface(ordered[first], owner[faces])
 
 
 def _read_vtp(path: Path) -> Surface:

@@ -53,6 +53,27 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Arr
     return array
 
 
+def unit_vector(values: ArrayLike, what: str, of: str) -> Array:
+    """Read-only (3,) vector of length 1 along `values`.
+
+    Raises
+    ------
+    BadData
+        where they have no direction; `what` names them, `of` what they belong to
+    """
+    given = frozen_array(values, (3,))
+    length = float(np.linalg.norm(given))
+    if not (np.isfinite(length) and length > 0.0):
+        raise BadData(f"{what} {given.tolist()} of {of}: expected a vector with a length")
+    return frozen_array(given / length)
+
+
+def runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """(start, stop) of the unbroken runs of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
 def read_only(cls: _Class) -> _Class:
     """Class decorator, above `@dataclass(frozen=True)`: the arrays of its fields are read-only, too.
 

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.arrays import Array, frozen_array, read_only, unit_vector
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
 
@@ -42,11 +42,7 @@ class Cone:
 
     def __post_init__(self) -> None:
         if self.direction is not None:
-            given = frozen_array(self.direction, (3,))
-            length = float(np.linalg.norm(given))
-            if not (np.isfinite(length) and length > 0.0):
-                raise BadData(f"direction {given.tolist()} of a contact: expected a vector with a length")
-            object.__setattr__(self, "direction", frozen_array(given / length))
+            object.__setattr__(self, "direction", unit_vector(self.direction, "direction", "a contact"))
         for name in ("friction", "torsion", "grip"):
             if not getattr(self, name) >= 0.0:
                 raise BadData(f"{name} of a contact is {getattr(self, name):g}: expected 0 or more")
@@ -131,8 +127,7 @@ class Contacts:
     def __post_init__(self) -> None:
         object.__setattr__(self, "touches", tuple(sorted(self.touches, key=lambda one: (one.start, one.site))))
         for one in self.touches:
-            if one.site not in self.sites:
-                raise UnknownName("contact site", one.site, self.sites, "the contacts")
+            check_name("contact site", one.site, self.sites, "the contacts")
 
     def states(self, time: Array) -> Series:
         """How sure it is that each site touches: (frames, sites), 0 where nothing says so."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import importlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
 
 LONGEST, LAST = 20_000, 2_000
 """Letters of a message at most, and how many of them are its end."""
@@ -61,6 +63,26 @@ class MissingPackage(MyomorphError):
 
     def __str__(self) -> str:
         return f"this needs the package '{self.package}': python -m pip install \"myomorph[{self.extra}]\""
+
+
+def check_name(kind: str, name: str, existing: Collection[str], where: str = "the model") -> None:
+    """Raise `UnknownName` where a name is not among those that exist."""
+    if name not in existing:
+        raise UnknownName(kind, name, existing, where)
+
+
+def from_extra(extra: str, module: str, package: str = "") -> Any:
+    """A module that an extra brings, imported when it is first needed.
+
+    Raises
+    ------
+    MissingPackage
+        where its package is not installed
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise MissingPackage(package or module, extra) from None
 
 
 def one_line(text: str) -> str:

@@ -11,15 +11,34 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.model import GROUND, Actuator, Joint, Kept, Loop, Model
-from myomorph.model.paths import Bushing, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import GROUND, Joint, Kept, Model
+from myomorph.model.paths import Ligament, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 
 SIDES = ("r", "l", "right", "left")
 ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
 """What stands before a part's name in names that the tension problem makes."""
 
-Tie = TypeVar("Tie", Loop, Bushing)
+NAMED: Mapping[str, tuple[str, ...]] = FrozenMap(
+    {
+        "bodies": (),
+        "joints": ("parent", "child", "parent_frame_name", "child_frame_name"),
+        "coordinates": (),
+        "markers": ("body",),
+        "muscles": (),
+        "wrap_objects": ("body",),
+        "actuators": ("coordinate", "body", "other_body"),
+        "couplers": ("dependent",),
+        "loops": ("body_1", "body_2"),
+        "bushings": ("body_1", "body_2"),
+        "ligaments": (),
+        "frames": ("body",),
+        "passive_torques": ("coordinate",),
+    }
+)
+"""What a model holds under names, and the fields of each that name something else."""
+
 Timed = TypeVar("Timed", Series, Wrenches)
 
 
@@ -54,24 +73,11 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
 
     return Model(
         name=name or "_".join(parts),
-        bodies=tuple(one for model in renamed for one in model.bodies),
-        joints=tuple(one for model in renamed for one in model.joints),
-        coordinates=tuple(one for model in renamed for one in model.coordinates),
         gravity=first.gravity,
-        markers=tuple(one for model in renamed for one in model.markers),
-        muscles=tuple(one for model in renamed for one in model.muscles),
-        wrap_objects=tuple(one for model in renamed for one in model.wrap_objects),
-        actuators=tuple(one for model in renamed for one in model.actuators),
-        couplers=tuple(one for model in renamed for one in model.couplers),
-        loops=tuple(one for model in renamed for one in model.loops),
-        frames=tuple(one for model in renamed for one in model.frames),
         ground_meshes=first.ground_meshes,
         kept=_kept(renamed),
         source=first.source,
-        warnings=tuple(one for model in renamed for one in model.warnings),
-        passive_torques=tuple(one for model in renamed for one in model.passive_torques),
-        bushings=tuple(one for model in renamed for one in model.bushings),
-        ligaments=tuple(one for model in renamed for one in model.ligaments),
+        **{table: tuple(one for model in renamed for one in getattr(model, table)) for table in (*NAMED, "warnings")},
     )
 
 
@@ -219,50 +225,22 @@ def _renamed(model: Model, part: str) -> Model:
     def own(name: str) -> str:
         return _prefixed(part, name)
 
-    def owns(names: Iterable[str]) -> tuple[str, ...]:
-        return tuple(own(one) for one in names)
+    def renamed(one: Any, texts: tuple[str, ...]) -> Any:
+        changes: dict[str, Any] = {text: own(getattr(one, text)) for text in ("name", *texts)}
+        for names in ("coordinates", "independents", "groups"):
+            if hasattr(one, names):
+                changes[names] = tuple(own(each) for each in getattr(one, names))
+        if isinstance(one, Joint):
+            changes["axes"] = tuple(replace(axis, coordinates=tuple(map(own, axis.coordinates))) for axis in one.axes)
+        if isinstance(one, Muscle | Ligament):
+            changes["path"] = _path(one.path, own)
+        return replace(one, **changes)
 
-    return replace(
-        model,
-        bodies=tuple(replace(one, name=own(one.name)) for one in model.bodies),
-        joints=tuple(_joint(one, own) for one in model.joints),
-        coordinates=tuple(replace(one, name=own(one.name)) for one in model.coordinates),
-        markers=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.markers),
-        muscles=tuple(_muscle(one, own) for one in model.muscles),
-        wrap_objects=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.wrap_objects),
-        actuators=tuple(_actuator(one, own) for one in model.actuators),
-        couplers=tuple(
-            replace(one, name=own(one.name), dependent=own(one.dependent), independents=owns(one.independents))
-            for one in model.couplers
-        ),
-        loops=tuple(_tied(one, own) for one in model.loops),
-        bushings=tuple(_tied(one, own) for one in model.bushings),
-        ligaments=tuple(replace(one, name=own(one.name), path=_path(one.path, own)) for one in model.ligaments),
-        frames=tuple(replace(one, name=own(one.name), body=own(one.body)) for one in model.frames),
-        kept=tuple(_kept_part(one, model, own) for one in model.kept),
-        warnings=tuple(f"{part}: {one}" for one in model.warnings),
-        passive_torques=tuple(
-            replace(one, name=own(one.name), coordinate=own(one.coordinate)) for one in model.passive_torques
-        ),
-    )
-
-
-def _joint(joint: Joint, own: Callable[[str], str]) -> Joint:
-    return replace(
-        joint,
-        name=own(joint.name),
-        parent=own(joint.parent),
-        child=own(joint.child),
-        axes=tuple(replace(axis, coordinates=tuple(own(one) for one in axis.coordinates)) for axis in joint.axes),
-        coordinates=tuple(own(one) for one in joint.coordinates),
-        parent_frame_name=own(joint.parent_frame_name),
-        child_frame_name=own(joint.child_frame_name),
-    )
-
-
-def _muscle(muscle: Muscle, own: Callable[[str], str]) -> Muscle:
-    groups = tuple(own(one) for one in muscle.groups)
-    return replace(muscle, name=own(muscle.name), path=_path(muscle.path, own), groups=groups)
+    tables: dict[str, Any] = {
+        table: tuple(renamed(one, texts) for one in getattr(model, table)) for table, texts in NAMED.items()
+    }
+    kept = tuple(_kept_part(one, model, own) for one in model.kept)
+    return replace(model, kept=kept, warnings=tuple(f"{part}: {one}" for one in model.warnings), **tables)
 
 
 def _path(path: Path, own: Callable[[str], str]) -> Path:
@@ -280,20 +258,6 @@ def _point(point: PathPoint | MovingPathPoint, own: Callable[[str], str]) -> Pat
         return replace(point, name=own(point.name), body=own(point.body), coordinate=own(point.coordinate))
     x, y, z = (own(one) for one in point.coordinates)
     return replace(point, name=own(point.name), body=own(point.body), coordinates=(x, y, z))
-
-
-def _actuator(actuator: Actuator, own: Callable[[str], str]) -> Actuator:
-    return replace(
-        actuator,
-        name=own(actuator.name),
-        coordinate=own(actuator.coordinate),
-        body=own(actuator.body),
-        other_body=own(actuator.other_body),
-    )
-
-
-def _tied(tie: Tie, own: Callable[[str], str]) -> Tie:
-    return replace(tie, name=own(tie.name), body_1=own(tie.body_1), body_2=own(tie.body_2))
 
 
 def _kept_part(part: Kept, model: Model, own: Callable[[str], str]) -> Kept:
@@ -315,11 +279,7 @@ def _kept_part(part: Kept, model: Model, own: Callable[[str], str]) -> Kept:
 
 
 def _all_names(model: Model) -> set[str]:
-    tables = (
-        "bodies", "joints", "coordinates", "markers", "muscles", "wrap_objects", "actuators", "couplers", "loops",
-        "frames", "kept", "passive_torques", "bushings",
-    )  # fmt: skip
-    names = {one.name for table in tables for one in getattr(model, table)}
+    names = {one.name for table in (*NAMED, "kept") for one in getattr(model, table)}
     ends = {name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)}
     return names | ends - {"", GROUND}
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from myomorph.model.errors import MissingPackage
+from myomorph.model.errors import from_extra
 
 if TYPE_CHECKING:
     import pandas
@@ -43,11 +43,8 @@ class Labelled:
         MissingPackage
             where xarray is not installed
         """
-        try:
-            # Only here: it brings pandas, which takes longer to import than most steps take to run.
-            import xarray
-        except ImportError:
-            raise MissingPackage("xarray", "xarray") from None
+        # Only here: it brings pandas, which takes longer to import than most steps take to run.
+        xarray = from_extra("xarray", "xarray")
         variables = self.variables()
         used = {name for one in variables.values() for name in one.dimensions}
         return xarray.Dataset(
@@ -68,11 +65,7 @@ class Labelled:
         MissingPackage
             where pandas is not installed
         """
-        try:
-            # Only here, as above.
-            import pandas
-        except ImportError:
-            raise MissingPackage("pandas", "xarray") from None
+        pandas = from_extra("xarray", "pandas")
         labels = self.labels()
         over_time = {name: one for name, one in self.variables().items() if one.dimensions[:1] == ("time",)}
         columns: dict[tuple[str, ...], np.ndarray] = {}

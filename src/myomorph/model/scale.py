@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
@@ -116,8 +116,7 @@ def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLi
 def _checked(model: Model, factors: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Array]:
     sizes = {name: np.ones(3) for name in (GROUND, *model.body_names)}
     for name, given in factors.items():
-        if name not in model.body_names:
-            raise UnknownName("body", name, model.body_names)
+        check_name("body", name, model.body_names)
         factor = np.asarray(given, dtype=np.float64)
         if factor.shape != (3,) or not np.all(np.isfinite(factor)) or np.any(factor <= 0.0):
             raise BadData(f"expected three positive scale factors for body '{name}', but got {given!r}")

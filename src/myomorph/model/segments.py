@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import split_side
@@ -55,10 +55,8 @@ def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Map
     """
     found: dict[str, Segment] = {}
     for body, segment in (given or {}).items():
-        if body not in model.body_names:
-            raise UnknownName("body", body, model.body_names)
-        if segment.name not in SEGMENTS:
-            raise UnknownName("segment", segment.name, SEGMENTS, "the table of segments")
+        check_name("body", body, model.body_names)
+        check_name("segment", segment.name, SEGMENTS, "the table of segments")
         found[body] = segment
     parents = {joint.child: joint.parent for joint in model.joints}
     for body in model.body_names:

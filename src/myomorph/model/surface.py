@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 
 
 @read_only
@@ -94,7 +94,7 @@ def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
     before = _conflicts(faces)
     if before:
         # Imported here because only surfaces whose faces look to both sides need it.
-        import igl
+        igl = from_extra("morph", "igl", "libigl")
 
         oriented, part = igl.bfs_orient(np.array(faces, dtype=np.int64))
         for k in np.unique(part):

@@ -9,7 +9,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
 from scipy.ndimage import minimum_filter1d
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.motion.filters import lowpass, natural_spline
 
@@ -162,12 +162,6 @@ def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tu
             filtered[start:stop] = lowpass(rows[start:stop], rate, cutoff)
             kept[start + settling : stop - settling] = True
     return filtered, kept
-
-
-def runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """(start, stop) of the unbroken runs of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def likely_lags(compared: Compared, search: float) -> list[float]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
@@ -138,8 +138,7 @@ def _rank(slopes: Array) -> int:
 
 def _joined(enough: Bools, time: Array, options: CrossingOptions) -> list[tuple[int, int]]:
     """(start, stop) of frames, short gaps bridged and short parts left out."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], enough, [False]]).astype(np.int8))).reshape(-1, 2)
-    spans = [(int(start), int(stop)) for start, stop in edges]
+    spans = runs(enough)
     if not spans:
         return []
     joined = [spans[0]]

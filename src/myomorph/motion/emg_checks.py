@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg, Series
 
@@ -163,8 +163,8 @@ def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFau
     steps = np.diff(column)
     still = np.concatenate([[False], np.isfinite(steps) & (np.abs(steps) <= 1e-12 * np.nanmax(np.abs(column)))])
     found = []
-    for first, last in _runs(still):
-        start, stop = float(series.time[max(first - 1, 0)]), float(series.time[last])
+    for first, end in runs(still):
+        start, stop = float(series.time[max(first - 1, 0)]), float(series.time[end - 1])
         if stop - start >= least:
             whole = " throughout" if stop - start >= 0.99 * (series.time[-1] - series.time[0]) else ""
             text = f"EMG channel '{name}' does not change from {start:.3f} to {stop:.3f} s{whole}: dead"
@@ -175,9 +175,9 @@ def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFau
 def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
     at = np.zeros(len(column), dtype=bool)
     for edge in (np.nanmax(column), np.nanmin(column)):
-        for first, last in _runs(column == edge):
-            if last - first + 1 >= CLIPPED:
-                at[first : last + 1] = True
+        for first, end in runs(column == edge):
+            if end - first >= CLIPPED:
+                at[first:end] = True
     if at.mean() < CLIPPED_SHARE:
         return []
     told = f"stands at its largest or smallest value in {_share(at)}: the amplifier clips"
@@ -187,10 +187,10 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
 def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
     """Stretches in which an envelope stands at its largest value."""
     found = []
-    for first, last in _runs(column == np.nanmax(column)):
-        if emg.time[last] - emg.time[first] >= CLIPPED_ENVELOPE and last - first + 1 >= CLIPPED:
+    for first, end in runs(column == np.nanmax(column)):
+        if emg.time[end - 1] - emg.time[first] >= CLIPPED_ENVELOPE and end - first >= CLIPPED:
             at = np.zeros(len(column), dtype=bool)
-            at[first : last + 1] = True
+            at[first:end] = True
             found.append(_fault(emg, name, "clipped", at, f"stands at its largest value, {column[first]:.3g}: clipped"))
     return found
 
@@ -238,9 +238,3 @@ def _fault(series: Series, name: str, kind: str, where: np.ndarray, told: str) -
     places = np.flatnonzero(where)
     start, stop = float(series.time[places[0]]), float(series.time[places[-1]])
     return EmgFault(name, kind, start, stop, f"EMG channel '{name}' {told} ({start:.3f} to {stop:.3f} s)")
-
-
-def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of the unbroken runs of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.series import Emg, Series
 
 
@@ -81,8 +81,7 @@ def envelopes(raw: Series, options: EnvelopeOptions | None = None, maxima: Mappi
     peak = found.values.max(axis=0)
     if maxima is not None:
         for name in raw.names:
-            if name not in maxima:
-                raise UnknownName("EMG channel", name, tuple(maxima), "the reference of maxima")
+            check_name("EMG channel", name, maxima, "the reference of maxima")
             if not maxima[name] > 0.0:
                 raise BadData(f"EMG channel '{name}': its largest value in the reference is {maxima[name]:g}")
         peak = np.array([maxima[name] for name in raw.names])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 
@@ -139,10 +139,10 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     """
     seen = np.all(np.isfinite(motion.values), axis=1)
     values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))
-    runs = [run for run in _runs(seen) if run.stop - run.start > 5]
-    if not runs:
+    long = [slice(start, stop) for start, stop in runs(seen) if stop - start > 5]
+    if not long:
         raise BadData(f"derivatives need six frames in a row without gaps: the motion has {int(seen.sum())} in all")
-    for run in runs:
+    for run in long:
         time, part = motion.time[run], motion.values[run]
         spline = natural_spline(time, part) if cutoff is None else _lowpass_spline(time, part, cutoff)
         values[run] = part if cutoff is None else spline(time)
@@ -163,9 +163,3 @@ def _lowpass_spline(time: Array, values: Array, cutoff: float) -> BSpline:
     outside = mean * np.arange(1, reach + 1)
     wide = np.concatenate([time[0] - outside[::-1], time, time[-1] + outside])
     return natural_spline(wide, padded[pad - reach : len(padded) - pad + reach])
-
-
-def _runs(flags: np.ndarray) -> list[slice]:
-    """Slices of the unbroken runs of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

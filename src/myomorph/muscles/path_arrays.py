@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.errors import BadModel, check_name
 from myomorph.model.functions import Function
 from myomorph.model.model import Model, index_of
 from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
@@ -146,13 +146,11 @@ class _Builder:
         self.most = [max(have, new) for have, new in zip(self.most, here, strict=True)]
 
     def _body(self, name: str) -> int:
-        if name not in self.tree.body_index:
-            raise UnknownName("body", name, tuple(self.tree.body_index))
+        check_name("body", name, self.tree.body_index)
         return self.tree.body_index[name]
 
     def _object(self, name: str) -> int:
-        if name not in self.objects:
-            raise UnknownName("wrap object", name, tuple(self.objects))
+        check_name("wrap object", name, self.objects)
         return self.objects[name]
 
     def _coordinate(self, name: str) -> int:

@@ -9,6 +9,7 @@ one plate between both feet.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,10 +97,13 @@ def jump_study() -> JumpStudy:
     BadData : the packages `biomdp` or `myo-sim` are not installed, or the recording lacks what it needs
     """
     path = recording_path()
-    trial = force_plates(read_c3d(path)).rotated(LAB_TO_GROUND)
+    # The file is read in a process of its own, which leaves this one free to make the model.
+    with ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(read_c3d, path)
+        model = leg_model()
+        trial = force_plates(reading.result()).rotated(LAB_TO_GROUND)
     if trial.markers is None or not trial.plates or trial.analog is None:
         raise BadData(f"{path}: expected markers, force plates and analog channels")
-    model = leg_model()
     quiet = cut(trial.markers, *QUIET)
     mass = standing_mass(trial, model)
     model, factors = fitted_model(model, quiet, mass)

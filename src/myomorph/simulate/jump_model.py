@@ -194,7 +194,8 @@ def leg_model() -> Model:
     from myomorph.io.mjcf.read import model_from_mujoco
 
     with silent_mujoco():
-        compiled = myo_sim.load_model(MODEL)
+        # Without `load_model`'s keyframes, for which it compiles the model once more.
+        compiled = myo_sim.load_spec(MODEL).compile()
     # Composed in memory: the source only says beside which folder its meshes lie.
     model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / MODEL))
     tree = compile_tree(model)

@@ -110,7 +110,7 @@ def arm_model() -> Model:
     except ImportError:
         raise BadData("virtual specimens need the package 'myo-sim': pip install myo-sim") from None
     with silent_mujoco():
-        compiled = myo_sim.load_model("myoarm")
+        compiled = myo_sim.load_spec("myoarm").compile()
     # Meshes are looked for beside a model's source.
     return model_from_mujoco(compiled, name="MyoArm", source=str(myo_sim.MODELS_DIR / "myoarm"))
 

@@ -149,7 +149,7 @@ def marked_body() -> Model:
     except ImportError:
         raise BadData("the simulated study needs the package 'myo-sim': pip install myo-sim") from None
     with silent_mujoco():
-        compiled = myo_sim.load_model("myofullbody")
+        compiled = myo_sim.load_spec("myofullbody").compile()
     # Meshes are looked for beside a model's source.
     model = model_from_mujoco(compiled, name="MyoFullBody", source=str(myo_sim.MODELS_DIR / "myofullbody"))
     dependent = model.dependent_coordinates

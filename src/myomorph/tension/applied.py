@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import check_name
 from myomorph.model.model import GROUND, Actuator
 from myomorph.model.paths import Bushing
 from myomorph.model.series import Wrenches
@@ -125,6 +125,5 @@ def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
 
 
 def _body(tree: Tree, body: str, of: str) -> int:
-    if body not in tree.body_index:
-        raise UnknownName("body", body, tuple(tree.body_index), f"for '{of}' the model")
+    check_name("body", body, tree.body_index, f"for '{of}' the model")
     return tree.body_index[body]

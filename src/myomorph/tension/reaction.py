@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Joint, Model, index_of
 from myomorph.model.series import Motion, Series, Table, Wrenches
@@ -262,8 +262,7 @@ class _Loads:
                         :, index_of("muscle", muscle.name, tension.names, "the table of forces")
                     ]
         for name in names:
-            if name not in known:
-                raise UnknownName("actuator", name, tuple(known), "the model with the actuators given")
+            check_name("actuator", name, known, "the model with the actuators given")
         return [known[name] for name in names], values, tensions
 
     def generalized(self) -> Array:

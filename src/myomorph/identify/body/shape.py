@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.identify.body.skin import Skin, check_height, check_skin
 from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
 from myomorph.model.surface import Surface, signed_volume
@@ -325,7 +325,7 @@ def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, A
 
 def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) -> Array:
     """Where a ray from inside first leaves a surface; its start where it meets nothing."""
-    import igl
+    igl = from_extra("morph", "igl", "libigl")
 
     hits = igl.ray_mesh_intersect(np.array(start), np.array(direction), vertices, faces.astype(np.int64))
     if not hits:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
 
 TALLEST = 3.0
@@ -110,7 +110,7 @@ def inside(skin: Skin, points: Array) -> np.ndarray:
 def winding_numbers(skin: Skin, points: Array) -> Array:
     """(points,) how often the skin goes around each of the points (points, 3) [m]."""
     # Imported here because only bodies with a skin need it.
-    import igl
+    igl = from_extra("morph", "igl", "libigl")
 
     vertices = np.array(skin.surface.vertices)
     faces = np.array(skin.surface.faces)

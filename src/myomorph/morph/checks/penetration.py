@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.series import Motion
@@ -93,7 +93,7 @@ def _merged(surface: Surface, nearness: float) -> tuple[Array, np.ndarray]:
 
 def _outward(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, float]:
     """Faces of every piece turned to one side and outward, and the share that was turned."""
-    import igl
+    igl = from_extra("morph", "igl", "libigl")
 
     oriented, piece = igl.bfs_orient(faces)
     oriented, piece = np.array(oriented), np.asarray(piece).reshape(-1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.surface import (
     Surface,
     area_of,
@@ -180,7 +180,7 @@ def _within(vertices: Array, piece: np.ndarray, other: np.ndarray) -> bool:
     if not ((vertices[corners] > low) & (vertices[corners] < high)).all():
         return False
     # Imported here because few bones have pieces inside others.
-    import igl
+    igl = from_extra("morph", "igl", "libigl")
 
     outward = turned_outward(vertices, other)
     number = igl.fast_winding_number(np.array(vertices), outward, np.ascontiguousarray(vertices[corners]))

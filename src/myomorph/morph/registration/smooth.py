@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-import rustcpd
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
@@ -95,7 +94,7 @@ class Drift:
             pinned = [(len(moving) + k, len(fixed) + k) for k in range(len(pulls))]
             moving = np.concatenate([moving, start.apply(pulls.source)])
             fixed = np.concatenate([fixed, pulls.target])
-        self.found = rustcpd.register_deformable(
+        self.found = from_extra("morph", "rustcpd").register_deformable(
             self._normal(fixed),
             self._normal(moving),
             alpha=DRIFT_STIFFNESS,

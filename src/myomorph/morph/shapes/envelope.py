@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -306,7 +306,7 @@ def _level(values: Array, grid: Grid, volume: float) -> float:
 
 def _surface(values: Array, grid: Grid, level: float) -> Surface:
     """The level set, closed and outward, by marching cubes."""
-    import igl
+    igl = from_extra("morph", "igl", "libigl")
 
     x, y, z = (grid.origin[i] + grid.spacing * np.arange(grid.counts[i]) for i in range(3))
     # Far away and on the rim of the grid all is outside; the library counts x fastest.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.surface import Surface, face_crosses, signed_volume
 
 SPREAD = 4000
@@ -46,7 +46,7 @@ class Boxes:
 
     def __init__(self, vertices: Array, faces: np.ndarray):
         # Imported here because it takes a moment that only bones should pay.
-        import igl
+        igl = from_extra("morph", "igl", "libigl")
 
         self.vertices, self.faces, self._boxes = vertices, np.ascontiguousarray(faces, dtype=np.int64), igl.AABB()
         self._boxes.init(self.vertices, self.faces)
@@ -61,7 +61,7 @@ class Boxes:
 
     def holds(self, points: Array) -> np.ndarray:
         """(n,) whether points lie inside: their generalized winding number is above one half (Barill et al. 2018)."""
-        import igl
+        igl = from_extra("morph", "igl", "libigl")
 
         inside = ((points >= self._low) & (points <= self._high)).all(axis=1)
         if inside.any():
@@ -178,7 +178,7 @@ class _Seamless(Boxes):
     """A surface whose faces share vertices, with normals of faces, edges and corners."""
 
     def __init__(self, vertices: Array, faces: np.ndarray):
-        import igl
+        igl = from_extra("morph", "igl", "libigl")
 
         super().__init__(vertices, faces)
         crossed = face_crosses(vertices, faces)

@@ -71,24 +71,27 @@ class Canvas:
 
     def picture(self, shrink: int) -> Bytes:
         """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn darker."""
-        depth = np.where(self.near > FAR / 2, self.near, np.nan)
+        solid = self.near > FAR / 2
+        depth = np.where(solid, self.near, -1e9)
         step = 0.02 * self.view.height
         edge = np.zeros(depth.shape, dtype=bool)
         for axis in (0, 1):
-            before, after = np.nan_to_num(depth, nan=-1e9), np.roll(np.nan_to_num(depth, nan=-1e9), -1, axis)
-            jump = np.abs(after - before) > step
-            edge |= jump & (before > after)
-            edge |= np.roll(jump & (after > before), 1, axis)
-        solid = ~np.isnan(depth)
-        shade = np.where(edge & solid, 0.62, 1.0)
-        color = self.color * shade[..., None]
+            fall = depth - np.roll(depth, -1, axis)
+            edge |= fall > step
+            edge |= np.roll(-fall > step, 1, axis)
+        color = self.color * np.where(edge, 0.62, 1.0)[..., None]
         height, width = depth.shape[0] // shrink, depth.shape[1] // shrink
-        blocks = (height, shrink, width, shrink)
-        cover = solid[: height * shrink, : width * shrink].reshape(blocks).mean(axis=(1, 3))
-        total = (color * solid[..., None])[: height * shrink, : width * shrink].reshape(*blocks, 3).mean(axis=(1, 3))
+
+        def mean(values: np.ndarray) -> Array:
+            rows, columns = height * shrink, width * shrink
+            parts = [values[y:rows:shrink, x:columns:shrink] for y in range(shrink) for x in range(shrink)]
+            total: Array = np.sum(parts, axis=0, dtype=np.float64)
+            return total / len(parts)
+
+        cover, paint = mean(solid), mean(color)
         pixels = np.zeros((height, width, 4), dtype=np.uint8)
         with np.errstate(invalid="ignore", divide="ignore"):
-            pixels[..., :3] = np.nan_to_num(255.0 * np.clip(total / cover[..., None], 0.0, 1.0)).astype(np.uint8)
+            pixels[..., :3] = np.nan_to_num(255.0 * np.clip(paint / cover[..., None], 0.0, 1.0)).astype(np.uint8)
         pixels[..., 3] = (255.0 * cover).astype(np.uint8)
         return pixels
 

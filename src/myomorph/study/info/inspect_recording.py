@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.contact.plates import episodes
 from myomorph.io.c3d.read import emg_channels
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.series import Markers, Series, Table, Trial
 from myomorph.motion.crossings import crossings
 from myomorph.study.info.inspection import Inspection
@@ -64,12 +63,12 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], found: list
     order = np.argsort(-share, kind="stable")
     gappy = [int(one) for one in order if 0.0 < share[one] < 1.0]
     for index in gappy[:SHOWN]:
-        runs = episodes(hidden[:, index])
-        longest = max(stop - start for start, stop in runs) / markers.rate
+        gaps = runs(hidden[:, index])
+        longest = max(stop - start for start, stop in gaps) / markers.rate
         facts.append(
             (
                 f"gaps of {markers.names[index]}",
-                f"{100 * share[index]:.1f} % in {len(runs)} gaps, longest {longest:.2f} s",
+                f"{100 * share[index]:.1f} % in {len(gaps)} gaps, longest {longest:.2f} s",
             )
         )
     if len(gappy) > SHOWN:

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from myomorph.model.errors import BadFile, MissingPackage
+from myomorph.model.errors import BadFile, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
@@ -87,11 +87,8 @@ class TrialResult:
         MissingPackage
             where xarray is not installed
         """
-        try:
-            # Only here: it brings pandas, which takes longer to import than most steps take to run.
-            import xarray
-        except ImportError:
-            raise MissingPackage("xarray", "xarray") from None
+        # Only here: it brings pandas, which takes longer to import than most steps take to run.
+        xarray = from_extra("xarray", "xarray")
         return xarray.load_dataset(self.path, engine="h5netcdf")
 
     def to_pandas(self) -> pandas.DataFrame:

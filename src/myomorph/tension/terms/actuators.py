@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.errors import BadModel, check_name
 from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
 from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kernels import inner, kernel
@@ -91,8 +91,7 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
 
 
 def _body_number(tree: Tree, actuator: Actuator, name: str) -> int:
-    if name not in tree.body_index:
-        raise UnknownName("body", name, tuple(tree.body_index), f"actuator '{actuator.name}': the model")
+    check_name("body", name, tree.body_index, f"actuator '{actuator.name}': the model")
     return tree.body_index[name]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.errors import BadModel, check_name
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
@@ -244,8 +244,7 @@ def _ends(counts: list[int]) -> NDArray[np.int64]:
 
 
 def _body(tree: Tree, site: Site, name: str) -> int:
-    if name not in tree.body_index:
-        raise UnknownName("body", name, tuple(tree.body_index), f"contact site '{site.name}': the model")
+    check_name("body", name, tree.body_index, f"contact site '{site.name}': the model")
     return tree.body_index[name]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.contacts import SharedWrench, Site
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND
 from myomorph.model.series import Series
 from myomorph.motion.sync import refuse_other_times
@@ -89,8 +89,7 @@ class ContactTask:
             raise BadData(f"strengths are of the sites {self.strengths.names}, but the contacts have {names}")
         for wrench in self.measured:
             for site in wrench.sites:
-                if site not in names:
-                    raise UnknownName("contact site", site, names, f"the contacts, for '{wrench.name}',")
+                check_name("contact site", site, names, f"the contacts, for '{wrench.name}',")
 
 
 FELT = 1e-3

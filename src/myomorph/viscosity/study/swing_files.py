@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.contact.plates import plate_axes, plate_wrench
+from myomorph.contact.plate_corners import plate_axes
+from myomorph.contact.plates import plate_wrench
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mesh import read_mesh
 from myomorph.io.sto import read_sto
@@ -303,7 +304,7 @@ def plate_wrenches(trial: Trial) -> Wrenches:
         raise BadFile(trial.source, "holds no force plates", "give 'loads': a table of force, point and torque")
     parts = []
     for plate in trial.plate_recordings:
-        axes = plate_axes(plate)
+        axes = plate_axes(plate.corners)
         force, moment = plate_wrench(plate)
         parts.append((force @ axes.T, np.broadcast_to(plate.corners.mean(axis=0), force.shape), moment @ axes.T))
     force, point, torque = (np.stack(values, axis=1) for values in zip(*parts, strict=True))

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
-from myomorph.motion.clock_lags import runs
 from myomorph.motion.clocks import SIGNIFICANT, Clock, ClockOptions, fit_clock
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.viscosity.swings.recording import REACH, force_mismatch, touched_frames

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.model.arrays import Array, checked_array, read_only
-from myomorph.motion.clock_lags import runs
+from myomorph.model.arrays import Array, checked_array, read_only, runs
 
 PARAMETERS = 10
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData, MyomorphError
-from myomorph.motion.clock_lags import runs
 from myomorph.motion.filters import lowpass
 from myomorph.viscosity.identification.identify import ViscosityOptions
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia

@@ -9,9 +9,8 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import UnknownName
-from myomorph.motion.clock_lags import runs
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
