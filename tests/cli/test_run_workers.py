@@ -74,7 +74,7 @@ def test_threads_are_those_of_each_process(arm, study, command, monkeypatch):
     assert given == [(2, None, 2, 3)]
 
 
-def test_what_failed_is_named_at_the_end(arm, study, command):
+def test_what_failed_is_named_at_the_end(arm, study, command, in_process):
     (arm.folder / "again.trc").write_text("no recording")
     found = command("run", study, "--out", arm.out, "--workers", 1)
     assert found.status == 2

@@ -123,7 +123,11 @@ steps = ["ik", "id", "muscles", "tension"]
 
 
 def test_a_study_on_a_cluster_writes_the_bytes_of_one_process(
-    cluster: Cluster, arm: SimpleNamespace, command: Callable[..., SimpleNamespace], monkeypatch: pytest.MonkeyPatch
+    cluster: Cluster,
+    arm: SimpleNamespace,
+    command: Callable[..., SimpleNamespace],
+    in_process: None,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     for name in ("again.trc", "third.trc"):
