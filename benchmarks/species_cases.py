@@ -21,7 +21,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
 from myomorph.morph.species.maps import SpeciesBones, coordinate_table, species_bones
 from myomorph.morph.transfer.model import graft_muscles

@@ -12,7 +12,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints, MapOptions
 from myomorph.morph.registration.alignment import align_bones, turned_by
 from myomorph.morph.registration.map_bone import STEPS, map_bone
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from scans import joined
 
 QUICK = MatchOptions(match_points=800, feature_count=400)
@@ -84,7 +84,6 @@ def test_landmarks_alone(bone):
         assert "residual [m]" not in found.measures
 
 
-@pytest.mark.long
 def test_the_size_does_not_matter(bone):
     size = 0.9
     target = made_target(bone, 0.5)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.parsing.guard import run_guarded, seconds_for
-from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Trial
@@ -226,11 +226,10 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > LONGEST_TEXT:
-            raise BadFile(path, "is too long to be a file of names")
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+        with readable(path):
+            if path.stat().st_size > LONGEST_TEXT:
+                raise BadFile(path, "is too long to be a file of names")
+            text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise BadFile(path, "is not text") from None
     if path.suffix.lower() == ".txt":

@@ -184,14 +184,14 @@ class LiveRecord:
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Keep one frame."""
-        row, part, shared = self._rows[self._filled], self._part, frame.tension
-        row[part["time"]] = frame.time
-        row[part["coordinates"]], row[part["velocities"]] = frame.coordinates, frame.velocities
-        row[part["torques"]], row[part["activations"]] = frame.torques, shared.activations
-        row[part["forces"]], row[part["reserves"]] = shared.forces, shared.reserves
-        row[part["balanced"]], row[part["wrenches"]] = shared.balanced, frame.wrenches.ravel()
-        row[part["residual"]], row[part["status"]] = shared.equilibrium_residual, shared.status
-        row[part["error"]], row[part["seen"]], row[part["remaining"]] = frame.error, frame.seen, frame.owed
+        row, shared = self._rows[self._filled], frame.tension
+        values = (
+            frame.time, frame.coordinates, frame.velocities, frame.torques, shared.activations, shared.forces,
+            shared.reserves, shared.balanced, frame.wrenches.ravel(), shared.equilibrium_residual, shared.status,
+            frame.error, frame.seen, frame.owed,
+        )  # fmt: skip
+        for part, value in zip(self._part.values(), values, strict=True):
+            row[part] = value
         self._filled += 1
         if self._filled == BLOCK:
             self._flush()

@@ -77,7 +77,7 @@ def test_presets_name_only_what_exists() -> None:
         assert len(set(one.muscles)) == len(one.muscles)
     assert len(PRESETS["taichi"].muscles) == 8
     with pytest.raises(UnknownName, match="muscle"):
-        Preset("x", "X", ("muscle",), (), ())  # type: ignore[arg-type]
+        Preset("x", "X", (), (), panels=("muscle",))  # type: ignore[arg-type]
     with pytest.raises(UnknownName, match="gait"):
         preset_of("walking")
 

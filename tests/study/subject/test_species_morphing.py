@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, BadFile
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files, species_tables

@@ -24,7 +24,8 @@ from myomorph.morph.maps.fields import (
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.alignment import automatic_landmarks
 from myomorph.morph.registration.bone_checks import check_bone, repaired_bone
-from myomorph.morph.registration.nonrigid import MatchOptions, PlacedBone, SurfaceMatch, match_surfaces, place_bone
+from myomorph.morph.registration.nonrigid import PlacedBone, SurfaceMatch, match_surfaces, place_bone
+from myomorph.morph.registration.smooth import MatchOptions
 
 BESIDE = 0.5
 """A surface feature nearer to a landmark than this share of the features' spacing gives way to it."""
@@ -111,7 +112,7 @@ def map_bone(
             placed = place_bone(source, target, landmarks, start, match)
             _check_side(body, placed, notes)
         known = None if placed is None else placed.similarity
-        notes += check_bone(body, target, source, landmarks, start=known).notes
+        notes += check_bone(body, target, source, landmarks, known)
     told(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"

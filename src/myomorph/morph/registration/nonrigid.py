@@ -137,8 +137,6 @@ def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tupl
     return tuple(float(values[order[min(int(k), len(order) - 1)]]) for k in at)
 
 
-__all__ = ["MatchOptions", "PlacedBone", "SurfaceMatch", "match_surfaces", "place_bone"]
-
 UNLIKE = 0.01
 """Share of the bone's length that a smooth displacement leaves between shapes that differ much."""
 

@@ -20,14 +20,12 @@ from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
-from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
+from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, PointMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -245,15 +243,7 @@ class Posed:
     """
 
     def __init__(self, model: Model, posture: Mapping[str, float]):
-        for name in posture:
-            model.coordinate(name)
-        tree = compile_tree(model)
-        at = Motion(np.zeros(1), tuple(posture), np.array([list(posture.values())], dtype=np.float64).reshape(1, -1))
-        poses = forward_kinematics(tree, tree.coordinates_of(at).astype(np.float64))
-        self.model = model
-        self._pose = {
-            name: Transform(poses.rotations[0, i], poses.origins[0, i]) for name, i in tree.body_index.items()
-        }
+        self.model, self._pose = model, standing_poses(model, posture)
 
     def within(self, body: str, other: str) -> Transform:
         """Pose of one body in another's frame."""

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 

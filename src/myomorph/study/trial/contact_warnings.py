@@ -8,9 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from myomorph.model.arrays import Array
 from myomorph.model.series import Table
-from myomorph.report.trial.given import InfeasibleContact
+from myomorph.report.trial.given import ForceIntervals, InfeasibleContact
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored
 from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
@@ -24,16 +23,6 @@ AT_ONCE = 8
 
 LARGE = 250
 """Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
-
-
-@dataclass(frozen=True, eq=False)
-class StoredIntervals:
-    """What the data leave open of contact forces at some instants; see `ForceIntervals`."""
-
-    time: Array
-    names: tuple[str, ...]
-    lower: Array
-    upper: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +87,13 @@ def put_warnings(writer: ResultWriter, warnings: ContactWarnings) -> None:
         writer.put(f"interval_{name}", three, values, "N", meaning)
 
 
-def get_intervals(stored: Stored) -> StoredIntervals | None:
+def get_intervals(stored: Stored) -> ForceIntervals | None:
     """Intervals of contact forces of a result, or None."""
     values = stored.values
     if "interval_low" not in values:
         return None
     names = stored.names["contact_group"]
-    return StoredIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
+    return ForceIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
 
 
 def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
