@@ -190,7 +190,7 @@ def test_a_model_that_changes_while_the_study_runs(arm):
     def change(outcome):
         arm.model.write_text(arm.model.read_text() + "\n")
 
-    first, second = run(arm, 2, said=change)
+    first, second = run(arm, 2, report=change)
     assert first.error == ""
     assert "has changed while the study ran" in second.error
     assert all(one.error == "" for one in run(arm, 2))
@@ -234,7 +234,7 @@ def test_two_runs_at_once(arm):
         with pytest.raises(BadData, match=f"process {os.getpid()} on"):
             run(arm)
 
-    assert run(arm, said=second)[0].error == ""
+    assert run(arm, report=second)[0].error == ""
 
 
 def test_the_log_and_the_times(arm):
