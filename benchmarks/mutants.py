@@ -70,6 +70,14 @@ class Mutation:
         raw = text.encode()
         return (raw[: self.start] + self.new.encode() + raw[self.end :]).decode()
 
+    def compiles(self, text: str) -> bool:
+        """Whether the changed text is still Python."""
+        try:
+            compile(self.applied(text), "mutant", "exec")
+        except SyntaxError:
+            return False
+        return True
+
     def described(self, text: str) -> str:
         """The changed line, before and after."""
         before = text.splitlines()[self.line - 1].strip()
@@ -133,30 +141,27 @@ def _tell(number: int, one: Outcome) -> None:
 def drawn(room: str, count: int, seed: int, under: str = "") -> list[tuple[Path, Mutation]]:
     """Random mutants of a room, first the kind, then the place; no two on one line."""
     sites: dict[str, list[tuple[Path, Mutation]]] = {kind: [] for kind in KINDS}
-    for path in sorted((ROOT / "src" / "myomorph" / room).rglob("*.py")):
-        if under in path.as_posix():
-            for one in mutations(path.read_text("utf-8")):
-                sites[one.kind].append((path.relative_to(ROOT), one))
+    texts: dict[Path, str] = {}
+    for file in sorted((ROOT / "src" / "myomorph" / room).rglob("*.py")):
+        if under in file.as_posix():
+            path = file.relative_to(ROOT)
+            texts[path] = file.read_text("utf-8")
+            for one in _Sites(texts[path]).found:
+                sites[one.kind].append((path, one))
     rng = random.Random(f"{seed} {room}")
     for places in sites.values():
         rng.shuffle(places)
     found: dict[tuple[Path, int], Mutation] = {}
     while len(found) < count and any(sites.values()):
         path, one = sites[rng.choice([kind for kind in KINDS if sites[kind]])].pop()
-        found.setdefault((path, one.line), one)
+        if (path, one.line) not in found and one.compiles(texts[path]):
+            found[path, one.line] = one
     return [(path, one) for (path, _), one in found.items()]
 
 
 def mutations(text: str) -> list[Mutation]:
     """All mutants of a source text that still compile."""
-    found = []
-    for one in _Sites(text).found:
-        try:
-            compile(one.applied(text), "mutant", "exec")
-        except SyntaxError:
-            continue
-        found.append(one)
-    return found
+    return [one for one in _Sites(text).found if one.compiles(text)]
 
 
 class _Sites(ast.NodeVisitor):

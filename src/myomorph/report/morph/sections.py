@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number

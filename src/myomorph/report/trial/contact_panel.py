@@ -47,7 +47,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
         _lead(prepared, groups),
         tuple(legend),
         tuple(figures),
-        tuple(one for one in (_grid(prepared, groups, who), _uncarried_grid(given)) if one.rows),
+        tuple(one for one in (_grid(prepared, groups, who), _infeasible_grid(given)) if one.rows),
     )
 
 
@@ -102,8 +102,8 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
             f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
             "every force within."
         )
-    if given.contacts.uncarried:
-        told.append(f"Red marks: {len(given.contacts.uncarried)} infeasible contact frames.")
+    if given.contacts.infeasible:
+        told.append(f"Red marks: {len(given.contacts.infeasible)} infeasible contact frames.")
     return " ".join(told)
 
 
@@ -162,12 +162,12 @@ def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
 
 def _marks(prepared: Prepared, behind: Backdrop) -> str:
     """A row of marks at frames that contacts could not carry; "" where there are none."""
-    if not prepared.given.contacts.uncarried:
+    if not prepared.given.contacts.infeasible:
         return ""
     along = behind.frame(0.0, 12.0).x
     marks = [
-        mark("path", "uncarried", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
-        for one in prepared.given.contacts.uncarried
+        mark("path", "infeasible", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
+        for one in prepared.given.contacts.infeasible
         if behind.span[0] <= one.time <= behind.span[1]
     ]
     return drawing(
@@ -204,6 +204,6 @@ def _difference(group: Group, vector: Array) -> str:
     return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
 
 
-def _uncarried_grid(given: ReportInput) -> Grid:
-    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.uncarried)
+def _infeasible_grid(given: ReportInput) -> Grid:
+    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.infeasible)
     return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

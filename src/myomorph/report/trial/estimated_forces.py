@@ -177,8 +177,8 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
                 told = f" left over once contacts carry; F = {peak:.4g} N"
                 found = judged_residual(what, values, residuals.time, scale, contacts=True)
                 rows += [replace(row, detail=row.detail + told) for row, _ in found]
-    lost = given.contacts.uncarried
+    lost = given.contacts.infeasible
     first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
     unit = f"of {len(given.contacts.forces)}"
-    rows.append(Verdict(Quantity.UNCARRIED, float(len(lost)), unit, 0.0, time=first, detail=relaxation))
+    rows.append(Verdict(Quantity.INFEASIBLE_CONTACT, float(len(lost)), unit, 0.0, time=first, detail=relaxation))
     return rows

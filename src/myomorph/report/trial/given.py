@@ -32,7 +32,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Uncarried:
+class InfeasibleContact:
     """A frame whose contacts could not carry the motion: its time [s], and the smallest relaxation that does."""
 
     time: float
@@ -172,7 +172,7 @@ class EstimatedContacts:
     intervals : of the contact forces, as far as they are known
     residuals : (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what
         floats once contacts carry [N], [N m]
-    uncarried : frames whose contacts could not carry the motion
+    infeasible : frames whose contacts cannot carry the motion
     situation : how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
         "sound", or "unknown" and solved for; "" where what is given tells it
     """
@@ -181,7 +181,7 @@ class EstimatedContacts:
     forces: ContactForces | None = None
     intervals: ForceIntervals | None = None
     residuals: Series | None = None
-    uncarried: tuple[Uncarried, ...] = ()
+    infeasible: tuple[InfeasibleContact, ...] = ()
     situation: Situation = ""
 
 

@@ -240,7 +240,7 @@ def wrench_sheet(check: WrenchCheck) -> Sheet:
 
 def base_sheet(given: IdentificationInput) -> Sheet:
     """Base parameters with their standard deviations."""
-    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "shown by the motion")
+    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable")
     if given.base is None:
         return Sheet(head, ())
     base = given.base
