@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.morph.checks.warnings import MorphChecks
@@ -49,7 +49,7 @@ def morph_page(
         version=made.version,
         notes=(*notes, *_assumed(morph)),
         sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
-        steps=(Step("morph", MappingProxyType({name: _printed(value) for name, value in made.options.items()})),),
+        steps=(Step("morph", FrozenMap({name: _printed(value) for name, value in made.options.items()})),),
         warnings=tuple(dict.fromkeys([*warnings, *morph.notes, *checks.notes])),
     )
     sections = morphing_sections(morph, checks)
