@@ -241,27 +241,23 @@ def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: i
         raise BadData(f"curves over the cycle are of single numbers, but these have shape {series.values.shape}")
     values = np.full((len(spans), samples, len(series.names)), np.nan)
     known = np.isfinite(series.values).all(axis=0)
+    step = float(np.median(np.diff(series.time))) if len(series) > 1 else np.nan
     for k, (start, stop) in enumerate(spans):
         if not stop > start:
             raise BadData(f"a cycle from {start:g} to {stop:g} s does not go forward")
         at = np.linspace(start, stop, samples)
         # Columns without gaps share their places in time, and are done together.
-        values[k][:, known] = _between(series.time, series.values[:, known], at)
+        values[k][:, known] = _between(series.time, series.values[:, known], at, step)
         for j in np.flatnonzero(~known):
-            values[k, :, j] = _resampled(series.time, series.values[:, j], at)
+            own = np.isfinite(series.values[:, j])
+            values[k, :, j] = _between(series.time[own], series.values[own, j, None], at, step)[:, 0]
     return Cycles(series.names, values)
 
 
-def _resampled(time: Array, values: Array, at: Array) -> Array:
-    known = np.isfinite(values)
-    return _between(time[known], values[known, None], at, float(np.median(np.diff(time))))[:, 0]
-
-
-def _between(time: Array, values: Array, at: Array, step: float = np.nan) -> Array:
+def _between(time: Array, values: Array, at: Array, step: float) -> Array:
     """Values (frames, n), all known, by straight lines at other times (samples, n); NaN outside and in long gaps."""
     if len(time) < 2:
         return np.full((len(at), values.shape[1]), np.nan)
-    step = step if np.isfinite(step) else float(np.median(np.diff(time)))
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
     span = time[after] - time[after - 1]
     share = ((at - time[after - 1]) / span)[:, None]

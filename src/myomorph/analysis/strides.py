@@ -344,9 +344,11 @@ def walking_strides(
     points = walking_points(model, motion, fit)
     if not feet_move(points):
         return None
-    ground = 0.0 if _travels(points) else None
+    # On a belt the root, the last of the points, only drifts.
+    travels = _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
+    ground, root = 0.0 if travels else None, model.body_names[:1]
     try:
-        found = find_strides(points, limbs, (model.body_names[0],), model.up, ground_speed=ground, options=options)
+        found = find_strides(points, limbs, root, model.up, ground_speed=ground, options=options)
     except BadData:
         return None
     lasting: Array = np.array([one.duration for one in found.strides])
@@ -355,11 +357,6 @@ def walking_strides(
     usual = float(np.median(lasting))
     unlike = float(np.median(np.abs(lasting - usual))) / usual
     return found if unlike < STEADY else None
-
-
-def _travels(points: Series) -> bool:
-    """Whether the root, the last of the points, goes farther than it drifts on a belt."""
-    return _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
 
 
 def feet_move(points: Series) -> bool:

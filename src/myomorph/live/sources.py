@@ -203,15 +203,12 @@ def open_recording(
         if loads is None and trial.plates:
             wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
     if loads is not None:
-        wrenches = _open_loads(loads, model, posed)
+        table = loads.suffix.lower() in inputs.TABLE_FILES
+        wrenches = (
+            inputs.force_table(loads, plates_of_table(loads)) if table else inputs.read_loads(loads, model, posed)
+        )
     span = inputs.cut_to(time, series, motion)
     return LiveRecording(series if span is None else cut(series, *span), wrenches)
-
-
-def _open_loads(loads: Path, model: Model, motion: Motion) -> Wrenches:
-    if loads.suffix.lower() in inputs.TABLE_FILES:
-        return inputs.force_table(loads, plates_of_table(loads))
-    return inputs.read_loads(loads, model, motion)
 
 
 def plates_of_table(path: Path) -> Mapping[str, str]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.morphed import Morph
@@ -84,25 +86,17 @@ def _assumed(morph: Morph) -> list[Note]:
 
 
 def _facts(morph: Morph) -> list[tuple[str, str]]:
-    def printed(model: object) -> str:
-        one = morph.source if model is morph.source else morph.model
+    def printed(one: Model) -> str:
         return f"{one.name}: {len(one.bodies)} bodies, {len(one.muscles)} muscles, {number(one.mass)} kg"
 
-    points = len(morph.points)
+    points, bases = len(morph.points), Counter(one.basis for one in morph.bones.values())
     owners = len({one.owner for one in morph.points})
     return [
         ("Source", printed(morph.source)),
         ("Target", printed(morph.model)),
         ("Transferred", f"{points} points of {owners} muscles and ligaments"),
-        ("Bones", ", ".join(f"{count} by {basis}" for basis, count in _bases(morph).items())),
+        ("Bones", ", ".join(f"{count} by {basis}" for basis, count in bases.items())),
     ]
-
-
-def _bases(morph: Morph) -> Mapping[str, int]:
-    found: dict[str, int] = {}
-    for one in morph.bones.values():
-        found[one.basis] = found.get(one.basis, 0) + 1
-    return found
 
 
 def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:

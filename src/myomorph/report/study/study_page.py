@@ -55,12 +55,13 @@ def study_page(given: StudyInput) -> str:
     """One self-contained HTML page, as text; it links to the report of every trial."""
     notes = tuple(Note("warning", one) for one in given.notes)
     page = PageHead(given.name, given.date, given.version, notes)
+    families = dict.fromkeys(name for one in given.conditions for name, own in one.curves.items() if own.names)
     parts = [
         *_gone(given),
         *_changes(given),
         *_quality(given),
         *_described(given),
-        *(_family(given, family) for family in _families(given.conditions)),
+        *(_family(given, family) for family in families),
         *(_comparison(one, k, given) for k, one in enumerate(given.comparisons)),
         *_outliers(given),
         *_trials(given),
@@ -187,10 +188,6 @@ def _described(given: StudyInput) -> list[Section]:
 def _described_row(one: Described) -> tuple[str, ...]:
     unit = "" if one.unit == "1" else f" [{one.unit}]"
     return (f"{one.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in one.conditions))
-
-
-def _families(conditions: Sequence[Condition]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(family for one in conditions for family, curves in one.curves.items() if curves.names))
 
 
 def _family(given: StudyInput, family: str) -> Section:
