@@ -41,7 +41,7 @@ def test_a_known_deformation_is_found(name, slid):
     assert along < slid
     assert along < 0.5 * left
     assert found.quality.coverage > 0.99
-    assert found.quality.folded < 0.002
+    assert found.quality.inverted < 0.002
     assert rms(deformed(found.pairs.source, bone) - found.pairs.target) < 2.0 * slid
 
 

@@ -20,10 +20,10 @@ from myomorph.model.paths import PathWrap  # noqa: E402
 from myomorph.model.series import Motion  # noqa: E402
 from myomorph.model.sides import split_side  # noqa: E402
 from myomorph.model.spatial import rotation_from_euler_xyz  # noqa: E402
+from myomorph.morph.checks.penetration import standing_poses  # noqa: E402
 from myomorph.morph.maps.fields import BoneMap  # noqa: E402
 from myomorph.morph.mirror.model import mirrored_motion  # noqa: E402
 from myomorph.morph.morphed import TransferredPoint  # noqa: E402
-from myomorph.morph.transfer.bodies import standing_poses  # noqa: E402
 from myomorph.morph.transfer.model import morph_model  # noqa: E402
 from myomorph.muscles.path import muscle_kinematics  # noqa: E402
 

@@ -102,13 +102,13 @@ def read_keypoints(
     if told.unit is None:
         raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
     if told.rate is None:
-        found.append(f"no frame rate is told: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
+        found.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
     elif not 0.0 < told.rate < 1e6:
-        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was told", "expected frames per second")
+        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was specified", "expected frames per second")
     values = without_far_away(told.unit * tracks, found)
     facts = {
         "unit of length": f"{told.unit:g} m",
-        "point rate": "not told" if told.rate is None else f"{told.rate:g} Hz",
+        "point rate": "not specified" if told.rate is None else f"{told.rate:g} Hz",
     }
     markers = Markers(np.arange(len(values)) / (told.rate or 1.0), unique_names(told.names, "point", found), values)
     return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))

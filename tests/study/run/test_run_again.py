@@ -219,7 +219,7 @@ def test_the_log_and_the_times(arm):
     run(arm, 2, cutoff=5)
     lines = (arm.out / "study.log").read_text(encoding="utf-8").splitlines()
     assert sum("done s01/reach0: computed ik id;" in line for line in lines) == 1
-    assert sum("done s01/reach0: computed id; kept ik; because id.cutoff 6.0 -> 5.0" in line for line in lines) == 1
+    assert sum("done s01/reach0: computed id; reused ik; because id.cutoff 6.0 -> 5.0" in line for line in lines) == 1
     assert sum("(2 of 2)" in line for line in lines) >= 2
     with (arm.out / "timings.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

@@ -188,7 +188,7 @@ class BoneMap:
         "surrounding" (a virtual link, mapped by the features of several bones), "given"
     source, target : surfaces in their bodies' frames, None where there is none
     features : what the map was made from
-    measures : how good it is, by name with its unit ("residual [m]", "coverage", "folded"), for tables
+    measures : how good it is, by name with its unit ("residual [m]", "coverage", "inverted"), for tables
     notes : what looks wrong or was assumed, one line each
     """
 

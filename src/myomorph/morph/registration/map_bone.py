@@ -128,7 +128,7 @@ def map_bone(
     features, mapping = _unfolded(features, landmarks, source, map_options)
     notes += feature_warnings(features)
     inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
-    measures |= {"features": float(len(features)), "map folded": inside_out}
+    measures |= {"features": float(len(features)), "map inverted": inside_out}
     if inside_out > 0:
         notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
     told(1)

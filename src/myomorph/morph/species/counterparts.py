@@ -122,7 +122,7 @@ class BoneHomology:
     targets : bodies of the target; several are fused in the source, and lie in the frame of the first as in the
         target's posture
     source_frame, target_frame : where they differ from the species'
-    carried : bodies of the source that have no bone of their own in the target and ride on this one
+    transferred : bodies of the source that have no bone of their own in the target and ride on this one
     spread : muscle points go to the nearest of the targets; otherwise all to the first
     half : only what lies to the right of the body's origin counts
     match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
@@ -134,7 +134,7 @@ class BoneHomology:
     landmarks: tuple[LandmarkRule, ...]
     source_frame: AnatomicalFrame | None = None
     target_frame: AnatomicalFrame | None = None
-    carried: tuple[str, ...] = ()
+    transferred: tuple[str, ...] = ()
     spread: bool = False
     half: bool = False
     match: Literal["dense", "landmarks", "similarity"] = "dense"
@@ -179,6 +179,7 @@ class SpeciesTable:
     posture : coordinates of the source that bring its bones together as the target's are at `target_posture`
     missing : bodies of the source without a counterpart, and why
     extra : bodies of the target without a counterpart, and why
+    warnings : of its file, one line each
     """
 
     name: str
@@ -191,9 +192,10 @@ class SpeciesTable:
     target_posture: Mapping[str, float] = field(default_factory=_none)
     missing: Mapping[str, str] = field(default_factory=_none)
     extra: Mapping[str, str] = field(default_factory=_none)
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        named = [body for bone in self.bones for body in (*bone.sources, *bone.carried)]
+        named = [body for bone in self.bones for body in (*bone.sources, *bone.transferred)]
         twice = next((body for body in named if named.count(body) > 1), "")
         if twice:
             raise BadData(
@@ -278,7 +280,7 @@ class Posed:
 def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]:
     """The map of the first body, and those of the bodies that are one bone with it or ride on it."""
     found = {bone.body: bone}
-    for name in (*pair.sources[1:], *pair.carried):
+    for name in (*pair.sources[1:], *pair.transferred):
         if name in here.model.body_names:
             found[name] = _placed(bone, name, bone.target_body, before=here.within(name, bone.body))
     return found

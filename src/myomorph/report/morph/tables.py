@@ -28,7 +28,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
         "moment_arm_summary.csv": arm_summary_rows(morph, checks),
         "penetration.csv": penetration_rows(checks),
         "warnings.csv": (("kind", "name", "warning"), [(one.kind, one.name, one.text) for one in checks.warnings]),
-        "left_out.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
+        "not_transferred.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
     }
     return {name: rows for name, rows in found.items() if rows[1]}
 

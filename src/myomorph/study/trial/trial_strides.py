@@ -35,7 +35,7 @@ PARAMETERS = (
     ("stride length [m]", "length"),
     ("speed [m/s]", "speed"),
     ("duty factor", "duty"),
-    ("track width [m]", "width"),
+    ("step width [m]", "width"),
 )
 
 
