@@ -156,11 +156,8 @@ def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
     left, middle, right = function.coefficients
     signs = (-1.0) ** np.arange(len(left))
     # On a piece of f, f(-x) with x = -high + k reads f at low + (width - k).
-    turned = np.zeros_like(middle)
-    power = np.array([1.0])
-    for coefficient in middle:
-        turned[: len(power)] += coefficient * power
-        power = poly.polymul(power, [width, -1.0])
+    turned = np.polynomial.Polynomial(middle)(np.polynomial.Polynomial([width, -1.0])).coef
+    turned = np.pad(turned, (0, len(middle) - len(turned)))
     return PiecewisePolynomial(np.array([-high, -high, -low]), np.stack([right * signs, turned, left * signs]))
 
 

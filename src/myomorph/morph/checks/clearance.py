@@ -72,9 +72,8 @@ def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Arr
         if isinstance(point, PathPoint) and np.linalg.norm(where[point.body].apply(point.location) - node) < SAME:
             inner = 0 < number < len(points) - 1
             return PathEnd(lever, number if inner else -1, rotation=where[point.body].rotation)
-    objects = {one.name: one for one in model.wrap_objects}
-    around = [objects[one.wrap_object] for one in muscle.path.wraps]
-    touched = [(abs(_height(one, where[one.body], node)), one.name) for one in around if one.kind != "torus"]
+    around = [one for one in model.wrap_objects if one.name in _wraps_of(muscle) and one.kind != "torus"]
+    touched = [(abs(_height(one, where[one.body], node)), one.name) for one in around]
     return PathEnd(lever, wrap=min(touched)[1]) if touched else PathEnd(lever)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -114,13 +113,8 @@ def raised(function: Function, by: float) -> Function:
 
 def _reversed(coefficients: Array, shift: float) -> Array:
     """Coefficients of p(shift - x) for those of p(x)."""
-    degree = len(coefficients) - 1
-    return np.array(
-        [
-            (-1.0) ** k * sum(comb(j, k) * coefficients[j] * shift ** (j - k) for j in range(k, degree + 1))
-            for k in range(degree + 1)
-        ]
-    )
+    turned = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([shift, -1.0])).coef
+    return np.pad(turned, (0, len(coefficients) - len(turned)))
 
 
 AXES = {"x": 0, "y": 1, "z": 2}

@@ -251,20 +251,13 @@ def automatic_landmarks(
 def _ends(source: Surface, target: Surface, length: float) -> Iterator[tuple[str, Array, Array]]:
     """Ends of both bones along the source's axes."""
     ours, theirs = (Shape(one).samples(POINTS).points for one in (source, target))
-    _, _, rows = np.linalg.svd(ours - ours.mean(axis=0), full_matrices=False)
-    named = [(f"axis {k + 1}", rows[k]) for k in range(3)]
-    for axis, direction in named:
-        for sign in (1.0, -1.0):
-            yield from _end(f"{axis} {'+' if sign > 0 else '-'}", ours, theirs, sign * direction, length)
-    for k, letter in enumerate("xyz"):
-        for sign in (1.0, -1.0):
-            yield from _end(f"{'+' if sign > 0 else '-'}{letter}", ours, theirs, sign * np.eye(3)[k], length)
-
-
-def _end(name: str, ours: Array, theirs: Array, direction: Array, length: float) -> Iterator[tuple[str, Array, Array]]:
-    places = [_utmost(points, direction, length) for points in (ours, theirs)]
-    if places[0] is not None and places[1] is not None:
-        yield name, places[0], places[1]
+    axes = np.linalg.svd(ours - ours.mean(axis=0), full_matrices=False)[2]
+    ways = {f"axis {k + 1} {sign}": float(f"{sign}1") * axes[k] for k in range(3) for sign in "+-"}
+    ways |= {f"{sign}{'xyz'[k]}": float(f"{sign}1") * np.eye(3)[k] for k in range(3) for sign in "+-"}
+    for name, direction in ways.items():
+        places = [_utmost(points, direction, length) for points in (ours, theirs)]
+        if places[0] is not None and places[1] is not None:
+            yield name, places[0], places[1]
 
 
 def _utmost(points: Array, direction: Array, length: float) -> Array | None:

@@ -283,22 +283,28 @@ def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]
     found = {bone.body: bone}
     for name in (*pair.sources[1:], *pair.transferred):
         if name in here.model.body_names:
-            found[name] = _moved(bone, name, here.within(name, bone.body))
+            found[name] = _placed(bone, name, bone.target_body, before=here.within(name, bone.body))
     return found
 
 
-def _moved(bone: BoneMap, body: str, pose: Transform) -> BoneMap:
-    """The map of what is fixed at a pose of a bone's source body."""
-    whole = bone.whole
-    back = pose.inverse()
-    marks = bone.features
+def _placed(
+    bone: BoneMap, body: str, target_body: str, before: Transform | None = None, after: Transform | None = None
+) -> BoneMap:
+    """The map of what is fixed at a pose of a bone's source body, to the body in which the target has a pose."""
+    before, after = before or Transform.identity(), after or Transform.identity()
+    whole, marks, back = bone.whole, bone.features, before.inverse()
+    origin = after.apply(whole.apply(before.translation))
     return replace(
         bone,
         body=body,
-        map=PlacedMap(pose, bone.map, AffineMap(np.eye(3), np.zeros(3))),
-        whole=Similarity(whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale),
+        target_body=target_body,
+        map=PlacedMap(before, bone.map, AffineMap(after.rotation, after.translation)),
+        whole=Similarity(after.rotation @ whole.rotation @ before.rotation, origin, whole.scale),
         source=None if bone.source is None else Surface(back.apply(bone.source.vertices), bone.source.faces),
-        features=None if marks is None else replace(marks, source=back.apply(marks.source)),
+        target=None if bone.target is None else Surface(after.apply(bone.target.vertices), bone.target.faces),
+        features=None
+        if marks is None
+        else replace(marks, source=back.apply(marks.source), target=after.apply(marks.target)),
     )
 
 
@@ -310,18 +316,7 @@ def part_name(body: str, target: str) -> str:
 def seated(bone: BoneMap, body: str, pair: BoneHomology, number: int, there: Posed) -> BoneMap:
     """The map of a source body to another of its targets."""
     name = pair.targets[number]
-    pose = there.within(pair.targets[0], name)
-    after = AffineMap(pose.rotation, pose.translation)
-    whole, marks, target = bone.whole, bone.features, bone.target
-    return replace(
-        bone,
-        body=part_name(body, name),
-        target_body=name,
-        map=PlacedMap(Transform.identity(), bone.map, after),
-        whole=Similarity(pose.rotation @ whole.rotation, pose.apply(whole.translation), whole.scale),
-        target=None if target is None else Surface(pose.apply(target.vertices), target.faces),
-        features=None if marks is None else replace(marks, target=pose.apply(marks.target)),
-    )
+    return _placed(bone, part_name(body, name), name, after=there.within(pair.targets[0], name))
 
 
 def spread_over_targets(
