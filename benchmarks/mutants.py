@@ -184,7 +184,7 @@ def _tried(
             due = again and not one.by and not one.equal if one else not again
             if due and (until is None or time.strftime("%H:%M") < until):
                 lines = statement(text, mutation.line)
-                by, seconds = copy.tried(room, path, mutation.applied(text), lines, budget, long)
+                by, seconds = copy.tried(room, path, mutation.applied(text), lines, budget, long, newest=again)
                 one = Outcome(room, path.as_posix(), mutation.line, mutation.kind, change, by, seconds)
                 with store.open("a", encoding="utf-8") as out:
                     out.write(json.dumps(asdict(one)) + "\n")
