@@ -31,6 +31,7 @@ COMPARISONS = {
     ),
     "rates": ("benchmarks.speed.rates", "what steps of a study take by the size of the model: the table of a dry run"),
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
+    "results": ("benchmarks.speed.results", "writing the file of a trial, beside h5netcdf"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),

@@ -74,6 +74,14 @@ class Mutation:
         raw = text.encode()
         return (raw[: self.start] + self.new.encode() + raw[self.end :]).decode()
 
+    def compiles(self, text: str) -> bool:
+        """Whether the changed text is still Python."""
+        try:
+            compile(self.applied(text), "mutant", "exec")
+        except SyntaxError:
+            return False
+        return True
+
     def described(self, text: str) -> str:
         """The changed line, before and after."""
         before = text.splitlines()[self.line - 1].strip()
@@ -269,18 +277,21 @@ def _files(room: str) -> list[Path]:
 def drawn(room: str, count: int, seed: int, under: str = "") -> list[tuple[Path, Mutation]]:
     """Random mutants of a room, first the kind, then the place; no two on one line."""
     sites: dict[str, list[tuple[Path, Mutation]]] = {kind: [] for kind in KINDS}
-    for path in _files(room):
-        if under in path.as_posix():
-            for one in _Sites(path.read_text("utf-8")).found:
-                sites[one.kind].append((path.relative_to(ROOT), one))
+    sources: dict[Path, tuple[str, _Sites]] = {}
+    for file in _files(room):
+        if under in file.as_posix():
+            path, text = file.relative_to(ROOT), file.read_text("utf-8")
+            sources[path] = text, _Sites(text)
+            for one in sources[path][1].found:
+                sites[one.kind].append((path, one))
     rng = random.Random(f"{seed} {room}")
     for sites_of_kind in sites.values():
         rng.shuffle(sites_of_kind)
     found: dict[tuple[Path, int], Mutation] = {}
     while len(found) < count and any(sites.values()):
         path, one = sites[rng.choice([kind for kind in KINDS if sites[kind]])].pop()
-        text = (ROOT / path).read_text("utf-8")
-        if _compiles(one, text) and (one.start, one.end) not in _Sites(text).ranked:
+        text, known = sources[path]
+        if one.compiles(text) and (one.start, one.end) not in known.ranked:
             found.setdefault((path, one.line), one)
     return [(path, one) for (path, _), one in found.items()]
 
@@ -299,15 +310,7 @@ def statement(text: str, line: int) -> range:
 def mutations(text: str) -> list[Mutation]:
     """All mutants of a source text that still compile."""
     sites = _Sites(text)
-    return [one for one in sites.found if _compiles(one, text) and (one.start, one.end) not in sites.ranked]
-
-
-def _compiles(one: Mutation, text: str) -> bool:
-    try:
-        compile(one.applied(text), "mutant", "exec")
-    except SyntaxError:
-        return False
-    return True
+    return [one for one in sites.found if one.compiles(text) and (one.start, one.end) not in sites.ranked]
 
 
 class _Sites(ast.NodeVisitor):

@@ -1,7 +1,8 @@
 """A study of 1,000 short trials: workers side by side, memory over the run, and what a trial costs beside its steps.
 
 `python -m benchmarks study`: a recorded walk cut into short recordings, each a little different, through inverse
-kinematics and inverse dynamics; by one worker, by two, and once more where nothing has changed.
+kinematics and inverse dynamics; by one worker, by two, once more where nothing has changed, and by two workers of a
+Dask cluster on the same machine.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,9 +20,11 @@ import numpy as np
 import psutil
 
 from benchmarks.cases import data_folder
+from benchmarks.cluster import cluster_in
 from myomorph.io.trc import write_trc
 from myomorph.store.outcome import Outcome
 from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.inputs import read_recording
@@ -51,11 +54,18 @@ def run(trials: int = TRIALS) -> list[Row]:
     with tempfile.TemporaryDirectory() as made:
         home = Path(made)
         study = write_study(home, trials)
-        measured(study, home / "warm", 1, few=True)
-        one, two = (measured(study, home / f"by {count}", count) for count in (1, 2))
-        again = measured(study, home / "by 2", 2) | {"run": "2 workers, nothing has changed"}
+        measured(study, home / "warm", LocalWorkers(1), few=True)
+        one, two = (measured(study, home / f"by {count}", LocalWorkers(count)) for count in (1, 2))
+        again = measured(study, home / "by 2", LocalWorkers(2)) | {"run": "2 workers, nothing has changed"}
+        with cluster_in(home / "cluster") as cluster:
+            cluster.scheduler()
+            for name in ("one", "two"):
+                cluster.worker(name)
+            cluster.await_workers(2)
+            with closing(DaskWorkers(cluster.address)) as hands:
+                dask = measured(study, home / "by Dask", hands) | {"run": "2 workers of Dask"}
         ratio = float(str(two["trials/s"])) / float(str(one["trials/s"]))
-        return [one, two, again, {"throughput of 2 workers over 1": ratio, "cores": os.cpu_count()}]
+        return [one, two, again, dask, {"throughput of 2 workers over 1": ratio, "cores": os.cpu_count()}]
 
 
 def write_study(home: Path, trials: int, few: int = 4) -> Path:
@@ -99,20 +109,21 @@ class Memory:
 
 
 @contextmanager
-def watched(hands: LocalWorkers) -> Iterator[Memory]:
-    """Look at memory while a study runs."""
+def watched(hands: LocalWorkers | DaskWorkers) -> Iterator[Memory]:
+    """Look at memory while a study runs; of a cluster only at that of this process."""
     memory, over = Memory(), threading.Event()
 
     def look() -> None:
         while not over.wait(LOOK):
             try:
-                taken = [psutil.Process(number).memory_info().rss for number in hands.processes]
+                numbers = hands.processes if isinstance(hands, LocalWorkers) else []
+                taken = [psutil.Process(number).memory_info().rss for number in numbers]
             except psutil.Error:
                 continue
-            if len(taken) == hands.count:
+            if len(taken) == hands.count or isinstance(hands, DaskWorkers):
                 memory.times.append(time.perf_counter())
                 memory.own.append(psutil.Process().memory_info().rss)
-                memory.workers.append(max(taken))
+                memory.workers += [max(taken)] if taken else []
 
     thread = threading.Thread(target=look)
     thread.start()
@@ -123,10 +134,10 @@ def watched(hands: LocalWorkers) -> Iterator[Memory]:
         thread.join()
 
 
-def measured(study: Path, out: Path, count: int, few: bool = False) -> Row:
+def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: bool = False) -> Row:
     """A run by so many workers; the time that processes take to begin is told apart."""
     plan = read_plan(study.with_name("few.toml") if few else study)
-    hands = LocalWorkers(count)
+    count = hands.count
     ends: list[float] = []
 
     def said(outcome: Outcome) -> None:
@@ -134,7 +145,7 @@ def measured(study: Path, out: Path, count: int, few: bool = False) -> Row:
 
     own, began = time.process_time(), time.perf_counter()
     with watched(hands) as memory:
-        outcomes = run_study(plan, out, workers=hands, said=said)
+        outcomes = run_study(plan, out, workers=hands, report=said)
     failures = [one.error for one in outcomes if one.error]
     if failures:
         raise RuntimeError(f"{len(failures)} trials failed, the first with: {failures[0]}")

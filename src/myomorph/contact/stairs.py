@@ -28,6 +28,7 @@ SQUARE = 1e-6
 """An axis of ground that a cell's axis leans to by less than this has no part of it."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Step:
     """A tread or a rung and its load cell.
@@ -187,7 +188,7 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
     for step in steps:
         if "fz" not in step.measures:
             raise BadData(
-                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it is not told"
+                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it cannot be found"
             )
         for one in step.channels:
             if one not in channels.names:

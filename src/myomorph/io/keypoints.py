@@ -8,18 +8,18 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from myomorph.io.parsing.guard import run_guarded, seconds_for
-from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
-UNITS = MappingProxyType({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
+UNITS = FrozenMap({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
 NAME_KEYS = ("names", "KP_NAMES", "node_names", "keypoints")
 BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
 OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
@@ -53,8 +53,8 @@ class KeypointNames:
     """
 
     names: tuple[str, ...] = ()
-    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: FrozenMap({}))
     unit: float | None = None
     rate: float | None = None
 
@@ -102,16 +102,16 @@ def read_keypoints(
     if told.unit is None:
         raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
     if told.rate is None:
-        found.append(f"no frame rate is told: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
+        found.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
     elif not 0.0 < told.rate < 1e6:
-        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was told", "expected frames per second")
+        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was specified", "expected frames per second")
     values = without_far_away(told.unit * tracks, found)
     facts = {
         "unit of length": f"{told.unit:g} m",
-        "point rate": "not told" if told.rate is None else f"{told.rate:g} Hz",
+        "point rate": "not specified" if told.rate is None else f"{told.rate:g} Hz",
     }
     markers = Markers(np.arange(len(values)) / (told.rate or 1.0), unique_names(told.names, "point", found), values)
-    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
 
 
 def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
@@ -226,11 +226,10 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > LONGEST_TEXT:
-            raise BadFile(path, "is too long to be a file of names")
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+        with readable(path):
+            if path.stat().st_size > LONGEST_TEXT:
+                raise BadFile(path, "is too long to be a file of names")
+            text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise BadFile(path, "is not text") from None
     if path.suffix.lower() == ".txt":
@@ -250,8 +249,8 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
         places = {_text(name): _three(given) for name, given in offsets.items()}
         return KeypointNames(
             tuple(_text(one) for one in names),
-            MappingProxyType({_text(name): _text(body) for name, body in bodies.items()}),
-            MappingProxyType(places),
+            FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
+            FrozenMap(places),
             unit,
             None if rate is None else float(rate),
         )

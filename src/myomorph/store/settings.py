@@ -9,7 +9,7 @@ import types
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Self, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from myomorph.model.errors import BadData
 
@@ -22,7 +22,7 @@ Preset: TypeAlias = Literal["", "taichi", "tap", "drum", "judo", "gait", "lift",
 """A kind of motion that reports know (`report.presets`), "" for the one that fits."""
 
 Side: TypeAlias = Literal["", "right", "left"]
-"""Side of a body, "" where it is not told."""
+"""Side of a body, "" where it is not specified."""
 
 SIMPLE = (bool, int, float, str)
 
@@ -45,7 +45,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Differentiation:
-    """What the steps that need velocities and accelerations may be told.
+    """Options of the steps that need velocities and accelerations.
 
     Attributes
     ----------
@@ -67,12 +67,12 @@ class TorqueTable:
     ----------
     net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as OpenSim's tool
         does where forces_to_exclude is Muscles; by default nothing is taken off, as with ALL
-    folded : only coordinates that follow no other, with what falls on those that couplers and closed loops make
-        follow handed on to them; by default every coordinate has its own column, as in OpenSim
+    independent_coordinates : only independent coordinates, with the forces of dependent ones (of couplers and closed
+        loops) projected onto them; by default every coordinate has its own column, as in OpenSim
     """
 
     net: bool = False
-    folded: bool = False
+    independent_coordinates: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class ReportOptions:
     Attributes
     ----------
     preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what the recording shows
-        where it is not told
+        where it is not specified
     """
 
     preset: Preset = ""
@@ -174,6 +174,22 @@ def plain_settings(options: object) -> dict[str, object]:
     prefix = prefix_of(type(options))
     names = [setting.name for setting in settings_of(type(options))]
     return {name: getattr(options, name.removeprefix(prefix)) for name in names}
+
+
+@dataclass(frozen=True)
+class SettingGroup:
+    """Option values of several kinds in fields of their own, each with a default."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Each with the settings of a command line or a study file that are its own."""
+        empty = cls()
+        return cls(**{one.name: with_settings(getattr(empty, one.name), given) for one in dataclasses.fields(cls)})
+
+    def plain(self) -> dict[str, object]:
+        """All settings as plain values, for provenance."""
+        parts = (getattr(self, one.name) for one in dataclasses.fields(self))
+        return {name: value for part in parts for name, value in plain_settings(part).items()}
 
 
 def _is_simple(kind: Any) -> bool:

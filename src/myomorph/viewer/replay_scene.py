@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
 from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
 from myomorph.viewer.web_page import BONE, Links
 
-LAYERS: Mapping[str, str] = MappingProxyType(
+LAYERS: Mapping[str, str] = FrozenMap(
     {
         "bones": "Bones",
         "muscles": "Muscles",
@@ -29,7 +29,7 @@ LAYERS: Mapping[str, str] = MappingProxyType(
 )
 """What can be shown or hidden, and how it is called."""
 
-COLORS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
+COLORS: Mapping[str, tuple[int, int, int]] = FrozenMap(
     {
         "measured": (26, 148, 117),
         "estimated": (233, 138, 21),
@@ -72,12 +72,10 @@ class ShownBody:
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
             self._layers["muscles"] = [add_batch(page, f"{root}/muscles", tube(), first.tubes)]
-        for name, ends in (("measured", first.measured), ("estimated", first.estimated)):
-            if len(ends):
-                self._layers[name] = add_arrows(page, f"{root}/{name}_", ends, size, COLORS[name])
-        for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
-            if count:
-                self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
+        for name in (one for one in ("measured", "estimated") if len(getattr(first, one))):
+            self._layers[name] = add_arrows(page, f"{root}/{name}_", getattr(first, name), size, COLORS[name])
+        for name in (one for one in ("recorded", "modelled") if len(getattr(first, one))):
+            self._layers[name] = [self._add_balls(name, len(getattr(first, name)), MARKER_RADIUS * size)]
         if np.isfinite(body.centers).any():
             balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
             traces = [self._add_trace(k) for k in range(len(first.centers))]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -17,9 +16,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import GROUND, Model
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
 from myomorph.morph.maps.linear import AffineMap, Similarity, fit_affine, fit_whole, procrustes, unknown_directions
@@ -39,6 +39,7 @@ class PointMap(Protocol):
         ...
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
     """Points of one bone and the same points of another.
@@ -188,7 +189,7 @@ class BoneMap:
         "surrounding" (a virtual link, mapped by the features of several bones), "given"
     source, target : surfaces in their bodies' frames, None where there is none
     features : what the map was made from
-    measures : how good it is, by name with its unit ("residual [m]", "coverage", "folded"), for tables
+    measures : how good it is, by name with its unit ("residual [m]", "coverage", "inverted"), for tables
     notes : what looks wrong or was assumed, one line each
     """
 
@@ -200,8 +201,17 @@ class BoneMap:
     source: Surface | None = None
     target: Surface | None = None
     features: FeaturePoints | None = None
-    measures: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    measures: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
+
+
+def neighbors_of(model: Model) -> dict[str, list[str]]:
+    """Of every body and of the ground the bodies that a joint ties to it."""
+    ties: dict[str, list[str]] = {name: [] for name in (GROUND, *model.body_names)}
+    for joint in model.joints:
+        ties[joint.parent].append(joint.child)
+        ties[joint.child].append(joint.parent)
+    return ties
 
 
 def muscle_sizes(source: Model, bones: Mapping[str, BoneMap]) -> dict[str, float]:

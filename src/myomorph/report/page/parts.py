@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.report.page.quantity import Quantity
 
 
 @dataclass(frozen=True)
@@ -76,22 +78,27 @@ class Verdict:
     quantity : what was looked at
     value, unit : what was found
     limit : what it should stay under, None where there is no agreed limit
-    state : "ok", "over" the limit, or "note" where it is only told
     worst : name of what was worst
     time : when it was worst [s], None where it has no time
     source : key of the reference the limit comes from
     detail : a clause that explains the value
     """
 
-    quantity: str
+    quantity: Quantity
     value: float
     unit: str
     limit: float | None
-    state: State
     worst: str = ""
     time: float | None = None
     source: str = ""
     detail: str = ""
+
+    @property
+    def state(self) -> State:
+        """Whether it is "ok" or "over" its limit; without a limit anything but 0 is a "note"."""
+        if self.limit is None:
+            return "note" if self.value else "ok"
+        return "ok" if self.value <= self.limit else "over"
 
 
 NoteKind = Literal["real", "assumed", "simulated", "warning"]
@@ -134,7 +141,7 @@ class Step:
     """
 
     name: str
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     seconds: float | None = None
     frames: int | None = None
 

@@ -7,12 +7,12 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS
 from myomorph.model.segments import Segment, segments_of
 from myomorph.report.trial.identified import COMPONENTS, IdentificationInput, WrenchCheck
@@ -41,7 +41,7 @@ def _empty(cell: Cell) -> bool:
     return cell is None or (isinstance(cell, float) and not np.isfinite(cell))
 
 
-ATHLETES: Mapping[str, float] = MappingProxyType(
+ATHLETES: Mapping[str, float] = FrozenMap(
     {
         "Head": 6.9, "Body": 45.9, "Upper arm": 2.7, "Lower arm": 1.6, "Hand": 0.6, "Thigh": 11.0, "Shank": 5.1,
         "Foot": 1.1, "Upper body": 30.2, "Lower body": 18.7,
@@ -52,7 +52,7 @@ ATHLETES: Mapping[str, float] = MappingProxyType(
 "Body" is a misprint there: its two parts sum to 48.9, and only with 48.9 do all segments sum to 100.
 """
 
-_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+_PARTS: Mapping[str, tuple[str, ...]] = FrozenMap(
     {
         "Head": ("head",),
         "Body": ("upper_trunk", "lower_trunk"),
@@ -162,19 +162,12 @@ def link_sheet(given: IdentificationInput) -> Sheet:
     rows: list[tuple[Cell, ...]] = []
     for i, body in enumerate(given.model.body_names):
         segment, check = segments.get(body), checks.get(body)
-        rows.append(
-            (
-                body,
-                "" if segment is None else segment.name,
-                "" if segment is None else segment.side,
-                float(given.share[i]) if len(given.share) else None,
-                None if check is None else check.mass,
-                None if check is None else check.least_eigenvalue,
-                None if check is None else "yes" if check.possible else "no",
-                None if check is None else check.reason,
-                ", ".join(given.from_shape.get(body, ())),
-            )
-        )
+        where = ("", "") if segment is None else (segment.name, segment.side)
+        share = float(given.share[i]) if len(given.share) else None
+        judged: tuple[Cell, ...] = (None,) * 4
+        if check is not None:
+            judged = check.mass, check.least_eigenvalue, "yes" if check.possible else "no", check.reason
+        rows.append((body, *where, share, *judged, ", ".join(given.from_shape.get(body, ()))))
     head = (
         "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",
         "possible", "reason", "parameters from the shape",
@@ -216,18 +209,9 @@ def wrench_errors(check: WrenchCheck) -> list[WrenchError]:
             known = column[np.isfinite(column)]
             if not len(known):
                 continue
-            rms = float(np.sqrt(np.mean(known**2)))
-            found.append(
-                WrenchError(
-                    component,
-                    method,
-                    float(known.mean()),
-                    float(np.abs(known).mean()),
-                    rms,
-                    float(np.abs(known).max()),
-                    100.0 * rms / check.weight,
-                )
-            )
+            size, rms = np.abs(known), float(np.sqrt(np.mean(known**2)))
+            means, share = (float(known.mean()), float(size.mean())), 100.0 * rms / check.weight
+            found.append(WrenchError(component, method, *means, rms, float(size.max()), share))
     return found
 
 
@@ -256,7 +240,7 @@ def wrench_sheet(check: WrenchCheck) -> Sheet:
 
 def base_sheet(given: IdentificationInput) -> Sheet:
     """Base parameters with their standard deviations."""
-    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "shown by the motion")
+    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable")
     if given.base is None:
         return Sheet(head, ())
     base = given.base
