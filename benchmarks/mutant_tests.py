@@ -72,7 +72,9 @@ class Copy:
         for name in LIBRARIES:
             __import__(name)
 
-    def tried(self, room: str, path: Path, text: str, lines: range, budget: float, long: bool) -> tuple[str, float]:
+    def tried(
+        self, room: str, path: Path, text: str, lines: range, budget: float, long: bool, newest: bool = False
+    ) -> tuple[str, float]:
         """The room's first test that fails on a changed file, and the seconds it took; "" where none does.
 
         Parameters
@@ -81,10 +83,11 @@ class Copy:
         lines : that differ
         budget : tests that take so many seconds without the change are run, those nearest to the file first [s]
         long : run those marked so too
+        newest : test files changed last come first: those written for the mutant
         """
         here, by, start, left = self.root / path, "", time.perf_counter(), budget
         unchanged, stat = here.read_text("utf-8"), here.stat()
-        for file in self._in_order(room, path):
+        for file in self._in_order(room, path, newest):
             chosen = self._chosen(file, path, lines, long)
             if left <= 0:
                 break
@@ -101,7 +104,7 @@ class Copy:
                 break
         return by, time.perf_counter() - start
 
-    def _in_order(self, room: str, path: Path) -> list[Path]:
+    def _in_order(self, room: str, path: Path, newest: bool) -> list[Path]:
         """Test files of a room that import a module: of its name first, then by steps between and by seconds."""
 
         def far(one: Path) -> tuple[bool, float]:
@@ -110,6 +113,8 @@ class Copy:
             return path.stem not in one.stem, steps[one] + seconds / STEP
 
         steps = tests_of(self.root, room, path)
+        if newest:
+            return sorted(steps, key=lambda one: -(self.root / one).stat().st_mtime)
         return sorted(steps, key=far)
 
     def _chosen(self, file: Path, path: Path, lines: range, long: bool) -> list[str] | None:
@@ -148,8 +153,8 @@ class Copy:
         return "", used
 
     def failing(self, names: list[str]) -> list[str]:
-        """Which of these tests fail without any change."""
-        failed = []
+        """Which of these tests fail without any change; those of files that have passed are not run again."""
+        failed, names = [], [name for name in names if name not in self.reached.get(name.partition("::")[0], {})]
         for file in dict.fromkeys(name.partition("::")[0] for name in names):
             own = [name for name in names if name.partition("::")[0] == file]
             told = self._forked(Path(file), Chosen(own), self.kernels, None)

@@ -35,6 +35,8 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
 KINDS = ("sign", "comparison", "factor", "off by one", "and/or")
 RANKING = {"argmax", "argmin", "argsort", "nanargmax", "nanargmin", "sign", "isfinite", "isnan"}
+EQUAL = {("src/myomorph/contact/carried.py", "@ x[8:12]"): "x has 11 entries"}
+"""Mutants that compute the same, by file and end of the changed line: why. They are counted apart."""
 KERNELS = {"kernel", "inner", "in_place"}
 MARKS = ("<!-- mutants -->", "<!-- end of mutants -->")
 
@@ -99,6 +101,11 @@ class Outcome:
     by: str
     seconds: float
 
+    @property
+    def equal(self) -> str:
+        """Why the mutant computes the same, "" where it does not."""
+        return next((why for (file, end), why in EQUAL.items() if file == self.file and self.change.endswith(end)), "")
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
@@ -107,7 +114,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--under", default="", help="only files whose path holds this text")
     parser.add_argument("--at", nargs="+", default=[], metavar="FILE:LINE", help="all mutants of these lines instead")
-    parser.add_argument("--again", action="store_true", help="run mutants that have survived once more")
+    parser.add_argument("--again", action="store_true", help="run only those that have survived, once more")
     parser.add_argument("--long", action="store_true", help="run tests marked long too")
     parser.add_argument(
         "--budget", type=float, default=30.0, help="processor seconds of tests for a mutant, nearest first"
@@ -152,7 +159,9 @@ def run(
         rows.append({"room": room, "mutants": len(own), "killed": killed, "seconds": seconds})
     for one in outcomes:
         if not one.by:
-            rows.append({"survived": f"{one.file}:{one.line}", "kind": one.kind, "change": one.change})
+            rows.append(
+                {"equal" if one.equal else "survived": f"{one.file}:{one.line}", "kind": one.kind, "change": one.change}
+            )
     return rows
 
 
@@ -180,9 +189,10 @@ def _tried(
             text = (copy.root / path).read_text("utf-8")
             change = mutation.described(text)
             one = known.get((path.as_posix(), change))
-            if (one is None or (again and not one.by)) and (until is None or time.strftime("%H:%M") < until):
+            due = again and not one.by and not one.equal if one else not again
+            if due and (until is None or time.strftime("%H:%M") < until):
                 lines = statement(text, mutation.line)
-                by, seconds = copy.tried(room, path, mutation.applied(text), lines, budget, long)
+                by, seconds = copy.tried(room, path, mutation.applied(text), lines, budget, long, newest=again)
                 one = Outcome(room, path.as_posix(), mutation.line, mutation.kind, change, by, seconds)
                 with store.open("a", encoding="utf-8") as out:
                     out.write(json.dumps(asdict(one)) + "\n")
@@ -197,24 +207,25 @@ def write_table(
     page: Path, outcomes: list[Outcome], wanted: list[tuple[str, Path, Mutation]], seed: int, budget: float
 ) -> None:
     """Results between the two marks of a page."""
-    killed, left = sum(bool(one.by) for one in outcomes), len(wanted) - len(outcomes)
-    counted = f"{len(outcomes)} of {len(wanted)} drawn (seed {seed}) were run" if left else f"seed {seed}"
+    counted, left = [one for one in outcomes if not one.equal], len(wanted) - len(outcomes)
+    killed = sum(bool(one.by) for one in counted)
+    run_of = f"seed {seed}, {len(outcomes)} of {len(wanted)} run" if left else f"seed {seed}"
     lines = [
-        f"{killed} of {len(outcomes)} mutants killed ({counted}; {budget:g} s of tests each).",
+        f"{killed} of {len(counted)} mutants killed ({run_of}, {budget:g} s of tests each).",
         "",
         "| room | drawn | run | killed |",
         "|---|---|---|---|",
     ]
     for room in ROOMS:
-        own = [one for one in outcomes if one.room == room]
+        own = [one for one in counted if one.room == room]
         drawn_here = sum(one == room for one, _, _ in wanted)
         lines.append(f"| `{room}` | {drawn_here} | {len(own)} | {sum(bool(one.by) for one in own)} |")
     survived = [one for one in outcomes if not one.by]
     if survived:
-        lines += ["", "| survived | kind | change |", "|---|---|---|"]
+        lines += ["", "| survived | kind | change | |", "|---|---|---|---|"]
     for one in survived:
-        change = one.change.replace("|", "\\|")
-        lines.append(f"| `{one.file.removeprefix('src/myomorph/')}:{one.line}` | {one.kind} | `{change}` |")
+        change, why = one.change.replace("|", "\\|"), f"computes the same: {one.equal}" if one.equal else ""
+        lines.append(f"| `{one.file.removeprefix('src/myomorph/')}:{one.line}` | {one.kind} | `{change}` | {why} |")
     before, rest = page.read_text("utf-8").split(MARKS[0])
     after = rest.split(MARKS[1])[1]
     page.write_text("\n".join([before + MARKS[0], "", *lines, "", MARKS[1] + after]), "utf-8", newline="\n")

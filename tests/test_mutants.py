@@ -94,21 +94,24 @@ def test_a_factor_on_all_that_is_ranked_changes_nothing():
     assert {one.line for one in mutants.mutations(KERNEL) if one.kind == "factor"} == {3}
 
 
-def test_the_table_names_survivors_and_says_what_was_not_run(tmp_path):
+def test_the_table_names_survivors_and_says_what_was_not_run(tmp_path, monkeypatch):
     page = tmp_path / "page.md"
     page.write_text(f"before\n\n{mutants.MARKS[0]}\nold\n{mutants.MARKS[1]}\nafter\n", "utf-8")
-    wanted = [("rigid", Path("a.py"), one) for one in mutants.mutations("def f(a):\n    return a + 1\n")[:1]] * 3
+    wanted = [("rigid", Path("a.py"), one) for one in mutants.mutations("def f(a):\n    return a + 1\n")[:1]] * 4
     told = [
         mutants.Outcome("rigid", "src/myomorph/rigid/a.py", 2, "sign", "a | b  ->  a & b", by, 1.0)
         for by in ("test_a.py::test_f", "")
     ]
+    monkeypatch.setattr(mutants, "EQUAL", {("src/myomorph/rigid/a.py", "a + 0"): "0 is nothing"})
+    told.append(mutants.Outcome("rigid", "src/myomorph/rigid/a.py", 3, "sign", "a - 0  ->  a + 0", "", 1.0))
     mutants.write_table(page, told, wanted, 0, 15.0)
     text = page.read_text("utf-8")
     assert text.startswith("before\n\n<!-- mutants -->\n")
     assert text.endswith("\n<!-- end of mutants -->\nafter\n")
-    assert "1 of 2 mutants killed (2 of 3 drawn (seed 0) were run; 15 s of tests each)." in text
-    assert "| `rigid` | 3 | 2 | 1 |" in text
-    assert "| `rigid/a.py:2` | sign | `a \\| b  ->  a & b` |" in text
+    assert "1 of 2 mutants killed (seed 0, 3 of 4 run, 15 s of tests each)." in text
+    assert "| `rigid` | 4 | 2 | 1 |" in text
+    assert "| `rigid/a.py:2` | sign | `a \\| b  ->  a & b` |  |" in text
+    assert "| `rigid/a.py:3` | sign | `a - 0  ->  a + 0` | computes the same: 0 is nothing |" in text
     assert "old" not in text
 
 

@@ -98,6 +98,15 @@ def test_costs_never_rise_at_one_noise(subject):
     assert np.all(np.diff(costs) <= 1e-9 * costs[0])
 
 
+def test_without_knowledge_from_markers_deviations_are_those_of_the_prior(subject):
+    """The overall size is known to a half at first; each length varies about it on its own."""
+    found = calibrate(subject.generic, [subject.markers], CalibrationOptions(noise=1e3, frames=4, iterations=3))
+    assert len(found.lengths) > 10
+    for one in found.lengths:
+        assert 0.01 < one.prior_sd < 0.2
+        assert one.sd == pytest.approx(np.hypot(0.5, one.prior_sd), rel=1e-4), one.length.name
+
+
 def test_hidden_markers_do_not_count(subject):
     values = subject.markers.values.copy()
     rng = np.random.default_rng(3)
